@@ -1,0 +1,58 @@
+# Everything from a plain Python 3.10 to 3.13 with venv, and make. `make PYTHON=python3.12 test` takes another Python.
+PYTHON ?= python3
+VENV   ?= .venv
+OUT    ?= out
+
+BIN    := $(VENV)/bin
+PIP    := $(BIN)/python -m pip --disable-pip-version-check
+STAMP  := $(VENV)/.signlin_ros_installed
+SHARED := pyproject.toml constraints.txt package.xml $(wildcard config/* config/launch/* ros_bin/*)
+
+export PIP_NO_INPUT = 1
+export FASTRTPS_DEFAULT_PROFILES_FILE = $(abspath config/fastdds_profile.xml)
+
+.PHONY: help install test check format demo bench clean
+.DEFAULT_GOAL := help
+
+help:            ## this list
+	@sed -n 's/^\([a-z]*\):.*## */\1	/p' $(MAKEFILE_LIST) | expand -t 12
+
+install: $(STAMP)  ## the environment $(VENV) with everything in it
+
+$(BIN)/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(0 if (3, 10) <= v < (3, 14) else 1)' || { \
+	  echo "Python 3.10 to 3.13 is needed; $(PYTHON) is $$($(PYTHON) --version 2>&1)." \
+	       "Name another one: make PYTHON=python3.12" >&2; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	  echo "$(PYTHON) has no venv. On Debian and Ubuntu: apt-get install" \
+	       "$$($(PYTHON) -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])')" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+# The wheels of ROS 2 carry build tools of their own, so pip's notes go to a file; it is shown where the install fails.
+$(STAMP): $(SHARED) | $(BIN)/python
+	@echo "Installing into $(VENV) (some minutes the first time) ..."
+	@$(PIP) install -q -c constraints.txt -e '.[all,dev]' > $(VENV)/install.log 2>&1 || { cat $(VENV)/install.log >&2; exit 1; }
+	@touch $@
+
+test: check      ## lint, types, import rules and the whole test suite
+	$(BIN)/python -m pytest -q $(PYTEST_ARGS)
+
+check: install   ## lint, types and import rules only
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: install  ## let ruff repair what it can
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+demo: install    ## the main job for real: simulator and linearizer over ROS 2, a figure and a table
+	$(BIN)/python demo/demo.py --output $(OUT)
+
+bench: install   ## speed and latency, as ratios against other tools
+	$(BIN)/python bench/bench.py --output $(OUT)
+
+clean:           ## all that make has made, but not $(VENV)
+	rm -rf $(OUT) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache dist build
+	find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -1,0 +1,44 @@
+"""A measured record and the linearizer that follows it.
+
+ros2 launch signlin_ros replay.launch.py params_file:=/path/to/emps.yaml record:=/path/to/record.csv rate:=1.0
+"""
+
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+SHARE = Path(__file__).resolve().parent.parent
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Start `replay` and `linearizer` on one parameter file."""
+    configuration = SHARE / "config"
+    file, namespace = LaunchConfiguration("params_file"), LaunchConfiguration("namespace")
+    play = {name: LaunchConfiguration(name) for name in ("record", "rate", "loop")}
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("params_file", default_value=str(configuration / "emps.yaml")),
+            DeclareLaunchArgument("namespace", default_value=""),
+            DeclareLaunchArgument("record", description="CSV, MAT or rosbag2 to play"),
+            DeclareLaunchArgument("rate", default_value="1.0"),
+            DeclareLaunchArgument("loop", default_value="false"),
+            SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", str(configuration / "fastdds_profile.xml")),
+            Node(
+                package="signlin_ros",
+                executable="replay",
+                namespace=namespace,
+                parameters=[file, play],
+                output="screen",
+            ),
+            Node(
+                package="signlin_ros",
+                executable="linearizer",
+                namespace=namespace,
+                parameters=[file],
+                output="screen",
+            ),
+        ]
+    )

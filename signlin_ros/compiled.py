@@ -1,0 +1,225 @@
+"""The CasADi functions of a model: built when first needed, cached by structure, with the numbers as inputs."""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.errors import ModelError
+from signlin_ros.model import Model
+from signlin_ros.smooth import SmoothForm, smooth_form
+from signlin_ros.tape import Tape
+from signlin_ros.trace import Structure, Trace, trace
+
+
+class Row(NamedTuple):
+    """Where a block of a flat output vector begins, and its shape."""
+
+    start: int
+    shape: tuple[int, ...]
+
+    @property
+    def stop(self) -> int:
+        """Where it ends."""
+        return self.start + int(np.prod(self.shape, dtype=int))
+
+
+def _row_major(e: ca.SX) -> ca.SX:
+    return ca.vec(e.T)
+
+
+def linear_terms(form: SmoothForm, weights: ca.SX, method: str) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    """Return A, B, c and F_j at (x, u) as expressions, by one of the three methods of the contract, section 2."""
+    t = form.trace
+    n, m = t.x.numel(), t.u.numel()
+    B = form.jacobian(t.f, t.u)
+    at = t.u if not form.affine_in_input else ca.SX.zeros(m)
+    shift = ca.mtimes(B, t.u) if not form.affine_in_input else ca.SX.zeros(n)
+    A, c = ca.SX.zeros(n, n), -shift
+    for i in range(n):
+        for members, term in _terms(form, i, method):
+            slopes = form.jacobian(term, t.x)
+            change = form.smooth(form.change.of(term))
+            rest, coefficients = _absorb(change - ca.mtimes(slopes, t.x), t.x, weights, members, method)
+            A[i, :] += slopes + coefficients
+            c[i] += form.smooth(form.change.at_reference(term)) + rest
+    free = [ca.substitute(e, t.u, at) for e in (A, c + shift)]
+    return free[0], B, free[1] - shift, form.smooth(t.f)
+
+
+def _terms(form: SmoothForm, row: int, method: str) -> list[tuple[frozenset[int], ca.SX]]:
+    if method == "termwise":
+        return list(form.groups(form.trace.f[row]).items())
+    return [(frozenset(range(form.trace.x.numel())), form.trace.f[row])]
+
+
+def _absorb(
+    rest: ca.SX, x: ca.SX, weights: ca.SX, members: frozenset[int], method: str
+) -> tuple[ca.SX, ca.SX]:
+    """Put f~ - J x into A over the weighted coordinates: rest x^T W / (x^T W x); what cannot go there stays in c.
+
+    Lengths are divided by the largest coordinate first, so that nothing under- or overflows near x = 0.
+    """
+    coefficients = ca.SX.zeros(1, x.numel())
+    if method == "jacobian" or not members:
+        return rest, coefficients
+    largest = ca.SX(0)
+    for i in members:
+        largest = ca.fmax(largest, ca.if_else(weights[i] > 0, ca.fabs(x[i]), 0))
+    usable = largest > 0
+    size = ca.if_else(usable, largest, 1)
+    square = sum((weights[i] * (x[i] / size) ** 2 for i in members), ca.SX(0))
+    per_size = ca.if_else(usable, rest / size / ca.if_else(usable, square, 1), 0)
+    for i in members:
+        coefficients[i] = per_size * weights[i] * (x[i] / size)
+    return ca.if_else(usable, 0, rest), coefficients
+
+
+def _valid(form: SmoothForm) -> ca.SX:
+    """Return 1 where every surface lies in the valid range of sign_j (contract section 2), else 0."""
+    good = ca.SX(1)
+    for s in form.signs:
+        z = ca.fabs(s.z)
+        near = ca.logic_or(z <= form.order / 3, z <= 1)
+        if form.order < 8:
+            near = ca.logic_or(near, ca.fabs(1 - ca.fabs(s.value)) <= 0.005)
+        good = ca.logic_and(good, near)
+    return good
+
+
+@functools.lru_cache(maxsize=256)
+def linear_function(structure: Structure, order: int, method: str) -> tuple[ca.Function, dict[str, Row]]:
+    """Return the function (x, u, p, scale, weights) -> flat [A row-major, B row-major, c, f, valid, finite].
+
+    ``finite`` is 0 exactly when every other entry is a finite number.
+    """
+    form = smooth_form(structure, order)
+    t = form.trace
+    n, m = t.x.numel(), t.u.numel()
+    weights = ca.SX.sym("w", n)
+    A, B, c, f = linear_terms(form, weights, method)
+    blocks = {"A": _row_major(A), "B": _row_major(B), "c": c, "f": f, "valid": _valid(form)}
+    blocks["finite"] = sum((0 * e for block in blocks.values() for e in ca.vertsplit(block)), ca.SX(0))
+    flat = ca.vertcat(*blocks.values())
+    rows, start = {}, 0
+    for name, shape in (
+        ("A", (n, n)),
+        ("B", (n, m)),
+        ("c", (n,)),
+        ("f", (n,)),
+        ("valid", ()),
+        ("finite", ()),
+    ):
+        rows[name] = Row(start, shape)
+        start = rows[name].stop
+    flat = ca.densify(ca.cse(flat))
+    return ca.Function("linear", [t.x, t.u, t.p, form.scale, weights], [flat]), rows
+
+
+@functools.lru_cache(maxsize=256)
+def smooth_function(structure: Structure, order: int) -> ca.Function:
+    """Return the function (x, u, p, scale) -> f_j (n), J = df_j/dx (n x n, row-major), outputs y."""
+    form = smooth_form(structure, order)
+    t = form.trace
+    outputs = [form.smooth(t.f), _row_major(form.jacobian(t.f, t.x)), form.smooth(t.y)]
+    flat = ca.densify(ca.cse(ca.vertcat(*outputs)))
+    return ca.Function("smooth", [t.x, t.u, t.p, form.scale], [flat])
+
+
+@functools.lru_cache(maxsize=256)
+def exact_function(structure: Structure) -> ca.Function:
+    """Return the function (x, u, p, s) -> what the set-valued simulation needs, flat.
+
+    F at s (n), dF/ds for the switches (n x k, row-major), all surfaces g (q), dg_k/dt at s for all surfaces (q),
+    d(dg_k/dt)/ds for the switches (k x k, row-major), outputs y.
+    """
+    t = trace(structure)
+    symbols = ca.vertcat(*(s.symbol for s in t.surfaces)) if t.surfaces else ca.SX(0, 1)
+    switches = _stack([s.symbol for s in t.surfaces if s.kind == "switch"])
+    g = _stack([s.g for s in t.surfaces])
+    g_switch = _stack([s.g for s in t.surfaces if s.kind == "switch"])
+    rates = ca.mtimes(ca.jacobian(g, t.x), t.f)
+    coupling = ca.jacobian(ca.mtimes(ca.jacobian(g_switch, t.x), t.f), switches)
+    flat = ca.vertcat(t.f, _row_major(ca.jacobian(t.f, switches)), g, rates, _row_major(coupling), t.y)
+    return ca.Function("exact", [t.x, t.u, t.p, symbols], [ca.densify(ca.cse(flat))])
+
+
+def _stack(items: list[ca.SX]) -> ca.SX:
+    return ca.vertcat(*items) if items else ca.SX(0, 1)
+
+
+@functools.lru_cache(maxsize=256)
+def exact_tape(structure: Structure) -> Tape:
+    """Return `exact_function` as a tape."""
+    return Tape.of(exact_function(structure))
+
+
+@functools.lru_cache(maxsize=256)
+def smooth_tape(structure: Structure, order: int) -> Tape:
+    """Return `smooth_function` as a tape."""
+    return Tape.of(smooth_function(structure, order))
+
+
+@functools.lru_cache(maxsize=256)
+def linear_tape(structure: Structure, order: int, method: str) -> tuple[Tape, dict[str, Row]]:
+    """Return `linear_function` as a tape."""
+    function, rows = linear_function(structure, order, method)
+    return Tape.of(function), rows
+
+
+def weights(model: Model) -> NDArray[np.float64]:
+    """Return the state weights (n,) of the optimal linearization, 1 where the model says nothing."""
+    return np.array([model.state_weights.get(name, 1.0) for name in model.states])
+
+
+def scales(model: Model) -> NDArray[np.float64]:
+    """Return the scale of every surface (q,): the model's, or chosen so that |g/scale| <= j/3 over its range."""
+    surfaces = model.trace.surfaces
+    if model.sign_scale > 0.0 or not surfaces:
+        return np.full(len(surfaces), model.sign_scale or 1.0)
+    return 3.0 / model.sign_order * _largest(model)
+
+
+def _largest(model: Model) -> NDArray[np.float64]:
+    """Return the largest |g| of every surface over the corners of the operating range."""
+    t = model.trace
+    g = ca.vertcat(*(s.g for s in t.surfaces))
+    symbols = ca.vertcat(*(s.symbol for s in t.surfaces))
+    needed = {str(s) for s in ca.symvar(g)} & {*t.states, *t.inputs}
+    missing = sorted(needed - set(model.operating_range))
+    if missing:
+        raise ModelError(
+            f"operating_range: {', '.join(missing)} missing; sign_scale 0.0 needs the largest |value| of each: "
+            + ", ".join(f"surface {s.name}" for s in t.surfaces)
+        )
+    names = sorted(needed)
+    corners = np.array(np.meshgrid(*([[-1.0, 0.0, 1.0]] * len(names)))).reshape(len(names), -1)
+    point = {name: corners[i] * model.operating_range[name] for i, name in enumerate(names)}
+    columns = [point.get(name, 0.0) for name in (*t.states, *t.inputs)]
+    function = ca.Function("g", [t.x, t.u, t.p, symbols], [ca.densify(g)])
+    best = np.zeros(len(t.surfaces))
+    for sign in (-1.0, 1.0):
+        values = Tape.of(function).batch([*columns, *model.p, *([sign] * len(t.surfaces))])
+        best = np.maximum(best, np.max(np.abs(values), axis=1))
+    return np.where(best > 0, best, 1.0)
+
+
+def surface_scales(model: Model) -> dict[str, float]:
+    """Return the scale of every surface by its name."""
+    return {s.name: float(v) for s, v in zip(model.trace.surfaces, scales(model), strict=True)}
+
+
+__all__ = [
+    "Row",
+    "Trace",
+    "exact_tape",
+    "linear_function",
+    "linear_tape",
+    "scales",
+    "smooth_tape",
+    "surface_scales",
+]

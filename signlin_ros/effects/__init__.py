@@ -1,0 +1,111 @@
+"""The catalogue of physical effects: one file each, one line each in the list below.
+
+A user's own effect is a Python file named in a model's ``effect_files``, or an entry point in the group
+``signlin_ros.effects``; `register` adds it.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import inspect
+from pathlib import Path
+
+from signlin_ros.effects.asymmetric_viscous_friction import AsymmetricViscousFriction
+from signlin_ros.effects.backlash import Backlash
+from signlin_ros.effects.base import Effect
+from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
+from signlin_ros.effects.cogging_torque import CoggingTorque
+from signlin_ros.effects.compliant_load import CompliantLoad
+from signlin_ros.effects.constant_load import ConstantLoad
+from signlin_ros.effects.coulomb_friction import CoulombFriction
+from signlin_ros.effects.cubic_stiffness import CubicStiffness
+from signlin_ros.effects.dahl_presliding import DahlPresliding
+from signlin_ros.effects.gravity_load import GravityLoad
+from signlin_ros.effects.hard_stop import HardStop
+from signlin_ros.effects.input_deadzone import InputDeadzone
+from signlin_ros.effects.input_delay import InputDelay
+from signlin_ros.effects.input_saturation import InputSaturation
+from signlin_ros.effects.linear_stiffness import LinearStiffness
+from signlin_ros.effects.load_dependent_friction import LoadDependentFriction
+from signlin_ros.effects.lugre_friction import LuGreFriction
+from signlin_ros.effects.quadratic_drag import QuadraticDrag
+from signlin_ros.effects.stribeck_friction import StribeckFriction
+from signlin_ros.effects.thermal_resistance import ThermalResistance
+from signlin_ros.effects.torque_constant_saturation import TorqueConstantSaturation
+from signlin_ros.effects.viscous_friction import ViscousFriction
+from signlin_ros.errors import ModelError, choices, suggest
+
+EFFECTS: dict[str, type[Effect]] = {}
+"""Every known effect by its name in model files."""
+
+
+def register(effect: type[Effect]) -> type[Effect]:
+    """Add an effect to the catalogue; usable as a class decorator. Registering a name anew replaces it."""
+    EFFECTS[effect.name] = effect
+    return effect
+
+
+for _effect in (
+    ViscousFriction,
+    CoulombFriction,
+    StribeckFriction,
+    AsymmetricViscousFriction,
+    QuadraticDrag,
+    LoadDependentFriction,
+    ConstantLoad,
+    GravityLoad,
+    CoggingTorque,
+    LinearStiffness,
+    CubicStiffness,
+    HardStop,
+    DahlPresliding,
+    LuGreFriction,
+    BoucWenHysteresis,
+    CompliantLoad,
+    Backlash,
+    InputDeadzone,
+    InputSaturation,
+    InputDelay,
+    TorqueConstantSaturation,
+    ThermalResistance,
+):
+    register(_effect)
+
+
+def find_effect(name: str, where: str) -> type[Effect]:
+    """Return the effect called ``name``, looking at entry points last; raise `ModelError` naming the nearest."""
+    if name not in EFFECTS:
+        for entry in importlib.metadata.entry_points(group="signlin_ros.effects"):
+            register(entry.load())
+    if name not in EFFECTS:
+        raise ModelError(
+            f"{where}: unknown effect {name!r}; known: {choices(EFFECTS)}{suggest(name, EFFECTS)}"
+        )
+    return EFFECTS[name]
+
+
+def load_effect_file(path: Path) -> None:
+    """Run a user's Python file and register every `Effect` that it defines; raise `ModelError` if it fails."""
+    if not path.is_file():
+        raise ModelError(f"effect_files: {path} does not exist")
+    spec = importlib.util.spec_from_file_location(f"signlin_effect_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise ModelError(f"effect_files: {path} is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise ModelError(f"effect_files: {path} fails: {type(error).__name__}: {error}") from error
+    found = [
+        c
+        for c in vars(module).values()
+        if inspect.isclass(c) and issubclass(c, Effect) and c.__module__ == module.__name__
+    ]
+    if not found:
+        raise ModelError(f"effect_files: {path} defines no subclass of signlin_ros.effects.Effect")
+    for effect in found:
+        register(effect)
+
+
+__all__ = ["EFFECTS", "Effect", "find_effect", "load_effect_file", "register"]

@@ -1,0 +1,25 @@
+"""Viscous friction that differs by direction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class AsymmetricViscousFriction(Effect):
+    """Viscous friction that differs by direction.
+
+    F = -b_p v for v > 0, -b_n v for v < 0.   [Janot, Gautier and Brunot 2019, EMPS benchmark]
+    """
+
+    name = "asymmetric_viscous_friction"
+    equation = "-b_p v for v > 0, -b_n v for v < 0"
+    dissipative = True
+
+    b_p = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity, forward")
+    b_n = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity, backward")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -p.b_p * m.positive(x.velocity) + p.b_n * m.positive(-x.velocity)

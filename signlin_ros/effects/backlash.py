@@ -1,0 +1,27 @@
+"""A second inertia behind a coupling with play."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.compliant_load import CompliantLoad
+from signlin_ros.par import Par
+
+
+class Backlash(CompliantLoad):
+    """A second inertia behind a coupling with play.
+
+    F = -T, T = k dz(q - q2) + c (v - v2) in contact only, J v2' = T; dz is a dead zone of half width gap.
+    [Nordin, Galic and Gutman 1997, doi:10.1002/(SICI)1099-1115(199702)11:1<49::AID-ACS394>3.0.CO;2-X]
+    """
+
+    name = "backlash"
+    equation = "-T, T = k dz(q - q2) + c (v - v2) in contact only, J v2' = T"
+
+    gap = Par("Q", nominal=0.01, doc="half width of the play")
+
+    def coupling(self, m: Any, x: Any, p: Any) -> Any:
+        """Return the torque through the coupling, zero while the play is crossed."""
+        twist = x.position - x.own.position
+        in_contact = m.contact(twist - p.gap) + m.contact(-twist - p.gap)
+        return p.k * m.dead_zone(twist, p.gap) + p.c * (x.velocity - x.own.velocity) * in_contact

@@ -1,0 +1,41 @@
+"""A spring with hysteresis."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class BoucWenHysteresis(Effect):
+    """A spring with hysteresis.
+
+    k q becomes alpha k q + (1 - alpha) D k h, with
+    h' = [lambda v - beta |v| |h|^(n-1) h - gamma v |h|^n] / D.   [Bouc 1967; Wen 1976; paper eqs. (34)-(36)]
+    """
+
+    name = "bouc_wen_hysteresis"
+    equation = (
+        "k q -> alpha k q + (1 - alpha) D k h, h' = [lambda v - beta |v| |h|^(n-1) h - gamma v |h|^n] / D"
+    )
+    states = {"h": "-"}
+
+    alpha = Par("-", nominal=0.5, high=1.0, doc="share of the stiffness that stays elastic")
+    D = Par("Q", nominal=1.0, positive=True, doc="yield displacement")
+    lambda_ = Par("-", nominal=1.0, low=-1e6, high=1e6, doc="initial slope of the loop")
+    beta = Par("-", nominal=0.5, low=-1e6, high=1e6, doc="width of the loop")
+    gamma = Par("-", nominal=0.5, low=-1e6, high=1e6, doc="shape of the loop")
+    n = Par("-", nominal=1.0, low=1.0, high=50.0, structural=True, doc="sharpness of yielding")
+    k = Par("F/Q", nominal=1.0, free_standing=True, doc="stiffness, where the plant has no spring of its own")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -self.spring(m, x, p, p.k) if hasattr(p, "k") else 0
+
+    def spring(self, m: Any, x: Any, p: Any, k: Any) -> Any:
+        return p.alpha * k * x.position + (1 - p.alpha) * p.D * k * x.own.h
+
+    def rates(self, m: Any, x: Any, p: Any) -> dict[str, Any]:
+        v, h = x.velocity, x.own.h
+        loop = p.beta * m.abs(v) * m.signed_power(h, p.n) + p.gamma * v * m.abs_power(h, p.n)
+        return {"h": (p.lambda_ * v - loop) / p.D}

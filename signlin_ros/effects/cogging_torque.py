@@ -1,0 +1,25 @@
+"""Torque of a permanent-magnet motor that repeats N times a turn."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class CoggingTorque(Effect):
+    """Torque of a permanent-magnet motor that repeats N times a turn.
+
+    F = -A sin(N q + phi).   [Hanselman, Brushless Permanent Magnet Motor Design, 2003]
+    """
+
+    name = "cogging_torque"
+    equation = "-A sin(N q + phi)"
+
+    A = Par("F", nominal=0.02, low=-1e9, doc="amplitude")
+    N = Par("1/Q", nominal=7.0, low=0, high=1e5, doc="periods per 2 pi of position")
+    phi = Par("rad", nominal=0.0, low=-1e4, high=1e4, doc="phase at q = 0")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -p.A * m.sin(p.N * x.position + p.phi)

@@ -1,0 +1,33 @@
+"""A second inertia behind an elastic coupling."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class CompliantLoad(Effect):
+    """A second inertia behind an elastic coupling.
+
+    F = -T, T = k (q - q2) + c (v - v2), J v2' = T.
+    """
+
+    name = "compliant_load"
+    equation = "-T, T = k (q - q2) + c (v - v2), J v2' = T"
+    states = {"position": "Q", "velocity": "Q/s"}
+
+    k = Par("F/Q", nominal=1.0, doc="stiffness of the coupling")
+    c = Par("F·s/Q", nominal=0.01, doc="damping of the coupling")
+    J = Par("F·s²/Q", nominal=1e-3, positive=True, doc="inertia of the load")
+
+    def coupling(self, m: Any, x: Any, p: Any) -> Any:
+        """Return the torque through the coupling."""
+        return p.k * (x.position - x.own.position) + p.c * (x.velocity - x.own.velocity)
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -self.coupling(m, x, p)
+
+    def rates(self, m: Any, x: Any, p: Any) -> dict[str, Any]:
+        return {"position": x.own.velocity, "velocity": self.coupling(m, x, p) / p.J}

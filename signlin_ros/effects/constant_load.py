@@ -1,0 +1,24 @@
+"""A constant force or torque, such as a weight on a vertical axis."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class ConstantLoad(Effect):
+    """A constant force or torque, such as a weight on a vertical axis.
+
+    F = F0 (a load torque T_L is -F0).
+    """
+
+    name = "constant_load"
+    equation = "F0"
+    external = True
+
+    F0 = Par("F", nominal=0.01, low=-1e9, doc="constant force, positive accelerates")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return p.F0

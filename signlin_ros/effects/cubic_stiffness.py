@@ -1,0 +1,24 @@
+"""A spring that hardens (or softens) with travel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class CubicStiffness(Effect):
+    """A spring that hardens (or softens) with travel.
+
+    F = -k3 q^3.   [Duffing 1918]
+    """
+
+    name = "cubic_stiffness"
+    equation = "-k3 q^3"
+    external = True
+
+    k3 = Par("F/Q³", nominal=0.1, low=-1e12, high=1e12, doc="cubic stiffness; positive hardens")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -p.k3 * x.position**3

@@ -1,0 +1,29 @@
+"""Dry friction with elastic presliding: bristles bend before they slip."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class DahlPresliding(Effect):
+    """Dry friction with elastic presliding: bristles bend before they slip.
+
+    F = -sigma z, z' = v - sigma |v| z / F_c.   [Dahl 1968, TOR-0158(3107-18)-1]
+    """
+
+    name = "dahl_presliding"
+    equation = "-sigma z, z' = v - sigma |v| z / F_c"
+    states = {"z": "Q"}
+
+    F_c = Par("F", nominal=0.03, positive=True, doc="friction while sliding")
+    sigma = Par("F/Q", nominal=1.0, positive=True, doc="stiffness of the bristles")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -p.sigma * x.own.z
+
+    def rates(self, m: Any, x: Any, p: Any) -> dict[str, Any]:
+        v = x.velocity
+        return {"z": v - p.sigma * m.abs(v) * x.own.z / p.F_c}

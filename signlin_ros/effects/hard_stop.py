@@ -1,0 +1,24 @@
+"""Elastic stops at both ends of the travel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class HardStop(Effect):
+    """Elastic stops at both ends of the travel.
+
+    F = -k_s [max(q - gap, 0) - max(-q - gap, 0)].
+    """
+
+    name = "hard_stop"
+    equation = "-k_s [max(q - gap, 0) - max(-q - gap, 0)]"
+
+    gap = Par("Q", nominal=0.5, doc="travel to either stop")
+    k_s = Par("F/Q", nominal=10.0, doc="stiffness of the stops")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -p.k_s * m.dead_zone(x.position, p.gap)

@@ -1,0 +1,23 @@
+"""An input that does nothing until it exceeds a threshold."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class InputDeadzone(Effect):
+    """An input that does nothing until it exceeds a threshold.
+
+    u -> max(u - d, 0) - max(-u - d, 0).
+    """
+
+    name = "input_deadzone"
+    equation = "u -> max(u - d, 0) - max(-u - d, 0)"
+
+    d = Par("U", nominal=0.5, doc="threshold")
+
+    def input(self, m: Any, u: Any, p: Any) -> Any:
+        return m.dead_zone(u, p.d)

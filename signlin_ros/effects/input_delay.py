@@ -1,0 +1,23 @@
+"""An input that arrives late."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class InputDelay(Effect):
+    """An input that arrives late.
+
+    u(t) -> u(t - T).
+    """
+
+    name = "input_delay"
+    equation = "u(t) -> u(t - T)"
+
+    T = Par("s", nominal=0.005, high=10.0, doc="delay")
+
+    def delay(self, p: Any) -> Any:
+        return p.T

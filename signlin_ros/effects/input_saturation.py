@@ -1,0 +1,23 @@
+"""An input that is limited in size."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class InputSaturation(Effect):
+    """An input that is limited in size.
+
+    u -> clip(u, -u_max, u_max).
+    """
+
+    name = "input_saturation"
+    equation = "u -> clip(u, -u_max, u_max)"
+
+    u_max = Par("U", nominal=10.0, positive=True, doc="largest input")
+
+    def input(self, m: Any, u: Any, p: Any) -> Any:
+        return m.clip(u, p.u_max)

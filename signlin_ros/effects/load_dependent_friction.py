@@ -1,0 +1,27 @@
+"""Dry friction that grows with the load on gears and bearings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class LoadDependentFriction(Effect):
+    """Dry friction that grows with the load on gears and bearings.
+
+    F = -(kappa_d |F_drive| + kappa_e |F_ext|) sign(v).   [Hamon, Gautier and Garrec, IROS 2010;
+    Rhoban BAM, model M2 and up]
+    """
+
+    name = "load_dependent_friction"
+    equation = "-(kappa_d |F_drive| + kappa_e |F_ext|) sign(v)"
+    dissipative = True
+
+    kappa_d = Par("-", nominal=0.1, high=0.99, doc="friction per unit of driving force")
+    kappa_e = Par("-", nominal=0.1, high=0.99, doc="friction per unit of external force")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        load = p.kappa_d * m.abs(x.drive_force) + p.kappa_e * m.abs(x.external_force)
+        return -load * m.sign(x.velocity)

@@ -1,0 +1,38 @@
+"""LuGre friction: elastic presliding with a Stribeck curve."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class LuGreFriction(Effect):
+    """LuGre friction: elastic presliding with a Stribeck curve.
+
+    F = -(sigma0 z + sigma1 z' + sigma2 v), z' = v - sigma0 |v| z / g, g = F_c + (F_s - F_c) exp(-(v/v_s)^2).
+    [Canudas de Wit et al. 1995, doi:10.1109/9.376053]
+    """
+
+    name = "lugre_friction"
+    equation = (
+        "-(sigma0 z + sigma1 z' + sigma2 v), z' = v - sigma0 |v| z / g, g = F_c + (F_s - F_c) exp(-(v/v_s)^2)"
+    )
+    states = {"z": "Q"}
+
+    sigma0 = Par("F/Q", nominal=10.0, positive=True, doc="stiffness of the bristles")
+    sigma1 = Par("F·s/Q", nominal=0.01, doc="damping of the bristles")
+    sigma2 = Par("F·s/Q", nominal=0.0, doc="viscous friction")
+    F_c = Par("F", nominal=0.03, positive=True, doc="friction at high velocity")
+    F_s = Par("F", nominal=0.05, positive=True, doc="breakaway level")
+    v_s = Par("Q/s", nominal=1.0, positive=True, doc="Stribeck velocity")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        z_rate = self.rates(m, x, p)["z"]
+        return -(p.sigma0 * x.own.z + p.sigma1 * z_rate + p.sigma2 * x.velocity)
+
+    def rates(self, m: Any, x: Any, p: Any) -> dict[str, Any]:
+        v = x.velocity
+        g = p.F_c + (p.F_s - p.F_c) * m.exp(-((v / p.v_s) ** 2))
+        return {"z": v - p.sigma0 * m.abs(v) * x.own.z / g}

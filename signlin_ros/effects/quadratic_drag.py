@@ -1,0 +1,24 @@
+"""Drag of a fluid or a fan, with the square of velocity."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class QuadraticDrag(Effect):
+    """Drag of a fluid or a fan, with the square of velocity.
+
+    F = -c2 |v| v.   [Batchelor, An Introduction to Fluid Dynamics, 1967, sec. 5.11]
+    """
+
+    name = "quadratic_drag"
+    equation = "-c2 |v| v"
+    dissipative = True
+
+    c2 = Par("F·s²/Q²", nominal=1e-5, doc="drag per squared velocity")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -p.c2 * m.abs(x.velocity) * x.velocity

@@ -1,0 +1,28 @@
+"""Dry friction that falls from breakaway to its sliding level as velocity grows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class StribeckFriction(Effect):
+    """Dry friction that falls from breakaway to its sliding level as velocity grows.
+
+    F = -[mu + excess exp(-(v/v_s)^2)] sign(v).   [Stribeck 1902; Armstrong-Helouvry et al. 1994,
+    doi:10.1016/0005-1098(94)90209-7]
+    """
+
+    name = "stribeck_friction"
+    equation = "-[mu + excess exp(-(v/v_s)^2)] sign(v)"
+    dissipative = True
+
+    mu = Par("F", nominal=0.025, doc="friction at high velocity")
+    excess = Par("F", nominal=0.02, doc="breakaway level above mu")
+    v_s = Par("Q/s", nominal=2.0, positive=True, doc="velocity at which the excess has fallen to 1/e")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        level = p.mu + p.excess * m.exp(-((x.velocity / p.v_s) ** 2))
+        return -level * m.sign(x.velocity)

@@ -1,0 +1,31 @@
+"""A winding whose resistance grows as it warms up."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class ThermalResistance(Effect):
+    """A winding whose resistance grows as it warms up.
+
+    R_a -> R = R_a (1 + a Theta), C Theta' = R i^2 - Theta / R_th.
+    """
+
+    name = "thermal_resistance"
+    equation = "R_a -> R = R_a (1 + a Theta), C Theta' = R i^2 - Theta / R_th"
+    states = {"temperature_rise": "K"}
+    plants = ("dc_motor",)
+
+    a = Par("1/K", nominal=0.0039, doc="temperature coefficient (copper: 0.0039)")
+    C = Par("J/K", nominal=50.0, positive=True, doc="heat capacity of the winding")
+    R_th = Par("K/W", nominal=5.0, positive=True, doc="thermal resistance to the surroundings")
+
+    def resistance(self, m: Any, x: Any, p: Any, R_a: Any) -> Any:  # noqa: N803
+        return R_a * (1 + p.a * x.own.temperature_rise)
+
+    def rates(self, m: Any, x: Any, p: Any) -> dict[str, Any]:
+        heat = x.resistance * x.current**2
+        return {"temperature_rise": (heat - x.own.temperature_rise / p.R_th) / p.C}

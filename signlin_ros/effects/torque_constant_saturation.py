@@ -1,0 +1,24 @@
+"""A torque constant that falls with current, as the iron saturates."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+
+class TorqueConstantSaturation(Effect):
+    """A torque constant that falls with current, as the iron saturates.
+
+    K_t -> K_t / (1 + kappa i^2); the back-EMF constant K_m is unchanged.
+    """
+
+    name = "torque_constant_saturation"
+    equation = "K_t -> K_t / (1 + kappa i^2)"
+    plants = ("dc_motor",)
+
+    kappa = Par("1/A²", nominal=0.01, doc="loss of torque per squared current")
+
+    def torque_constant(self, m: Any, x: Any, p: Any, K_t: Any) -> Any:  # noqa: N803
+        return K_t / (1 + p.kappa * x.current**2)

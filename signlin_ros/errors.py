@@ -1,0 +1,62 @@
+"""The exception tree.
+
+::
+
+    SignlinError
+    ├── InputError (also a ValueError)      what the user gave is bad: one clear line, exit code 2
+    │   ├── ModelError                      a model file or a model's structure
+    │   ├── RecordError                     a measurement record
+    │   └── SimulationError                 a run that cannot go on (diverged, too stiff)
+    └── MissingExtraError (also an ImportError)   an optional dependency; says the install command
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class SignlinError(Exception):
+    """Base of every error that signlin_ros raises on purpose."""
+
+
+class InputError(SignlinError, ValueError):
+    """What the user gave is bad; the message names the culprit and the choices."""
+
+
+class ModelError(InputError):
+    """A model file, or the structure of a model, is bad."""
+
+
+class RecordError(InputError):
+    """A measurement record is bad, or does not hold what the model needs."""
+
+
+class SimulationError(InputError):
+    """A simulation cannot go on; the message says when and why."""
+
+
+class MissingExtraError(SignlinError, ImportError):
+    """An optional dependency is missing; the message holds the exact install command."""
+
+    def __init__(self, what: str, extra: str) -> None:
+        super().__init__(f'{what} needs an optional dependency: pip install "signlin_ros[{extra}]"')
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Return the known name most like ``word``, or None when nothing is near."""
+    names = list(known)
+    folded = {name.casefold(): name for name in names}
+    hits = difflib.get_close_matches(word.casefold(), folded, n=1, cutoff=0.6)
+    return folded[hits[0]] if hits else None
+
+
+def suggest(word: str, known: Iterable[str]) -> str:
+    """Return ``"; did you mean 'x'?"`` for the known name most like ``word``, or an empty string."""
+    name = nearest(word, known)
+    return f"; did you mean {name!r}?" if name else ""
+
+
+def choices(known: Iterable[str]) -> str:
+    """Return the known names as a readable list."""
+    return ", ".join(sorted(known)) or "(none)"

@@ -1,0 +1,177 @@
+"""The vocabulary ``m`` in which effects are written, and its three meanings.
+
+An effect calls ``m.sign(v)``, ``m.abs(v)``, ``m.positive(x)`` ... and never asks what they return:
+
+* `NumpyMath` evaluates: exact non-smooth values;
+* `Recorder` evaluates nothing: it notes the switching surface g and returns a fresh symbol s, so that one trace
+  serves the exact, the set-valued and the smooth right-hand side alike (``sign(g) -> s``, ``|g| -> g s``,
+  ``max(g, 0) -> g (1 + s)/2``);
+* `SympyMath` writes the equation for reports and docs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+
+class Math:
+    """What every vocabulary shares: derived words, written once."""
+
+    exp: Callable[[Any], Any]
+    sin: Callable[[Any], Any]
+    cos: Callable[[Any], Any]
+    sqrt: Callable[[Any], Any]
+
+    def sign(self, g: Any) -> Any:
+        """The set-valued sign of g."""
+        raise NotImplementedError
+
+    def abs(self, g: Any) -> Any:
+        """|g|, a continuous kink."""
+        raise NotImplementedError
+
+    def positive(self, g: Any) -> Any:
+        """max(g, 0), a continuous kink."""
+        raise NotImplementedError
+
+    def contact(self, g: Any) -> Any:
+        """1 where g > 0, else 0: a jump that can never stick."""
+        raise NotImplementedError
+
+    def abs_power(self, h: Any, n: float) -> Any:
+        """|h|^n, for a known number n >= 1."""
+        raise NotImplementedError
+
+    def signed_power(self, h: Any, n: float) -> Any:
+        """|h|^(n-1) h, for a known number n >= 1."""
+        raise NotImplementedError
+
+    def clip(self, x: Any, limit: Any) -> Any:
+        """x held within ±limit."""
+        return x - self.positive(x - limit) + self.positive(-x - limit)
+
+    def dead_zone(self, x: Any, half_width: Any) -> Any:
+        """max(x - d, 0) - max(-x - d, 0)."""
+        return self.positive(x - half_width) - self.positive(-x - half_width)
+
+
+class NumpyMath(Math):
+    """Exact non-smooth values on NumPy arrays; sign(0) = 0."""
+
+    exp, sin, cos, sqrt = map(staticmethod, (np.exp, np.sin, np.cos, np.sqrt))  # type: ignore[assignment]
+    sign, abs = map(staticmethod, (np.sign, np.abs))  # type: ignore[assignment]
+
+    def positive(self, g: Any) -> Any:
+        return np.maximum(g, 0.0)
+
+    def contact(self, g: Any) -> Any:
+        return np.heaviside(g, 0.0)
+
+    def abs_power(self, h: Any, n: float) -> Any:
+        return np.abs(h) ** n
+
+    def signed_power(self, h: Any, n: float) -> Any:
+        return np.abs(h) ** (n - 1) * h
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A switching surface g = 0 noted by the `Recorder`.
+
+    ``kind`` is "switch" (a sign: jumps, can stick), "kink" (continuous) or "contact" (jumps, cannot stick).
+    """
+
+    symbol: ca.SX
+    g: ca.SX
+    kind: str
+
+    @property
+    def name(self) -> str:
+        """The surface as text, e.g. ``speed`` or ``(displacement-hard_stop.gap)``."""
+        return str(self.g)
+
+
+@dataclass
+class Recorder(Math):
+    """Notes surfaces instead of evaluating signs; works on CasADi SX."""
+
+    surfaces: list[Surface] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.exp, self.sin, self.cos, self.sqrt = ca.exp, ca.sin, ca.cos, ca.sqrt
+
+    def _note(self, g: Any, kind: str) -> ca.SX:
+        """Return the symbol that stands for sign(g): a known one for a known g or -g, else a fresh one."""
+        g = ca.SX(g)
+        if g.is_constant():
+            return ca.sign(g)
+        for surface in self.surfaces:
+            if surface.kind == kind and ca.is_equal(surface.g, g, 12):
+                return surface.symbol
+            if surface.kind == kind and ca.is_equal(surface.g, -g, 12):
+                return -surface.symbol
+        symbol = ca.SX.sym(f"s{len(self.surfaces)}")
+        self.surfaces.append(Surface(symbol, g, kind))
+        return symbol
+
+    def sign(self, g: Any) -> Any:
+        return self._note(g, "switch")
+
+    def abs(self, g: Any) -> Any:
+        return g * self._note(g, "kink")
+
+    def positive(self, g: Any) -> Any:
+        return g * (1 + self._note(g, "kink")) / 2
+
+    def contact(self, g: Any) -> Any:
+        return (1 + self._note(g, "contact")) / 2
+
+    @staticmethod
+    def _real_power(size: ca.SX, exponent: float) -> Any:
+        """size^exponent for size >= 0, with derivative 0 at 0, where the formula of the power rule has a pole."""
+        return ca.if_else(size != 0, ca.fabs(size), 1e-300) ** exponent
+
+    def abs_power(self, h: Any, n: float) -> Any:
+        s = self._note(h, "kink")
+        if n != int(n):
+            return self._real_power(h * s, n)
+        return h ** int(n) * (s if int(n) % 2 else 1)
+
+    def signed_power(self, h: Any, n: float) -> Any:
+        s = self._note(h, "kink")
+        if n != int(n):
+            return self._real_power(h * s, n - 1) * h
+        return h ** int(n) * (1 if int(n) % 2 else s)
+
+
+class SympyMath(Math):
+    """Writes the exact equation with SymPy."""
+
+    def __init__(self) -> None:
+        import sympy
+
+        self._sympy = sympy
+        self.exp, self.sin, self.cos, self.sqrt = sympy.exp, sympy.sin, sympy.cos, sympy.sqrt
+
+    def sign(self, g: Any) -> Any:
+        return self._sympy.sign(g)
+
+    def abs(self, g: Any) -> Any:
+        return self._sympy.Abs(g)
+
+    def positive(self, g: Any) -> Any:
+        return self._sympy.Max(g, 0)
+
+    def contact(self, g: Any) -> Any:
+        return self._sympy.Heaviside(g, 0)
+
+    def abs_power(self, h: Any, n: float) -> Any:
+        return self._sympy.Abs(h) ** n
+
+    def signed_power(self, h: Any, n: float) -> Any:
+        return self._sympy.Abs(h) ** (n - 1) * h

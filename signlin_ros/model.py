@@ -1,0 +1,568 @@
+"""A model: plant, effects, numbers and options. YAML in and out; immutable."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from signlin_ros import sign
+from signlin_ros.effects import Effect, find_effect, load_effect_file
+from signlin_ros.errors import InputError, ModelError, choices, suggest
+from signlin_ros.par import Namespace, Par, check_values
+from signlin_ros.plants import Plant, find_plant
+from signlin_ros.trace import EffectSlot, Structure, Trace, resolve_unit, trace
+
+METHODS = ("optimal", "termwise", "jacobian")
+OPERATING_POINTS = ("start", "midpoint")
+RESERVED_KEYS = ("use_sim_time", "qos_overrides", "start_type_description_service")
+"""Keys of ROS 2 itself, accepted everywhere."""
+NODE_KEYS = (
+    *("publish_rate", "noise", "seed", "input_signal", "amplitude", "input_period", "joint_name"),
+    *("state_source", "state_timeout", "record", "rate", "loop", "publish_clock"),
+)
+"""Keys of the nodes (contract section 5), accepted by every verb."""
+
+
+@dataclass(frozen=True)
+class EffectUse:
+    """An effect in a model: its type and the values of its parameters."""
+
+    type: str
+    parameters: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A plant with effects, numbers and options; every ``with_...`` method returns a new model.
+
+    Units are SI; `units` says which for each state, input and output, `par_declarations` for each parameter.
+    """
+
+    plant: type[Plant]
+    parameters: dict[str, float]
+    effects: dict[str, EffectUse] = field(default_factory=dict)
+    sign_order: int = 50
+    sign_scale: float = 1.0
+    operating_range: dict[str, float] = field(default_factory=dict)
+    linearization: str = ""
+    operating_point: str = "start"
+    update_period: float = 0.2
+    state_weights: dict[str, float] = field(default_factory=dict)
+    initial_state: dict[str, float] = field(default_factory=dict)
+    tolerance: float | dict[str, float] = 0.05
+    frozen: tuple[str, ...] = ()
+    signals: dict[str, str] = field(default_factory=dict)
+    effect_files: tuple[str, ...] = ()
+    with_position: bool = False
+    with_load_torque: bool = False
+    node_options: dict[str, Any] = field(default_factory=dict)
+    source: str = field(default="model", compare=False)
+    folder: Path = field(default=Path("."), compare=False)
+
+    # ---------------------------------------------------------------- reading
+
+    @classmethod
+    def load(cls, path: str | Path) -> Model:
+        """Read a model file, or a shipped model by its name (``dc_motor``); raise `ModelError` on any fault."""
+        file = find_model_file(path)
+        try:
+            content = yaml.safe_load(file.read_text(encoding="utf-8"))
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise ModelError(f"{file}: not a YAML file: {' '.join(str(error).split())}") from error
+        except OSError as error:
+            raise ModelError(f"{file}: {error.strerror}") from error
+        return cls.from_dict(_parameters_of(content, str(file)), source=str(file), folder=file.parent)
+
+    @classmethod
+    def from_dict(cls, mapping: Mapping[str, Any], source: str = "model", folder: Path = Path(".")) -> Model:
+        """Build a model from what stands below ``ros__parameters``; raise `ModelError` naming source and key."""
+        try:
+            return _read(mapping, source, folder)
+        except ModelError as error:
+            raise ModelError(f"{source}: {error}") from error
+
+    # ---------------------------------------------------------------- writing
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the mapping that `from_dict` reads; options at their defaults are left out."""
+        content: dict[str, Any] = {"plant": self.plant.name, "parameters": dict(self.parameters)}
+        if self.effects:
+            content["effects"] = {
+                key: {**({"type": use.type} if key != use.type else {}), **use.parameters}
+                for key, use in self.effects.items()
+            }
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in _OPTIONS and value != _default(item.name, self.plant):
+                content[item.name] = list(value) if isinstance(value, tuple) else value
+        return content | self.node_options
+
+    def to_yaml(self) -> str:
+        """Return the text of a ROS 2 parameter file that holds this model without loss."""
+        tree = {"/**": {"ros__parameters": self.to_dict()}}
+        return yaml.dump(
+            tree, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
+        )
+
+    def save(self, path: str | Path) -> None:
+        """Write `to_yaml` to a file, whole or not at all."""
+        target = Path(path)
+        partial = target.with_name(target.name + ".part")
+        try:
+            partial.write_text(self.to_yaml(), encoding="utf-8")
+            partial.replace(target)
+        except OSError as error:
+            raise InputError(f"cannot write {target}: {error.strerror}") from error
+
+    # ---------------------------------------------------------------- changing
+
+    def with_effect(self, type: str, key: str | None = None, **parameters: float) -> Model:
+        """Return a model with one more effect; parameters not given start at their nominal values."""
+        effect = find_effect(type, "effects")
+        key = key or type
+        if key in self.effects:
+            raise ModelError(f"effects.{key}: is in the model already; give the new one another key")
+        nominal = {n: par.nominal for n, par in effect.pars().items() if not par.free_standing}
+        if "k" in effect.pars() and effect.pars()["k"].free_standing and not self._has_spring:
+            nominal["k"] = effect.pars()["k"].nominal
+        values = nominal | {name.rstrip("_"): value for name, value in parameters.items()}
+        uses = {k: {"type": use.type, **use.parameters} for k, use in self.effects.items()}
+        return self._changed(effects={**uses, key: {"type": type, **values}})
+
+    def without_effect(self, key: str) -> Model:
+        """Return a model without one effect."""
+        if key not in self.effects:
+            raise ModelError(f"effects.{key}: is not in the model; there are: {choices(self.effects)}")
+        rest = {k: {"type": use.type, **use.parameters} for k, use in self.effects.items() if k != key}
+        return self._changed(effects=rest)
+
+    def with_parameters(self, values: Mapping[str, float] | None = None, **more: float) -> Model:
+        """Return a model with other numbers: ``{"J": 0.002, "coulomb_friction.mu": 0.03}``."""
+        content = self.to_dict()
+        for name, value in {**(values or {}), **more}.items():
+            key, _, inner = name.removeprefix("parameters.").removeprefix("effects.").rpartition(".")
+            table = content["parameters"] if not key else content.get("effects", {}).get(key)
+            if table is None or inner.rstrip("_") not in {**self._pars_of(key)}:
+                known = [n.split(".", 1)[1] for n in self.par_declarations()]
+                raise ModelError(f"{name}: unknown parameter; known: {choices(known)}{suggest(name, known)}")
+            table[inner.rstrip("_")] = value
+        return Model.from_dict(content, self.source, self.folder)
+
+    def with_options(self, **options: Any) -> Model:
+        """Return a model with other options, e.g. ``sign_order=20``."""
+        return self._changed(**options)
+
+    def _changed(self, **entries: Any) -> Model:
+        return Model.from_dict({**self.to_dict(), **entries}, self.source, self.folder)
+
+    def _pars_of(self, key: str) -> dict[str, Par]:
+        return find_effect(self.effects[key].type, "effects").pars() if key else self.plant.pars()
+
+    # ---------------------------------------------------------------- looking
+
+    @functools.cached_property
+    def structure(self) -> Structure:
+        """What decides the equations, without the numbers (hashable)."""
+        pars = self.plant.pars()
+        built_in = tuple(
+            EffectSlot(name, find_effect(name, "plant"), (), taken, built_in=True)
+            for name, taken in self.plant.built_in.items()
+        )
+        return Structure(
+            plant=self.plant,
+            plant_structural=tuple((n, self.parameters[n]) for n, par in pars.items() if par.structural),
+            zeros=tuple(n for n in self.plant.zero_matters if self.parameters[n] == 0.0),
+            slots=built_in + tuple(_slot(key, use) for key, use in self.effects.items()),
+            with_position=self.with_position or "position" in self.signals,
+            with_load_torque=self.with_load_torque,
+        )
+
+    @property
+    def trace(self) -> Trace:
+        """The equations with recorded signs."""
+        return trace(self.structure)
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+        return self.trace.states
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return self.trace.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs: the states, or what the plant says."""
+        return self.trace.outputs
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of every state, input and output."""
+        return self.trace.units
+
+    @property
+    def _has_spring(self) -> bool:
+        return "k" in self.parameters and "k" not in self.structure.zeros
+
+    @functools.cached_property
+    def p(self) -> NDArray[np.float64]:
+        """Values of the trace's parameters, in its order."""
+        return np.array([self.value(name) for name in self.trace.parameters])
+
+    @functools.cached_property
+    def delay(self) -> float:
+        """Delay of the input in s."""
+        import casadi as ca
+
+        return float(ca.Function("delay", [self.trace.p], [self.trace.delay])(self.p))
+
+    def value(self, name: str) -> float:
+        """Return a parameter's value by dotted name: ``J`` or ``parameters.J``, ``coulomb_friction.mu``."""
+        key, _, inner = name.removeprefix("parameters.").removeprefix("effects.").rpartition(".")
+        table = self.effects[key].parameters if key in self.effects else {} if key else self.parameters
+        if inner not in table:
+            known = [n.split(".", 1)[1] for n in self.par_declarations()]
+            raise ModelError(f"{name}: unknown parameter; known: {choices(known)}{suggest(name, known)}")
+        return table[inner]
+
+    def par_declarations(self) -> dict[str, Par]:
+        """Return every parameter's declaration by ROS name (``effects.coulomb_friction.mu``), units resolved."""
+        found = {f"parameters.{name}": par for name, par in self.plant.pars().items()}
+        for key, use in self.effects.items():
+            pars = self._pars_of(key)
+            found |= {f"effects.{key}.{name}": pars[name] for name in use.parameters}
+        return {name: replace(par, unit=resolve_unit(par.unit, self.plant)) for name, par in found.items()}
+
+    def canonical(self, name: str) -> str:
+        """Return the plant's own name for a state, input or output, resolving position, velocity and effort."""
+        aliases = {
+            "position": self.plant.position,
+            "velocity": self.plant.velocity,
+            "effort": self.plant.effort,
+        }
+        known = (*self.states, *self.inputs, *self.outputs)
+        plain = name if name in known else aliases.get(name, name)
+        if plain not in known:
+            raise ModelError(
+                f"{name!r} is no state, input or output; there are: {choices(known)}{suggest(name, known)}"
+            )
+        return plain
+
+    def state_vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """Return x (n,) from values by name; states not named are 0."""
+        return self._vector(values, self.states, "state")
+
+    def input_vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """Return u (m,) from values by name; inputs not named are 0."""
+        return self._vector(values, self.inputs, "input")
+
+    def _vector(self, values: Mapping[str, float], names: tuple[str, ...], what: str) -> NDArray[np.float64]:
+        out = np.zeros(len(names))
+        for name, value in values.items():
+            plain = self.canonical(name)
+            if plain not in names:
+                raise ModelError(f"{name!r} is no {what}; the {what}s are: {', '.join(names)}")
+            out[names.index(plain)] = value
+        return out
+
+    @property
+    def x0(self) -> NDArray[np.float64]:
+        """The initial state (n,)."""
+        return self.state_vector(self.initial_state)
+
+
+# -------------------------------------------------------------------- files
+
+
+def shipped_models() -> dict[str, Path]:
+    """Return the model files that come with the package, by name."""
+    here = Path(__file__).parent
+    places = (
+        here.parent / "config",
+        here / "config",
+        Path(_data_prefix()) / "share" / "signlin_ros" / "config",
+    )
+    for place in places:
+        files = {f.stem: f for f in sorted(place.glob("*.yaml"))}
+        if "dc_motor" in files:
+            return files
+    return {}
+
+
+def _data_prefix() -> str:
+    import sysconfig
+
+    return sysconfig.get_path("data")
+
+
+def find_model_file(path: str | Path) -> Path:
+    """Return the file for a path or a shipped name; raise `ModelError` naming the nearest shipped one."""
+    file = Path(path)
+    if file.is_file():
+        return file
+    shipped = shipped_models()
+    if str(path) in shipped:
+        return shipped[str(path)]
+    if file.is_dir():
+        raise ModelError(f"{path}: is a folder, not a model file")
+    raise ModelError(
+        f"{path}: no such model file; shipped models: {choices(shipped)}{suggest(str(path), shipped)}"
+    )
+
+
+def _parameters_of(content: Any, file: str) -> Mapping[str, Any]:
+    """Return the mapping below ``ros__parameters`` of the one node, or wildcard, that the file speaks of."""
+    if not isinstance(content, Mapping) or not content:
+        raise ModelError(f"{file}: empty, or not a ROS 2 parameter file (/**: ros__parameters: ...)")
+    blocks = [
+        v["ros__parameters"] for v in content.values() if isinstance(v, Mapping) and "ros__parameters" in v
+    ]
+    blocks = [block for block in blocks if isinstance(block, Mapping) and "plant" in block] or blocks
+    if len(blocks) != 1 or not isinstance(blocks[0], Mapping):
+        found = choices(str(k) for k in content)
+        raise ModelError(
+            f"{file}: found top-level key(s) {found}; allowed: one node or /** with ros__parameters below it"
+        )
+    return blocks[0]
+
+
+class _Dumper(yaml.SafeDumper):
+    """Floats that YAML 1.1 reads back as floats (``1.0e-06``), and short mappings on one line."""
+
+
+def _represent_float(dumper: yaml.SafeDumper, value: float) -> yaml.Node:
+    text = repr(float(value))
+    if "e" in text and "." not in text:
+        text = text.replace("e", ".0e")
+    return dumper.represent_scalar("tag:yaml.org,2002:float", text)
+
+
+_Dumper.add_representer(float, _represent_float)
+
+
+# -------------------------------------------------------------------- reading a mapping
+
+
+def _number(value: Any, where: str, low: float, high: float, unit: str = "", positive: bool = False) -> float:
+    return Par(unit, 0.0, low, high, "", positive=positive).check(value, where)
+
+
+def _choice(allowed: tuple[str, ...]) -> Callable[[Any, str], str]:
+    def check(value: Any, where: str) -> str:
+        if value not in allowed:
+            raise ModelError(
+                f"{where}: found {value!r}; allowed: {', '.join(allowed)}{suggest(str(value), allowed)}"
+            )
+        return str(value)
+
+    return check
+
+
+def _boolean(value: Any, where: str) -> bool:
+    if not isinstance(value, bool):
+        raise ModelError(f"{where}: found {value!r}; allowed: true or false")
+    return value
+
+
+def _names(value: Any, where: str) -> tuple[str, ...]:
+    if not isinstance(value, (list, tuple)) or not all(isinstance(item, str) for item in value):
+        raise ModelError(f"{where}: found {value!r}; allowed: a list of names")
+    return tuple(value)
+
+
+def _table(value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, Mapping):
+        raise ModelError(f"{where}: found {value!r}; allowed: a mapping such as {{name: value}}")
+    return {str(name): item for name, item in _flat(value)}
+
+
+def _flat(value: Mapping[Any, Any], prefix: str = "") -> Any:
+    """Yield dotted names, so that ``{bouc_wen_hysteresis: {h: 0.1}}`` names the state ``bouc_wen_hysteresis.h``."""
+    for name, item in value.items():
+        if isinstance(item, Mapping):
+            yield from _flat(item, f"{prefix}{name}.")
+        else:
+            yield f"{prefix}{name}", item
+
+
+def _number_table(low: float, positive: bool = False) -> Callable[[Any, str], dict[str, float]]:
+    def check(value: Any, where: str) -> dict[str, float]:
+        items = _table(value, where).items()
+        return {
+            name: _number(item, f"{where}.{name}", low, math.inf, positive=positive) for name, item in items
+        }
+
+    return check
+
+
+def _signals(value: Any, where: str) -> dict[str, str]:
+    table = _table(value, where)
+    for name, item in table.items():
+        if not isinstance(item, str):
+            raise ModelError(f"{where}.{name}: found {item!r}; allowed: a column's name or /topic.field[...]")
+    return table
+
+
+def _tolerance(value: Any, where: str) -> float | dict[str, float]:
+    if isinstance(value, Mapping):
+        return _number_table(0.0)(value, where)
+    return _number(value, where, 0.0, 10.0)
+
+
+def _order(value: Any, where: str) -> int:
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, (int, float))
+        or value != value
+        or abs(value) == math.inf
+    ):
+        raise ModelError(f"{where}: found {value!r}; allowed: a whole number from 1 to {sign.MAX_ORDER}")
+    try:
+        return sign.check_order(value)  # type: ignore[arg-type]
+    except InputError as error:
+        raise ModelError(str(error)) from error
+
+
+_OPTIONS: dict[str, Callable[[Any, str], Any]] = {
+    "sign_order": _order,
+    "sign_scale": lambda v, w: _number(v, w, 0.0, 1e12),
+    "operating_range": _number_table(0.0, positive=True),
+    "linearization": _choice(METHODS),
+    "operating_point": _choice(OPERATING_POINTS),
+    "update_period": lambda v, w: _number(v, w, 0.0, 3600.0, "s", positive=True),
+    "state_weights": _number_table(0.0),
+    "initial_state": _number_table(-math.inf),
+    "tolerance": _tolerance,
+    "frozen": _names,
+    "signals": _signals,
+    "effect_files": _names,
+    "with_position": _boolean,
+    "with_load_torque": _boolean,
+}
+
+
+def _default(name: str, plant: type[Plant]) -> Any:
+    if name == "linearization":
+        return plant.linearization
+    item = next(f for f in fields(Model) if f.name == name)
+    return item.default_factory() if callable(item.default_factory) else item.default
+
+
+def _slot(key: str, use: EffectUse) -> EffectSlot:
+    effect = find_effect(use.type, "effects")
+    pars = effect.pars()
+    structural = tuple((n, v) for n, v in use.parameters.items() if pars[n].structural)
+    return EffectSlot(key, effect, structural, tuple(use.parameters))
+
+
+def _effects(value: Any, plant: type[Plant], spring: bool) -> dict[str, EffectUse]:
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise ModelError(
+            f"effects: found {value!r}; allowed: a mapping such as {{coulomb_friction: {{mu: 0.033}}}}"
+        )
+    return {str(key): _effect(str(key), item, plant, spring) for key, item in value.items()}
+
+
+def _effect(key: str, item: Any, plant: type[Plant], spring: bool) -> EffectUse:
+    where = f"effects.{key}"
+    if item is not None and not isinstance(item, Mapping):
+        raise ModelError(f"{where}: found {item!r}; allowed: a mapping of its parameters")
+    given = dict(item or {})
+    name = given.pop("type", key)
+    effect: type[Effect] = find_effect(str(name), where)
+    if effect.plants and plant.name not in effect.plants:
+        raise ModelError(
+            f"{where}: {name} does not apply to {plant.name}, only to {', '.join(effect.plants)}"
+        )
+    if name in plant.built_in:
+        raise ModelError(f"{where}: {name} is part of the plant {plant.name} already")
+    pars = {n: replace(par, unit=resolve_unit(par.unit, plant)) for n, par in effect.pars().items()}
+    values = check_values(pars, given, where)
+    for free in (n for n, par in pars.items() if par.free_standing):
+        if spring and free in values:
+            raise ModelError(f"{where}.{free}: the plant {plant.name} has a spring of its own; leave it out")
+        if not spring and free not in values:
+            raise ModelError(
+                f"{where}.{free}: missing; the plant has no spring of its own ({pars[free].doc})"
+            )
+    return EffectUse(str(name), values)
+
+
+def _read(mapping: Mapping[str, Any], source: str, folder: Path) -> Model:
+    known = ("plant", "parameters", "effects", *_OPTIONS, *NODE_KEYS, *RESERVED_KEYS)
+    for key in mapping:
+        if key not in known:
+            raise ModelError(f"{key}: unknown key; known: {choices(known)}{suggest(str(key), known)}")
+    if "plant" not in mapping:
+        raise ModelError("plant: missing")
+    plant = find_plant(mapping["plant"], "plant")
+    options = {key: check(mapping[key], key) for key, check in _OPTIONS.items() if key in mapping}
+    for name in options.get("effect_files", ()):
+        load_effect_file(folder / name)
+    table = mapping.get("parameters", {})
+    if not isinstance(table, Mapping):
+        raise ModelError(f"parameters: found {table!r}; allowed: a mapping of {choices(plant.pars())}")
+    values = check_values(plant.pars(), table, "parameters")
+    spring = "k" in values and not ("k" in plant.zero_matters and values["k"] == 0.0)
+    model = Model(
+        plant=plant,
+        parameters=values,
+        effects=_effects(mapping.get("effects"), plant, spring),
+        node_options={key: mapping[key] for key in mapping if key in (*NODE_KEYS, *RESERVED_KEYS)},
+        source=source,
+        folder=folder,
+        **{"linearization": plant.linearization, **options},
+    )
+    _check_names(model)
+    return model
+
+
+def _check_names(model: Model) -> None:
+    """Check every option that names a state, an input or a parameter."""
+    checked = {}
+    for option, names in (
+        ("state_weights", model.states),
+        ("initial_state", model.states),
+        ("operating_range", None),
+    ):
+        table: dict[str, float] = getattr(model, option)
+        checked[option] = {_state_name(model, option, name, names): value for name, value in table.items()}
+    for name in model.signals:
+        if not (name.startswith("sensor") or name == "load_torque"):
+            _state_name(model, "signals", name, None)
+    tolerances = model.tolerance if isinstance(model.tolerance, dict) else {}
+    for option, given in (("frozen", model.frozen), ("tolerance", tolerances)):
+        for name in given:
+            if name not in model.parameters:
+                raise ModelError(
+                    f"{option}: {name!r} is no base parameter; there are: {choices(model.parameters)}"
+                )
+    for option, table in checked.items():
+        object.__setattr__(model, option, table)
+    if model.sign_scale == 0.0 and not model.operating_range:
+        raise ModelError("operating_range: missing; sign_scale 0.0 is chosen from it, e.g. {speed: 30.0}")
+
+
+def _state_name(model: Model, option: str, name: str, allowed: tuple[str, ...] | None) -> str:
+    try:
+        plain = model.canonical(name)
+    except ModelError as error:
+        raise ModelError(f"{option}: {error}") from error
+    if allowed is not None and plain not in allowed:
+        raise ModelError(f"{option}: {name!r} is no state; there are: {', '.join(allowed)}")
+    return plain
+
+
+__all__ = ["EffectUse", "Model", "Namespace", "find_model_file", "shipped_models"]

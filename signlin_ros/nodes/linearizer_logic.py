@@ -1,0 +1,254 @@
+"""What the linearizer does, without ROS: take states and inputs, refuse bad ones, give one model per period.
+
+Time is a whole number of nanoseconds of one clock, and is passed in.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.errors import InputError
+from signlin_ros.estimate import StateEstimator
+from signlin_ros.linearize import Linearization, Linearizer
+from signlin_ros.model import Model
+
+Array = NDArray[np.float64]
+NANO = 1_000_000_000
+OK, WARN, ERROR = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a message is not used: a kind to count by, and a detail for people."""
+
+    kind: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class Update:
+    """One published model: the stamp of the state used (ns), the sequence from 0, and the matrices."""
+
+    stamp: int
+    sequence: int
+    result: Linearization
+
+
+@dataclass(frozen=True)
+class Health:
+    """How the linearizer is doing: a level (OK, WARN, ERROR), a sentence, and values to show."""
+
+    level: int
+    message: str
+    values: dict[str, str]
+
+
+@dataclass(frozen=True)
+class _State:
+    """The newest good state: x (n,) and its stamp in ns."""
+
+    x: Array
+    stamp: int
+
+
+class LinearizerLogic:
+    """States and inputs in, models out.
+
+    Parameters
+    ----------
+    model : what is linearized.
+    now : the time in ns; periods are counted from here.
+    state_timeout : s without a valid state after which nothing is published; 0: three update periods.
+    """
+
+    def __init__(self, model: Model, now: int, state_timeout: float = 0.0) -> None:
+        self.refused: Counter[str] = Counter()
+        self.accepted = 0
+        self.sequence = 0
+        self.last_refusal: Refusal | None = None
+        self.last: Update | None = None
+        self.input_received = False
+        self.state_timeout = state_timeout
+        self.u = np.zeros(len(model.inputs))
+        self.configure(model)
+        self.reset(now)
+
+    # ---------------------------------------------------------------- configuration
+
+    def configure(self, model: Model) -> None:
+        """Take another model with the same states and inputs; raise `InputError` if it cannot be linearized."""
+        self.linearizer = checked_linearizer(model)
+        self.model = model
+        self.period = round(model.update_period * NANO)
+        self._estimator: StateEstimator | None = None
+
+    def reset(self, now: int) -> None:
+        """Forget the state and count periods from ``now``: the clock has jumped."""
+        self._state: _State | None = None
+        self._estimator = None
+        self.restart(now)
+
+    def restart(self, now: int) -> None:
+        """Count periods from ``now``."""
+        self.origin = now
+        self._periods = 0
+        self._recent: list[int] = []
+
+    @property
+    def timeout(self) -> int:
+        """Age in ns above which a state is not used."""
+        return round(self.state_timeout * NANO) if self.state_timeout > 0 else 3 * self.period
+
+    # ---------------------------------------------------------------- input
+
+    def take_input(self, value: Array | Refusal) -> None:
+        """Hold an input (m,) until the next one."""
+        if isinstance(value, Refusal):
+            self._refuse(Refusal(f"input_{value.kind}", value.detail))
+            return
+        self.u = value
+        self.input_received = True
+
+    def take_state(self, value: Array | Refusal, now: int) -> None:
+        """Take a whole state (n,), which has no stamp of its own and is stamped with the time it came."""
+        if isinstance(value, Refusal):
+            self._refuse(value)
+            return
+        self._accept(value, now, now)
+
+    def take_measured(self, value: Mapping[str, float] | Refusal, stamp: int, now: int) -> None:
+        """Take what is measured of a state, by name, with its own stamp; the model carries the rest.
+
+        Refused: a stamp older than the timeout, from the future by more than that, repeated, or out of order; a
+        position or velocity that is missing.
+        """
+        if isinstance(value, Refusal):
+            self._refuse(value)
+            return
+        fault = self._stamp_fault(stamp, now) or self._missing(value)
+        if fault is not None:
+            self._refuse(fault)
+            return
+        self._accept(self._whole(value, stamp), stamp, now)
+
+    def _refuse(self, refusal: Refusal) -> None:
+        self.refused[refusal.kind] += 1
+        self.last_refusal = refusal
+
+    def _accept(self, x: Array, stamp: int, now: int) -> None:
+        if self._state is None:  # periods that passed without a state are not made up for
+            self._periods = max(self._periods, (now - self.origin) // self.period)
+        self._state = _State(x, stamp)
+        self.accepted += 1
+
+    def _stamp_fault(self, stamp: int, now: int) -> Refusal | None:
+        age = now - stamp
+        if age > self.timeout:
+            hint = "; is header.stamp filled in?" if stamp == 0 else ""
+            return Refusal("stale", f"stamp is {age / NANO:.3g} s old{hint}")
+        if age < -self.timeout:
+            return Refusal("future", f"stamp is {-age / NANO:.3g} s ahead of the clock")
+        last = None if self._state is None else self._state.stamp
+        if last is not None and stamp <= last:
+            kind = "repeated" if stamp == last else "out_of_order"
+            return Refusal(kind, f"stamp is {(last - stamp) / NANO:.3g} s before the last one")
+        return None
+
+    def _missing(self, measured: Mapping[str, float]) -> Refusal | None:
+        needed = (self.model.plant.position, self.model.plant.velocity)
+        missing = [name for name in needed if name in self.model.states and name not in measured]
+        return Refusal("missing", f"no {' and no '.join(missing)} in the message") if missing else None
+
+    def _whole(self, measured: Mapping[str, float], stamp: int) -> Array:
+        """Return the state (n,), with what is not measured carried by the model."""
+        if all(name in measured for name in self.model.states):
+            return np.array([measured[name] for name in self.model.states])
+        if self._estimator is None:
+            self._estimator = StateEstimator(self.model, tuple(measured), rate=None)
+        return self._estimator.update((stamp - self.origin) / NANO, measured, self.u)
+
+    # ---------------------------------------------------------------- output
+
+    def updates(self, now: int) -> list[Update]:
+        """Return the models that have fallen due by ``now``: one per period, none without a state that is fresh enough.
+
+        Periods are counted, so that none is lost or doubled where a fast simulated clock, or a busy machine, calls late.
+        """
+        first, self._periods = self._periods + 1, max(self._periods, (now - self.origin) // self.period)
+        state = self._state
+        if state is None or self._periods < first:
+            return []
+        oldest = -((self.origin - state.stamp + self.timeout) // self.period)
+        newest = (state.stamp + self.timeout - self.origin) // self.period
+        due = min(self._periods, newest) - max(first, oldest) + 1
+        return self._results(state, due, now) if due > 0 else []
+
+    def _results(self, state: _State, due: int, now: int) -> list[Update]:
+        try:
+            result = self.linearizer(state.x, self.u)
+        except InputError as error:
+            return self._no_result(str(error))
+        if not all(np.isfinite(part).all() for part in (result.A, result.B, result.c, result.x, result.u)):
+            return self._no_result("the matrices at this state are not finite")
+        made = [Update(state.stamp, self.sequence + i, result) for i in range(due)]
+        self.sequence += due
+        self.last = made[-1]
+        self._recent = [*self._recent[-20:], *[now] * due]
+        return made
+
+    def _no_result(self, why: str) -> list[Update]:
+        self._refuse(Refusal("no_result", why))
+        self._state = None
+        return []
+
+    # ---------------------------------------------------------------- diagnostics
+
+    def health(self, now: int) -> Health:
+        """Return the state of affairs for /diagnostics."""
+        age = now - (self.origin if self._state is None else self._state.stamp)
+        level, message = self._verdict(age)
+        values = {
+            "plant": self.model.plant.name,
+            "sequence": str(self.sequence),
+            "rate [Hz]": f"{self.rate(now):.3f}",
+            "state age [s]": "no state" if self._state is None else f"{age / NANO:.6f}",
+            "states accepted": str(self.accepted),
+            "messages refused": str(sum(self.refused.values())),
+            "input received": str(self.input_received).lower(),
+            "in_valid_range": "unknown" if self.last is None else str(self.last.result.in_valid_range).lower(),
+            "delay [s]": "unknown" if self.last is None else f"{self.last.result.delay:g}",
+        }
+        if self.last is not None:
+            values["age of the last model [s]"] = f"{(now - self.last.stamp) / NANO:.6f}"
+        if self.last_refusal is not None:
+            values["last refused"] = f"{self.last_refusal.kind}: {self.last_refusal.detail}"
+        return Health(level, message, values | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())})
+
+    def _verdict(self, age: int) -> tuple[int, str]:
+        if age > self.timeout:
+            what = "no valid state yet" if self.last is None else "no valid state; the last model stays"
+            return ERROR, f"{what} ({age / NANO:.3g} s)"
+        if self._state is None:
+            return WARN, "waiting for the first state"
+        if self.last is not None and not self.last.result.in_valid_range:
+            return WARN, "outside the valid range of sign_j: friction is under- or overestimated"
+        return OK, "publishing"
+
+    def rate(self, now: int) -> float:
+        """Return how many models were made per second lately, over the last 20 at most."""
+        if len(self._recent) < 2 or now - self._recent[-1] > self.timeout:
+            return 0.0
+        span = (self._recent[-1] - self._recent[0]) / NANO
+        return (len(self._recent) - 1) / span if span > 0 else 0.0
+
+
+def checked_linearizer(model: Model) -> Linearizer:
+    """Return a linearizer that has done one point already, so that nothing is compiled later; raise `InputError` if not."""
+    linearizer = Linearizer(model)
+    linearizer(model.x0, np.zeros(len(model.inputs)))
+    return linearizer

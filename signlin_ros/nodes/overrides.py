@@ -1,0 +1,189 @@
+"""ROS parameters and models, without ROS: flat dotted names to a model and back.
+
+ROS flattens a parameter file (``effects.coulomb_friction.mu``). Here the names are put together again for
+`signlin_ros.model.Model`, and a model's values are listed as what a node declares.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from signlin_ros import sign
+from signlin_ros.errors import InputError, ModelError, suggest
+from signlin_ros.model import METHODS, OPERATING_POINTS, Model
+
+Value = float | int | bool | str | list[str]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One parameter of a node as it is declared: the value, and what ``ros2 param describe`` shows.
+
+    A float or int must lie in [low, high]; a string, where there are choices, must be one of them.
+    """
+
+    value: Value
+    description: str
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+    read_only: bool = True
+
+    def check(self, name: str, value: Any) -> Value:
+        """Return ``value`` in the type of the entry; raise `InputError` where it does not fit."""
+        if isinstance(self.value, float) and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if type(value) is not type(self.value):
+            kind = {float: "a number", int: "a whole number", bool: "true or false", str: "a text"}
+            raise InputError(f"{name}: found {value!r}; allowed: {kind[type(self.value)]}")
+        if isinstance(value, float | int) and not self.low <= value <= self.high:
+            raise InputError(f"{name}: found {value:g}; allowed: [{self.low:g}, {self.high:g}]")
+        if self.choices and value not in self.choices:
+            hint = suggest(str(value), self.choices)
+            raise InputError(f"{name}: found {value!r}; allowed: {', '.join(self.choices)}{hint}")
+        return self.value.__class__(value)
+
+
+def nested(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """Return dotted names as a tree: ``{"a.b": 1}`` as ``{"a": {"b": 1}}``; raise `ModelError` on a clash."""
+    tree: dict[str, Any] = {}
+    for name, value in sorted(flat.items()):
+        *path, last = name.split(".")
+        branch = tree
+        for part in path:
+            branch = branch.setdefault(part, {})
+            if not isinstance(branch, dict):
+                raise ModelError(f"{name}: {part} has a value of its own already")
+        branch[last] = value
+    return tree
+
+
+def model_of(flat: Mapping[str, Any], arguments: Sequence[str]) -> Model:
+    """Return the model that a node's parameters describe.
+
+    Parameters
+    ----------
+    flat : dotted name -> value, as ROS has read them.
+    arguments : the command line, to find the file that ``effect_files`` are relative to.
+
+    Raises
+    ------
+    ModelError
+        A name that nothing declares, with the nearest known one; a value that is not allowed.
+    """
+    files = parameter_files(arguments)
+    source = str(files[-1]) if files else "parameters"
+    mapping = nested(flat)
+    if "plant" not in mapping:
+        raise ModelError(
+            f"{source}: plant: missing; start the node with --ros-args --params-file <model file>, "
+            "for example <prefix>/share/signlin_ros/config/dc_motor.yaml"
+        )
+    return Model.from_dict(mapping, source, _folder(files, mapping.get("effect_files", ())))
+
+
+def parameter_files(arguments: Sequence[str]) -> list[Path]:
+    """Return the files named by ``--params-file`` in a command line, in order."""
+    return [Path(value) for flag, value in zip(arguments, arguments[1:]) if flag == "--params-file"]
+
+
+def _folder(files: Sequence[Path], effect_files: Iterable[str]) -> Path:
+    """Return the folder of the parameter file that the effect files lie beside: the last in which they all exist."""
+    folders = [file.parent for file in reversed(files)] or [Path()]
+    names = [Path(name) for name in effect_files]
+    return next((f for f in folders if all((f / name).is_file() for name in names)), folders[0])
+
+
+def entries_of(model: Model) -> dict[str, Entry]:
+    """Return every value of a model as parameters by dotted name, so that ``ros2 param dump`` gives it all."""
+    found = {"plant": Entry(model.plant.name, "base equations")}
+    for name, par in model.par_declarations().items():
+        excluded = ", 0 excluded" if par.positive and par.low == 0 else ""
+        found[name] = Entry(
+            model.value(name), f"{par.doc} [{par.unit}]{excluded}", par.low, par.high, read_only=par.structural
+        )
+    for key, use in model.effects.items():
+        found[f"effects.{key}.type"] = Entry(use.type, "name of the effect in the catalogue")
+    return found | _method_entries(model) | _fixed_entries(model)
+
+
+def _method_entries(model: Model) -> dict[str, Entry]:
+    """Return the options that can change while the node runs."""
+    free = {"read_only": False}
+    found = {
+        "sign_order": Entry(model.sign_order, "order j of sign_j", 1, sign.MAX_ORDER, **free),
+        "sign_scale": Entry(
+            model.sign_scale, "scale of sign_j in the unit of each surface; 0: from operating_range", 0, 1e12, **free
+        ),
+        "linearization": Entry(model.linearization, "method", choices=METHODS, **free),
+        "operating_point": Entry(model.operating_point, "where A and B are taken", choices=OPERATING_POINTS, **free),
+        "update_period": Entry(model.update_period, "time between two models [s], 0 excluded", 0.0, 3600.0, **free),
+    }
+    for name in model.states:
+        weight = model.state_weights.get(name, 1.0)
+        text = f"weight of {name} in the optimal linearization [-]; 0 leaves its column at the Jacobian's"
+        found[f"state_weights.{name}"] = Entry(weight, text, 0.0, 1e300, **free)
+    for name, value in model.operating_range.items():
+        text = f"largest |{name}| [{model.units[name]}], for sign_scale 0"
+        found[f"operating_range.{name}"] = Entry(value, text, 0.0, 1e300, **free)
+    return found
+
+
+def _fixed_entries(model: Model) -> dict[str, Entry]:
+    """Return the options that are decided when the node starts."""
+    found = {
+        "with_position": Entry(model.with_position, "position as a state even where nothing needs it"),
+        "with_load_torque": Entry(model.with_load_torque, "load torque as a second input"),
+    }
+    for name, value in model.initial_state.items():
+        found[f"initial_state.{name}"] = Entry(value, f"initial {name} [{model.units[name]}]")
+    for name, column in model.signals.items():
+        found[f"signals.{name}"] = Entry(column, f"column or topic that holds {name} in a record")
+    for name, names in (("frozen", model.frozen), ("effect_files", model.effect_files)):
+        if names:
+            found[name] = Entry(list(names), {"frozen": "parameters that no fit may move"}.get(name, "files"))
+    tolerances = model.tolerance if isinstance(model.tolerance, dict) else {"": model.tolerance}
+    for name, value in tolerances.items():
+        found[f"tolerance.{name}".rstrip(".")] = Entry(value, "relative tolerance of the base parameters [-]")
+    return found
+
+
+def changed(model: Model, changes: Mapping[str, Any]) -> Model:
+    """Return a model with some parameters changed, all at once; names that are not the model's are ignored.
+
+    Raises
+    ------
+    InputError
+        A value that is not allowed, or one that would change the states or inputs.
+    """
+    numbers = {name: value for name, value in changes.items() if name.startswith(("parameters.", "effects."))}
+    options = {name: value for name, value in nested(changes).items() if name in _CHANGEABLE}
+    for name in ("state_weights", "operating_range"):
+        if name in options:
+            options[name] = {**getattr(model, name), **options[name]}
+    try:
+        new = model.with_parameters(numbers) if numbers else model
+        new = new.with_options(**options) if options else new
+    except ModelError as error:
+        raise InputError(_plain(str(error), model.source)) from error
+    if (new.states, new.inputs) != (model.states, model.inputs):
+        names = ", ".join(changes)
+        raise InputError(f"{names}: this would change the states or inputs; restart the node with it instead")
+    return new
+
+
+_CHANGEABLE = (
+    *("sign_order", "sign_scale", "linearization", "operating_point", "update_period"),
+    *("state_weights", "operating_range"),
+)
+
+
+def _plain(message: str, source: str) -> str:
+    """Return a message without the file's name before it: what is refused here came from no file."""
+    while message.startswith(f"{source}: "):
+        message = message.removeprefix(f"{source}: ")
+    return message

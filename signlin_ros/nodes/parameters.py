@@ -1,0 +1,95 @@
+"""A model as ROS parameters: declared with description, unit and range, checked and changed at run time."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from signlin_ros.errors import InputError
+from signlin_ros.nodes import overrides
+from signlin_ros.nodes.overrides import Entry, Value
+
+
+class ModelNode(Node):  # type: ignore[misc]
+    """A node whose parameters are a model file, and some options of its own."""
+
+    def __init__(self, name: str, options: Mapping[str, Entry]) -> None:
+        super().__init__(name)
+        given = {key: parameter.value for key, parameter in self._parameter_overrides.items()}
+        self.model = overrides.model_of(given, sys.argv)
+        declare(self, overrides.entries_of(self.model))
+        values = {key: entry.check(key, given.get(key, entry.value)) for key, entry in options.items()}
+        declare(self, {key: with_value(entry, values[key]) for key, entry in options.items()})
+        self.options = values
+
+    def now(self) -> int:
+        """Return the time of the node's clock in ns."""
+        return int(self.get_clock().now().nanoseconds)
+
+
+def with_value(entry: Entry, value: Value) -> Entry:
+    """Return an entry with another value."""
+    return Entry(value, entry.description, entry.low, entry.high, entry.choices, entry.read_only)
+
+
+def declare(node: Node, entries: Mapping[str, Entry]) -> None:
+    """Declare parameters with their values.
+
+    The values come from the overrides already, checked and with whole numbers made floats where a float is meant: rclpy itself
+    would end the node with an exception there.
+    """
+    for name, entry in entries.items():
+        node.declare_parameter(name, entry.value, descriptor(entry), ignore_override=True)
+
+
+def descriptor(entry: Entry) -> ParameterDescriptor:
+    """Return the descriptor of an entry."""
+    result = ParameterDescriptor(description=entry.description, read_only=entry.read_only)
+    if entry.choices:
+        result.additional_constraints = f"one of: {', '.join(entry.choices)}"
+    if isinstance(entry.value, bool) or entry.low == -float("inf"):
+        return result
+    if isinstance(entry.value, int):
+        result.integer_range = [IntegerRange(from_value=int(entry.low), to_value=int(entry.high), step=1)]
+    elif isinstance(entry.value, float):
+        result.floating_point_range = [FloatingPointRange(from_value=entry.low, to_value=entry.high, step=0.0)]
+    return result
+
+
+def on_change(node: Node, try_changes: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]) -> None:
+    """Check changes before they are set, and apply them after.
+
+    ``try_changes`` raises `InputError` to refuse; the reason goes to who asked, and nothing changes. A whole number for a
+    parameter that is a float is taken as one.
+    """
+
+    def floats(parameters: Sequence[Parameter]) -> list[Parameter]:
+        return [_as_declared(node, parameter) for parameter in parameters]
+
+    def check(parameters: Sequence[Parameter]) -> SetParametersResult:
+        try:
+            try_changes({parameter.name: parameter.value for parameter in parameters})
+        except InputError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def after(parameters: Sequence[Parameter]) -> None:
+        apply({parameter.name: parameter.value for parameter in parameters})
+
+    node.add_pre_set_parameters_callback(floats)
+    node.add_on_set_parameters_callback(check)
+    node.add_post_set_parameters_callback(after)
+
+
+def _as_declared(node: Node, parameter: Parameter) -> Parameter:
+    """Return a parameter, a whole number made a float where a float is declared."""
+    declared = node.get_parameter(parameter.name) if node.has_parameter(parameter.name) else None
+    whole = parameter.type_ == Parameter.Type.INTEGER
+    if whole and declared is not None and declared.type_ == Parameter.Type.DOUBLE:
+        return Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
+    return parameter

@@ -1,0 +1,52 @@
+"""Start a node, spin it, and end cleanly on SIGINT and SIGTERM."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from signlin_ros.errors import InputError
+
+
+def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
+    """Run the node that ``create`` makes until a signal, or until it calls `finish`; return the exit code.
+
+    0: ended as asked; 2: what the user gave is bad, said in one line. With the handlers of rclpy itself one end in ten
+    fails on SIGTERM (the context dies under the running wait), so the signals only set an event here.
+    """
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    executor = node = None
+    try:
+        rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)
+        executor = SingleThreadedExecutor()
+        node = create()
+        executor.add_node(node)
+        while not stop.is_set() and not getattr(node, "finished", False):
+            executor.spin_once(timeout_sec=0.1)
+        return 0
+    except InputError as error:
+        get_logger(name).fatal(str(error))
+        return 2
+    finally:
+        _end(executor, node)
+
+
+def _end(executor: SingleThreadedExecutor | None, node: Node | None) -> None:
+    """Take everything down; a second signal must not interrupt this."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    if executor is not None:
+        executor.shutdown()
+    if node is not None:
+        node.destroy_node()
+    rclpy.try_shutdown()

@@ -1,0 +1,72 @@
+"""What a plant is: the base equations that effects are added to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Protocol
+
+from signlin_ros.par import HasPars
+
+
+class Acting(Protocol):
+    """The effects of a model, as a plant's equations see them (`signlin_ros.trace`)."""
+
+    def force(self, drive: Any, elastic: Any) -> Any:
+        """Return the summed force of all effects, given the driving force and the plant's own spring force."""
+
+    def spring(self, k: Any) -> Any:
+        """Return the restoring force of the plant's spring, ``k q`` unless an effect changes it."""
+
+    def torque_constant(self, K_t: Any) -> Any:  # noqa: N803
+        """Return the torque constant as the effects leave it."""
+
+    def resistance(self, R_a: Any) -> Any:  # noqa: N803
+        """Return the armature resistance as the effects leave it."""
+
+
+class Plant(HasPars):
+    """Base equations: parameters as `Par` attributes, names, and `rates`.
+
+    ``force_unit`` and ``position_unit`` say what ``F`` and ``Q`` mean in the units of the plant and its effects.
+    """
+
+    name: ClassVar[str]
+    equation: ClassVar[str]
+    force_unit: ClassVar[str]
+    position_unit: ClassVar[str]
+    input_unit: ClassVar[str]
+    position: ClassVar[str] = "displacement"
+    """Name of the coordinate q."""
+    velocity: ClassVar[str] = "velocity"
+    """Name of the coordinate v, a state or an input."""
+    position_optional: ClassVar[bool] = False
+    """Whether the position is a state only where something needs it."""
+    inputs: ClassVar[dict[str, str]]
+    """Inputs and units."""
+    optional_inputs: ClassVar[dict[str, str]] = {}
+    effort: ClassVar[str] = "force"
+    """What the alias ``effort`` means: an input, an output, or a state of the plant; empty: nothing."""
+    outputs: ClassVar[dict[str, str]] = {}
+    """Outputs beside the states, and units."""
+    linearization: ClassVar[str] = "termwise"
+    """Default method."""
+    zero_matters: ClassVar[tuple[str, ...]] = ()
+    """Parameters that change the equations when they are exactly 0."""
+    built_in: ClassVar[dict[str, tuple[str, ...]]] = {}
+    """Effects that are part of the plant, with the plant's parameters that they take."""
+    own_state_names: ClassVar[dict[str, str]] = {}
+    """Names of states of built-in effects, e.g. ``bouc_wen_hysteresis.h`` called ``hysteresis``."""
+
+    @classmethod
+    def states(cls, values: Mapping[str, float]) -> dict[str, str]:
+        """Return the plant's states and units, without an optional position; ``values`` are its parameters."""
+        raise NotImplementedError
+
+    def rates(self, m: Any, x: Any, u: Any, p: Any, act: Acting) -> dict[str, Any]:
+        """Return the derivative of every state of the plant and the value of every output, by name."""
+        raise NotImplementedError
+
+    @classmethod
+    def summary(cls) -> str:
+        """Return the first line of the docstring."""
+        return (cls.__doc__ or "").strip().splitlines()[0]

@@ -1,0 +1,52 @@
+"""A permanent-magnet DC motor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from signlin_ros.par import Par
+from signlin_ros.plants.base import Acting, Plant
+
+
+class DcMotor(Plant):
+    """A permanent-magnet DC motor.
+
+    L_a i' = V - R_a i - K_m w,  J w' = K_t i - B w - T_L + effects,  q' = w.   [paper eq. (28)]
+    With L_a = 0 the current follows the voltage at once and is no state.
+    """
+
+    name = "dc_motor"
+    equation = "L_a i' = V - R_a i - K_m w,  J w' = K_t i - B w - T_L + effects,  q' = w"
+    force_unit, position_unit, input_unit = "N·m", "rad", "V"
+    position, velocity, effort = "position", "speed", ""
+    position_optional = True
+    zero_matters = ("L_a",)
+    inputs = {"voltage": "V"}
+    optional_inputs = {"load_torque": "N·m"}
+
+    R_a = Par("Ohm", nominal=0.764, positive=True, doc="armature resistance")
+    L_a = Par("H", nominal=0.0026, doc="armature inductance; 0: the current follows the voltage at once")
+    K_t = Par("N·m/A", nominal=0.0805, positive=True, doc="torque constant")
+    K_m = Par("V·s/rad", nominal=0.0805, doc="back-EMF constant")
+    B = Par("N·m·s/rad", nominal=0.0, doc="viscous friction")
+    J = Par("kg·m²", nominal=0.0022, positive=True, doc="inertia of rotor and load")
+
+    @classmethod
+    def states(cls, values: Mapping[str, float]) -> dict[str, str]:
+        """Return current (where there is an inductance) and speed."""
+        current = {} if values["L_a"] == 0.0 else {"current": "A"}
+        return {**current, "speed": "rad/s"}
+
+    def rates(self, m: Any, x: Any, u: Any, p: Any, act: Acting) -> dict[str, Any]:
+        """Paper eq. (28)."""
+        resistance = x.resistance = act.resistance(p.R_a)
+        quasi_static = not hasattr(x, "current")
+        if quasi_static:
+            x.current = (u.voltage - p.K_m * x.velocity) / resistance
+        torque = act.torque_constant(p.K_t) * x.current
+        load = getattr(u, "load_torque", 0)
+        rates = {"speed": (torque - p.B * x.velocity - load + act.force(torque, 0)) / p.J}
+        if not quasi_static:
+            rates["current"] = (u.voltage - resistance * x.current - p.K_m * x.velocity) / p.L_a
+        return rates

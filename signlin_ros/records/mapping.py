@@ -1,0 +1,397 @@
+"""From a record's columns to a model's inputs and measurements: names, order and units of the model."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from signlin_ros.errors import ModelError, RecordError
+
+from . import units
+from .align import align, named
+from .header import TIME_KEYS
+from .table import Record, Signal, frozen
+
+if TYPE_CHECKING:
+    from signlin_ros.model import Model
+
+Array = npt.NDArray[np.float64]
+
+ALIASES = ("position", "velocity", "effort")
+LONGEST_HOLD = 5
+"""So many missing samples of an input in a row are filled with the value before them; more are refused."""
+_OPTIONAL = frozenset({"load_torque"})
+"""Inputs that are 0 where the record has no such column."""
+_DEFAULT_TOPIC = re.compile(r"(?P<topic>(?:/\w+)*/(?P<role>state|input))\.data\[(?P<index>\d+)\]\Z")
+
+
+@dataclass(frozen=True, eq=False)
+class ModelData:
+    """A record in a model's terms: what a simulation needs and what it is compared with. All arrays are
+    read-only.
+
+    Attributes
+    ----------
+    t : (T,) s
+    u : (T, m), inputs in the model's order and units, no NaN; held between samples.
+    measured : name of a state or output -> (T,), in the model's units; NaN is a missing sample.
+    x0 : (n,), the state at t[0] where the first row holds all of it, else None.
+    inputs, states : the model's names.
+    units : name -> unit of the inputs and measurements; rotary (rad, N·m) where a rotary record drives a
+        translational model. unused : columns of the record that the model has no use for. notes : what was
+        done to the data, one sentence each.
+    """
+
+    t: Array
+    u: Array
+    measured: dict[str, Array]
+    x0: Array | None
+    inputs: tuple[str, ...]
+    states: tuple[str, ...]
+    units: dict[str, str]
+    source: str = "record"
+    unused: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    @property
+    def x(self) -> Array:
+        """The measured states, (T, n); NaN where a state is not measured."""
+        empty = np.full(self.t.shape, np.nan)
+        columns = [self.measured.get(name, empty) for name in self.states]
+        return np.stack(columns, axis=1) if columns else np.empty((self.t.size, 0))
+
+    def part(self, start: int | None, stop: int | None = None) -> ModelData:
+        """The samples from `start` to before `stop`, with the state at the new start."""
+        cut = slice(start, stop)
+        measured = {name: frozen(values[cut]) for name, values in self.measured.items()}
+        t, u = frozen(self.t[cut]), frozen(self.u[cut])
+        return replace(self, t=t, u=u, measured=measured, x0=_first_state(measured, self.states))
+
+
+def for_model(
+    record: Record,
+    model: Model,
+    signals: Mapping[str, str] | None = None,
+    *,
+    require: str = "inputs",
+    base: str | None = None,
+) -> ModelData:
+    """Find the model's inputs, states and outputs in a record.
+
+    A name is looked for in this order: `signals` (which must then be there), the model's own ``signals``, a
+    column of that name, the topics ``/state`` and ``/input`` of the nodes, the aliases ``position``,
+    ``velocity``, ``effort``.
+
+    Parameters
+    ----------
+    require : ``"inputs"`` refuses a record without the inputs, ``"none"`` takes missing ones as 0, with a
+        note. base : for a bag, the signal whose stamps are used; None: the fastest measured one.
+
+    Raises
+    ------
+    RecordError
+        An input is missing, or has gaps too long to hold; a unit does not fit; a mapped column is not there.
+    """
+    if require not in ("inputs", "none"):
+        raise RecordError(f"require must be 'inputs' or 'none', not {require!r}")
+    chosen, notes = _chosen(record, model, signals or {})
+    derived = _velocity_of(model, chosen)
+    _check_inputs(record, model, {*chosen, *derived}, require, notes)
+    record = _aligned(record, model, chosen, base)
+    converted, unit_of = _converted(record, model, chosen, notes)
+    for name, position in derived.items():
+        converted[name] = np.gradient(converted[position], record.t)
+        unit_of[name] = {"rad": "rad/s"}.get(unit_of[position], model.units[name])
+        notes.append(f"{name} is the central difference of {position}")
+    names = _unique(model.states, model.outputs)
+    measured = {name: frozen(converted[name]) for name in names if name in chosen}
+    measured = {name: values for name, values in measured.items() if not np.isnan(values).all()}
+    notes += [f"{name} holds no sample" for name in names if name in chosen and name not in measured]
+    record, u, measured = _with_inputs(record, model, converted, measured, notes)
+    return ModelData(
+        t=record.t,
+        u=u,
+        measured=measured,
+        x0=_first_state(measured, model.states),
+        inputs=tuple(model.inputs),
+        states=tuple(model.states),
+        units=unit_of,
+        source=record.source,
+        unused=tuple(name for name in record.signals if name not in chosen.values()),
+        notes=(*record.notes, *notes),
+    )
+
+
+def _unique(*groups: tuple[str, ...]) -> list[str]:
+    return list(dict.fromkeys(name for group in groups for name in group))
+
+
+def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
+    """Model name -> key in the record, and notes."""
+    names = _unique(model.inputs, model.states, model.outputs)
+    given = _canonical(model, signals, strict=True)
+    own = _canonical(model, model.signals, strict=False)
+    chosen: dict[str, str] = {}
+    notes: list[str] = []
+    for name in names:
+        if name in given:
+            chosen[name] = record.require(given[name], f"signal (mapped to {name})")
+            continue
+        key = record.find(own[name]) if name in own else None
+        key = key or record.find(name, further=False) or _default(record, model, name, notes)
+        if key is not None:
+            chosen[name] = key
+        if name in own and (key is None or key != record.find(own[name])):
+            instead = f"; {key!r} is used" if key else ""
+            notes.append(
+                f"the model's signals map {name} to {own[name]!r}, which is not in this record{instead}"
+            )
+    for alias in ALIASES:
+        target = _alias(model, alias)
+        if target is None or target in chosen:
+            continue
+        try:
+            found = record.find(alias)
+        except RecordError as error:
+            notes.append(f"{error}: none is taken as {target}")
+            continue
+        if found is not None and found not in chosen.values():
+            chosen[target] = found
+    return chosen, notes
+
+
+def _canonical(model: Model, signals: Mapping[str, str], strict: bool) -> dict[str, str]:
+    """A mapping with the model's own names for keys, without those for the time column.
+
+    `strict` refuses a name that the model does not have; the model's own mapping may have more than it uses.
+    """
+    result: dict[str, str] = {}
+    for key, spec in signals.items():
+        name = None if key in TIME_KEYS else _name(model, key, spec, strict)
+        if name is None:
+            continue
+        if name in result:
+            raise RecordError(f"signals map {name} twice, to {result[name]!r} and to {spec!r}")
+        result[name] = spec
+    return result
+
+
+def _name(model: Model, key: str, spec: str, strict: bool) -> str | None:
+    try:
+        return model.canonical(key)
+    except ModelError as error:
+        if not strict:
+            return None
+        hint = "; set with_position: true in the model" if key == "position" else ""
+        raise ModelError(f"signal {key}={spec}: {error}{hint}") from None
+
+
+def _default(record: Record, model: Model, name: str, notes: list[str]) -> str | None:
+    """The key of a state or input in a ``/state`` or ``/input`` array in the model's order."""
+    for role, names in (("state", tuple(model.states)), ("input", tuple(model.inputs))):
+        entries = _entries(record, role, names)
+        if name in names and names.index(name) < len(entries):
+            if len(entries) != len(names) and name == names[0]:
+                taken = ", ".join(names[: len(entries)])
+                notes.append(
+                    f"/{role} has {len(entries)} values, the model {len(names)}: the first are {taken}"
+                )
+            return entries[names.index(name)]
+    return None
+
+
+def _entries(record: Record, role: str, names: tuple[str, ...]) -> list[str]:
+    """Keys of the elements of the only array topic called /state or /input, in order; none if labels name the
+    elements.
+    """
+    found: dict[str, dict[int, str]] = {}
+    for key, signal in record.signals.items():
+        match = _DEFAULT_TOPIC.match(signal.label)
+        if match and match["role"] == role:
+            found.setdefault(match["topic"], {})[int(match["index"])] = key
+    if len(found) != 1:
+        return []
+    (elements,) = found.values()
+    if set(names) & set(elements.values()):
+        return []
+    return [elements[i] for i in sorted(elements)]
+
+
+def _alias(model: Model, alias: str) -> str | None:
+    """What an alias stands for in this model, if anything; an effort is a force or a torque, nothing else."""
+    try:
+        name = model.canonical(alias)
+    except ModelError:
+        return None
+    if name not in model.units or (alias == "effort" and units.conversion("N·m", model.units[name]) is None):
+        return None
+    return name
+
+
+def _velocity_of(model: Model, chosen: Mapping[str, str]) -> dict[str, str]:
+    """An imposed motion recorded as displacement only: the input velocity is derived from it."""
+    if "velocity" in model.inputs and "velocity" not in chosen and "displacement" in chosen:
+        return {"velocity": "displacement"}
+    return {}
+
+
+def _check_inputs(record: Record, model: Model, found: set[str], require: str, notes: list[str]) -> None:
+    for name in model.inputs:
+        if name in found:
+            continue
+        if name in _OPTIONAL or require == "none":
+            notes.append(f"no input {name} in the record: taken as 0")
+            continue
+        out = [note for note in record.notes if note.endswith("left out")]
+        raise RecordError(
+            f"{record.source}: no column for input {name!r}; {record.listing()}{_hint(record, model, name)}; "
+            f"map it with --signal {name}=COLUMN or signals: {{{name}: COLUMN}} in the model file"
+            + "".join(f" ({note})" for note in out)
+        )
+
+
+def _hint(record: Record, model: Model, name: str) -> str:
+    """The nearest name, else the columns that at least have the right unit."""
+    near = record.nearest(name)
+    if near:
+        return near
+    fits = [
+        signal.label
+        for signal in record.signals.values()
+        if signal.unit and units.conversion(signal.unit, model.units[name]) is not None
+    ]
+    return f"; in {model.units[name]} or the like: {', '.join(map(repr, fits))}" if fits else ""
+
+
+def _aligned(record: Record, model: Model, chosen: Mapping[str, str], base: str | None) -> Record:
+    """A bag's chosen signals on the stamps of the fastest measured one, inputs held; other records as they
+    are.
+    """
+    if not record.series or not chosen:
+        return record
+    inputs = {chosen[name] for name in model.inputs if name in chosen}
+    used = {key: record.series[key] for key in dict.fromkeys(chosen.values())}
+    try:
+        if base is not None:
+            base = named(record.series, base)
+            used.setdefault(base, record.series[base])
+        t, signals, notes = align(used, inputs, base)
+    except RecordError as error:
+        raise RecordError(f"{record.source}: {error}") from None
+    kept = [note for note in record.notes if note not in record.alignment]
+    others = {
+        key: Signal(np.full(t.shape, np.nan), label=one.label)
+        for key, one in record.series.items()
+        if key not in used
+    }
+    return replace(record, t=t, signals={**signals, **others}, notes=(*kept, *notes), alignment=tuple(notes))
+
+
+def _converted(
+    record: Record, model: Model, chosen: Mapping[str, str], notes: list[str]
+) -> tuple[dict[str, Array], dict[str, str]]:
+    """The chosen columns in the model's units, and the units: name -> (T,), name -> unit."""
+    values: dict[str, Array] = {}
+    unit_of: dict[str, str] = dict(model.units)
+    kinds: dict[str, str] = {}
+    for name, key in chosen.items():
+        signal, wanted = record.signals[key], model.units[name]
+        how = units.conversion(signal.unit, wanted)
+        if how is None:
+            label = signal.label or key
+            raise RecordError(
+                f"{record.source}: {name} is in {signal.unit!r} (column {label!r}), the model in {wanted!r}"
+            )
+        values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
+        if signal.unit and units.kind(wanted.split(" or ")[0]) == "linear":
+            kinds[name] = units.kind(signal.unit)
+    _check_kinds(record, chosen, kinds)
+    if "rotary" in kinds.values():
+        notes.append("the record is rotary (rad, N·m): so are the model's parameters")
+        unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}
+    return values, unit_of
+
+
+def _check_kinds(record: Record, chosen: Mapping[str, str], kinds: Mapping[str, str]) -> None:
+    """Refuse a record that mixes newtons and radians."""
+    first: dict[str, str] = {}
+    for name, kind in kinds.items():
+        first.setdefault(kind, name)
+    if len(first) > 1:
+        stated = " but ".join(
+            f"{name} is in {record.signals[chosen[name]].unit!r}" for name in first.values()
+        )
+        raise RecordError(
+            f"{record.source}: {stated}: either all is linear (m, N) or all is rotary (rad, N·m)"
+        )
+
+
+def _with_inputs(
+    record: Record, model: Model, values: Mapping[str, Array], measured: dict[str, Array], notes: list[str]
+) -> tuple[Record, Array, dict[str, Array]]:
+    """The inputs u (T, m), in a bag from the first message of all of them on."""
+    columns = [values.get(name, np.zeros(record.t.shape)) for name in model.inputs]
+    start = max((_leading(column) for column in columns), default=0) if record.series else 0
+    if start > record.t.size - 2:
+        raise RecordError(
+            f"{record.source}: the first message of an input comes after the measurements have ended"
+        )
+    if start:
+        notes.append(
+            f"starts with the inputs' first message, {record.t[start] - record.t[0]:.4g} s after the others'"
+        )
+        record = replace(record, t=record.t[start:], signals=_cut(record.signals, start))
+        measured = {name: frozen(column[start:]) for name, column in measured.items()}
+        columns = [column[start:] for column in columns]
+    filled = [
+        _inputs_filled(record, name, column, notes)
+        for name, column in zip(model.inputs, columns, strict=True)
+    ]
+    u = np.stack(filled, axis=1) if filled else np.empty((record.t.size, 0))
+    return record, frozen(u), measured
+
+
+def _cut(signals: Mapping[str, Signal], start: int) -> dict[str, Signal]:
+    return {name: replace(signal, values=signal.values[start:]) for name, signal in signals.items()}
+
+
+def _leading(values: Array) -> int:
+    """How many NaN stand at the front."""
+    there = np.flatnonzero(~np.isnan(values))
+    return int(there[0]) if there.size else int(values.size)
+
+
+def _inputs_filled(record: Record, name: str, values: Array, notes: list[str]) -> Array:
+    """The values with up to `LONGEST_HOLD` NaN in a row replaced by the value before them."""
+    missing = np.isnan(values)
+    if not missing.any():
+        return values
+    index = np.arange(values.size)
+    last = np.maximum.accumulate(np.where(missing, -1, index))
+    age = index - last
+    bad = (last < 0) | (age > LONGEST_HOLD)
+    if bad.any():
+        first = int(last[np.argmax(bad)]) + 1
+        why = "before its first value" if first == 0 else f"more than {LONGEST_HOLD} times in a row"
+        raise RecordError(f"{record.source}: {record.where(first)}: the input {name!r} is missing {why}")
+    place = record.where(int(np.argmax(missing)))
+    notes.append(
+        f"input {name}: {int(missing.sum())} missing samples hold the value before them, the first at {place}"
+    )
+    return values[last]
+
+
+def _first_state(measured: Mapping[str, Array], states: tuple[str, ...]) -> Array | None:
+    if not all(
+        name in measured and measured[name].size and np.isfinite(measured[name][0]) for name in states
+    ):
+        return None
+    return frozen(np.array([measured[name][0] for name in states]))

@@ -1,0 +1,252 @@
+"""One trace of a model's equations with recorded signs: everything else is a choice of s.
+
+`trace` runs the plant and its effects once under `signlin_ros.mathops.Recorder` and returns F(x, u, p, s) with the
+switching surfaces g, as CasADi expressions. Equal structures share one trace; numbers are inputs, not constants.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from signlin_ros.effects import Effect
+from signlin_ros.errors import ModelError
+from signlin_ros.mathops import Recorder, Surface
+from signlin_ros.par import Namespace, Par
+from signlin_ros.plants import Plant
+
+
+@dataclass(frozen=True)
+class EffectSlot:
+    """An effect in a structure: its key, its class, the values baked into the equations, and its parameters' names."""
+
+    key: str
+    effect: type[Effect]
+    structural: tuple[tuple[str, float], ...]
+    parameters: tuple[str, ...]
+    built_in: bool = False
+
+
+@dataclass(frozen=True)
+class Structure:
+    """What decides a model's equations, apart from the numbers in them; hashable."""
+
+    plant: type[Plant]
+    plant_structural: tuple[tuple[str, float], ...]
+    zeros: tuple[str, ...]
+    slots: tuple[EffectSlot, ...]
+    with_position: bool
+    with_load_torque: bool
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Equations of a model as CasADi expressions of x (n), u (m), p and the surfaces' symbols.
+
+    ``f`` (n) state derivatives; ``y`` outputs beside the states; ``delay`` of the input in s, a function of p.
+    Names are plain contract names; ``units`` covers states, inputs and outputs.
+    """
+
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    units: dict[str, str]
+    parameters: tuple[str, ...]
+    x: ca.SX
+    u: ca.SX
+    p: ca.SX
+    f: ca.SX
+    y: ca.SX
+    delay: ca.SX
+    surfaces: tuple[Surface, ...]
+
+
+class _Coordinates:
+    """What an effect sees of the model; notes whether the position was asked for."""
+
+    def __init__(self) -> None:
+        self.asked_position = False
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "position":
+            self.asked_position = True
+            return self.__dict__["_position"]
+        raise AttributeError(name)
+
+
+def resolve_unit(unit: str, plant: type[Plant]) -> str:
+    """Return a declared unit with F, Q and U written as the plant's units, e.g. ``F·s/Q`` as ``N·m·s/rad``."""
+    names = {"F": plant.force_unit, "Q": plant.position_unit, "U": plant.input_unit}
+    return "".join(names.get(letter, letter) for letter in unit) if set(unit) <= set("FQU·s/²³1") else unit
+
+
+class _Tracer:
+    """Carries the symbols of one trace; acts as `signlin_ros.plants.base.Acting` for the plant."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        self.m = Recorder()
+        self.parameters: dict[str, ca.SX] = {}
+        known = {**dict(structure.plant_structural), **dict.fromkeys(structure.zeros, 0.0)}
+        self.plant_p = self._symbols("", structure.plant.pars(), known)
+        self.effects = [(slot, slot.effect(), self._effect_symbols(slot)) for slot in structure.slots]
+        self._states()
+        self._inputs()
+
+    def _symbols(self, prefix: str, pars: Any, structural: Any) -> Namespace:
+        values: dict[str, Any] = dict(structural)  # numbers that are part of the equations
+        for name in pars:
+            if name not in values:
+                values[name] = self.parameters[prefix + name] = ca.SX.sym(prefix + name)
+        return Namespace(values)
+
+    def _effect_symbols(self, slot: EffectSlot) -> Namespace:
+        if slot.built_in:
+            return Namespace(
+                {name: getattr(self.plant_p, Namespace.attribute(name)) for name in slot.parameters}
+            )
+        return self._symbols(f"{slot.key}.", slot.parameters, slot.structural)
+
+    def _states(self) -> None:
+        plant = self.structure.plant
+        values = {name: 0.0 if name in self.structure.zeros else 1.0 for name in plant.pars()}
+        self.units = dict(plant.states(values))
+        self.symbols = {name: ca.SX.sym(name) for name in self.units}
+        self.x = _Coordinates()
+        for name, symbol in self.symbols.items():
+            setattr(self.x, name, symbol)
+        if plant.position not in self.symbols:
+            self.symbols[plant.position] = ca.SX.sym(plant.position)
+            self.units[plant.position] = plant.position_unit
+        self.x.__dict__["_position"] = self.symbols[plant.position]
+        if plant.position_optional:
+            self.x.__dict__.pop(plant.position, None)
+        else:
+            self.x.__dict__["position"] = self.symbols[plant.position]
+        if plant.velocity in self.symbols:
+            self.x.velocity = self.symbols[plant.velocity]
+        for slot, _, _ in self.effects:
+            for name, unit in slot.effect.states.items():
+                full = plant.own_state_names.get(f"{slot.key}.{name}", f"{slot.key}.{name}")
+                self.symbols[full] = ca.SX.sym(full)
+                self.units[full] = resolve_unit(unit, plant)
+
+    def _inputs(self) -> None:
+        plant = self.structure.plant
+        units = {**plant.inputs, **(plant.optional_inputs if self.structure.with_load_torque else {})}
+        self.input_symbols = {name: ca.SX.sym(name) for name in units}
+        self.units.update(units)
+        effective = dict(self.input_symbols)
+        first = next(iter(units))
+        for _, effect, p in self.effects:
+            effective[first] = effect.input(self.m, effective[first], p)
+        self.u = Namespace(effective)
+
+    def _own(self, slot: EffectSlot) -> _Coordinates:
+        plant = self.structure.plant
+        names = {
+            n: plant.own_state_names.get(f"{slot.key}.{n}", f"{slot.key}.{n}") for n in slot.effect.states
+        }
+        self.x.own = Namespace({name: self.symbols[full] for name, full in names.items()})
+        return self.x
+
+    def spring(self, k: Any) -> Any:
+        """See `Acting`."""
+        for slot, effect, p in self.effects:
+            changed = None if hasattr(p, "k") else effect.spring(self.m, self._own(slot), p, k)
+            if changed is not None:
+                return changed
+        return k * self.x.position
+
+    def torque_constant(self, K_t: Any) -> Any:  # noqa: N803
+        """See `Acting`."""
+        for slot, effect, p in self.effects:
+            K_t = effect.torque_constant(self.m, self._own(slot), p, K_t)  # noqa: N806
+        return K_t
+
+    def resistance(self, R_a: Any) -> Any:  # noqa: N803
+        """See `Acting`."""
+        for slot, effect, p in self.effects:
+            R_a = effect.resistance(self.m, self._own(slot), p, R_a)  # noqa: N806
+        return R_a
+
+    def force(self, drive: Any, elastic: Any) -> Any:
+        """See `Acting`; external forces first, because friction may depend on their sum."""
+        external = sum(
+            (e.force(self.m, self._own(slot), p) for slot, e, p in self.effects if slot.effect.external),
+            ca.SX(0),
+        )
+        self.x.external_force = external + elastic
+        if drive is not None:
+            self.x.drive_force = drive
+        others = (
+            e.force(self.m, self._own(slot), p) for slot, e, p in self.effects if not slot.effect.external
+        )
+        return external + sum(others, ca.SX(0))
+
+    def run(self) -> tuple[dict[str, Any], ca.SX]:
+        """Return every derivative and output by name, and the delay."""
+        plant = self.structure.plant()
+        results = dict(plant.rates(self.m, self.x, self.u, self.plant_p, self))
+        for slot, effect, p in self.effects:
+            for name, rate in effect.rates(self.m, self._own(slot), p).items():
+                results[plant.own_state_names.get(f"{slot.key}.{name}", f"{slot.key}.{name}")] = rate
+        delay = sum((ca.SX(e.delay(p)) for _, e, p in self.effects), ca.SX(0))
+        if plant.position_optional:
+            if self.structure.with_position or self.x.asked_position:
+                results[plant.position] = self.x.velocity
+            else:
+                del self.symbols[plant.position]
+        return results, delay
+
+
+def _check_switches(result: Trace) -> None:
+    """Refuse what the set-valued simulation cannot handle: a right-hand side that is not affine in the signs."""
+    switches = [s.symbol for s in result.surfaces if s.kind == "switch"]
+    if switches and any(ca.which_depends(result.f, ca.vertcat(*switches), 2, True)):
+        raise ModelError(
+            "the equations are not affine in sign(.): two signs are multiplied, or one is squared"
+        )
+
+
+@functools.lru_cache(maxsize=256)
+def trace(structure: Structure) -> Trace:
+    """Trace the equations of a structure; raise `ModelError` if an effect does not apply to the plant."""
+    tracer = _Tracer(structure)
+    try:
+        results, delay = tracer.run()
+    except AttributeError as error:
+        names = ", ".join(slot.key for slot in structure.slots if not slot.built_in)
+        raise ModelError(
+            f"effects: one of {names} does not apply to plant {structure.plant.name}: it has no {error.name or error}"
+        ) from error
+    states, inputs = tuple(tracer.symbols), tuple(tracer.input_symbols)
+    extra = tuple(structure.plant.outputs)
+    result = Trace(
+        states=states,
+        inputs=inputs,
+        outputs=(*extra,) if extra else states,
+        units={**tracer.units, **structure.plant.outputs},
+        parameters=tuple(tracer.parameters),
+        x=ca.vertcat(*tracer.symbols.values()),
+        u=ca.vertcat(*tracer.input_symbols.values()),
+        p=ca.vertcat(*tracer.parameters.values()) if tracer.parameters else ca.SX(0, 1),
+        f=ca.vertcat(*(results[name] for name in states)),
+        y=ca.vertcat(*(results[name] for name in extra)) if extra else ca.SX(0, 1),
+        delay=delay,
+        surfaces=tuple(tracer.m.surfaces),
+    )
+    _check_switches(result)
+    return result
+
+
+def declared(structure: Structure) -> dict[str, Par]:
+    """Return the declarations of all parameters of a structure by dotted name, units resolved by the caller."""
+    found = dict(structure.plant.pars())
+    for slot in structure.slots:
+        if not slot.built_in:
+            found |= {f"{slot.key}.{n}": par for n, par in slot.effect.pars().items() if n in slot.parameters}
+    return found

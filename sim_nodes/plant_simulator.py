@@ -1,0 +1,95 @@
+"""The node ``plant_simulator``: a non-smooth plant that takes ``input`` and publishes ``state`` and ``joint_states``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from rclpy.clock import JumpThreshold
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from signlin_ros.nodes import convert
+from signlin_ros.nodes.joint import joint_values
+from signlin_ros.nodes.linearizer import SENSORS
+from signlin_ros.nodes.linearizer_logic import NANO, Refusal
+from signlin_ros.nodes.overrides import Entry
+from signlin_ros.nodes.parameters import ModelNode
+from signlin_ros.nodes.runner import run
+from signlin_ros.simulate import Stepper
+from sim_nodes.signals import INPUT_SIGNALS, input_signal
+
+OPTIONS = {
+    "publish_rate": Entry(200.0, "rate of state and joint_states [Hz]", 0.1, 10_000.0),
+    "noise": Entry(0.0, "standard deviation of white noise on each published state, in its unit", 0.0, 1e9),
+    "seed": Entry(0, "seed of the noise", 0, 2**31 - 1),
+    "joint_name": Entry("joint", "name of the joint in joint_states"),
+    "input_signal": Entry("external", "what drives the plant; external: topic input", choices=INPUT_SIGNALS),
+    "amplitude": Entry(1.0, "largest value of the input signal, in the input's unit", 0.0, 1e9),
+    "input_period": Entry(1.0, "period of the input signal [s]", 1e-3, 1e6),
+}
+RELIABLE = QoSProfile(depth=50)
+"""Reliable and volatile: what `state`, `input` and `joint_states` are published with."""
+LONGEST_GAP = 10 * NANO
+"""A clock that moves on by more ns at once was set, or the machine slept: the plant did not run in between."""
+
+
+class PlantSimulatorNode(ModelNode):
+    """Steps the exact plant along the node's clock; the input is held between messages."""
+
+    def __init__(self) -> None:
+        super().__init__("plant_simulator", OPTIONS)
+        option = self.options
+        self.random = np.random.default_rng(option["seed"])
+        self.u = np.zeros(len(self.model.inputs))
+        self._signal = input_signal(option["input_signal"], option["amplitude"], option["input_period"])
+        self._states = self.create_publisher(Float64MultiArray, "state", RELIABLE)
+        self._joint_states = self.create_publisher(JointState, "joint_states", RELIABLE)
+        if self._signal is None:
+            self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS)
+        else:
+            self._inputs = self.create_publisher(Float64MultiArray, "input", RELIABLE)
+        self._period = round(NANO / option["publish_rate"])
+        self._start(None)
+        self._timer = self.create_timer(1.0 / option["publish_rate"], self._on_period)
+        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
+        self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._start)
+
+    def _start(self, _: Any) -> None:
+        """Begin at the initial state, at the time that it is now."""
+        self.plant = Stepper(self.model, self.model.x0)
+        self.origin, self.steps = self.now(), 0
+
+    def _on_input(self, message: Float64MultiArray) -> None:
+        value = convert.read_vector(message, len(self.model.inputs))
+        if isinstance(value, Refusal):
+            self.get_logger().warning(f"input refused: {value.detail}", throttle_duration_sec=5.0)
+        else:
+            self.u = value
+
+    def _on_period(self) -> None:
+        due = (self.now() - self.origin) // self._period
+        if (due - self.steps) * self._period > LONGEST_GAP:
+            self.origin += (due - self.steps - 1) * self._period
+            due = self.steps + 1
+        for step in range(self.steps, due):
+            if self._signal is not None:
+                self.u[0] = self._signal(step * self._period / NANO)
+            self.plant.advance(self._period / NANO, self.u)
+        self.steps = max(due, self.steps)
+        self._publish()
+
+    def _publish(self) -> None:
+        x = self.plant.x + self.options["noise"] * self.random.standard_normal(len(self.model.states))
+        joint = joint_values(self.model, dict(zip(self.model.states, x)), self.u)
+        if self._signal is not None:
+            self._inputs.publish(convert.vector(self.u, "input"))
+        self._states.publish(convert.vector(x, "state"))
+        self._joint_states.publish(convert.joint_state(self.options["joint_name"], joint, self.now()))
+
+
+def main() -> int:
+    """Run the node; return the exit code."""
+    return run("plant_simulator", PlantSimulatorNode)

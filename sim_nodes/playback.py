@@ -1,0 +1,77 @@
+"""A measured record as a stream of states and inputs, sample by sample, using only what was measured before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.errors import RecordError
+from signlin_ros.estimate import StateEstimator
+from signlin_ros.model import Model
+from signlin_ros.nodes.joint import joint_values
+from signlin_ros.records import read_for_model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One moment: time since the record's start in s, whole state x (n,), input u (m,), and the joint's values."""
+
+    t: float
+    x: Array
+    u: Array
+    joint: dict[str, float]
+
+
+class Playback:
+    """A record in a model's terms. States that it does not hold are carried by the model; see `StateEstimator`.
+
+    Raises `RecordError` or `ModelError` where the record does not hold the model's inputs, or none of its states.
+    """
+
+    def __init__(self, model: Model, path: str) -> None:
+        if not path:
+            raise RecordError("record: missing; give the file or bag to play, e.g. -p record:=run.csv")
+        self.model = model
+        self.data = read_for_model(Path(path), model)
+        self.t = self.data.t - self.data.t[0]
+        self.measured = tuple(name for name in model.states if name in self.data.measured)
+        if not self.measured:
+            raise RecordError(f"{path}: holds none of the states {', '.join(model.states)}")
+        self.carried = tuple(name for name in model.states if name not in self.measured)
+        self.step = float(np.median(np.diff(self.t)))
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample of one round to that of the next, in s."""
+        return float(self.t[-1]) + self.step
+
+    def round(self) -> Iterator[Sample]:
+        """Yield the record's samples once, from an estimator that knows nothing yet."""
+        estimator = self.estimator()
+        for i, t in enumerate(self.t.tolist()):
+            found = {name: float(self.data.measured[name][i]) for name in self.measured}
+            found = {name: value for name, value in found.items() if not math.isnan(value)}
+            u = self.data.u[i]
+            x = estimator.update(t, found, u)
+            yield Sample(t, x, u, joint_values(self.model, dict(zip(self.model.states, x.tolist())), u))
+
+    def estimator(self) -> StateEstimator:
+        """Return a new estimator of the whole state from what the record holds."""
+        return StateEstimator(self.model, self.measured, rate=1.0 / self.step)
+
+    def rounds(self, loop: bool) -> Iterator[Sample]:
+        """Yield the samples of one round, or of endless ones, time going on."""
+        start = 0.0
+        while True:
+            for sample in self.round():
+                yield Sample(start + sample.t, sample.x, sample.u, sample.joint)
+            if not loop:
+                return
+            start += self.duration

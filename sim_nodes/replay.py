@@ -1,0 +1,105 @@
+"""The node ``replay``: publishes a measured record as ``state``, ``input`` and ``joint_states``."""
+
+from __future__ import annotations
+
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rosgraph_msgs.msg import Clock as ClockMessage
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from signlin_ros.errors import InputError
+from signlin_ros.nodes import convert
+from signlin_ros.nodes.linearizer_logic import NANO
+from signlin_ros.nodes.overrides import Entry
+from signlin_ros.nodes.parameters import ModelNode
+from signlin_ros.nodes.runner import run
+from sim_nodes.plant_simulator import RELIABLE
+from sim_nodes.playback import Playback, Sample
+
+OPTIONS = {
+    "record": Entry("", "record to play: CSV, MAT or rosbag2"),
+    "rate": Entry(1.0, "speed; 1: as it was measured", 1e-3, 1e3),
+    "loop": Entry(False, "start again at the end"),
+    "publish_clock": Entry(False, "publish /clock with the record's time"),
+    "joint_name": Entry("joint", "name of the joint in joint_states"),
+}
+PATIENCE = 5 * NANO
+"""Nanoseconds to wait for a subscriber before playing to nobody."""
+MOST_AT_ONCE = 100
+"""Samples published before the executor gets its turn."""
+LATE = NANO // 2
+"""Nanoseconds behind the record's time at which that is said."""
+
+
+class ReplayNode(ModelNode):
+    """Publishes samples when their time has come; ends after the last one unless ``loop`` is set."""
+
+    def __init__(self) -> None:
+        super().__init__("replay", OPTIONS)
+        option = self.options
+        if option["publish_clock"] and self.get_parameter("use_sim_time").value:
+            raise InputError("publish_clock: the node that publishes /clock cannot follow it; leave use_sim_time out")
+        self.finished = False
+        self.playback = Playback(self.model, option["record"])
+        self._samples = self.playback.rounds(option["loop"])
+        self._next: Sample | None = next(self._samples)
+        self._states = self.create_publisher(Float64MultiArray, "state", RELIABLE)
+        self._inputs = self.create_publisher(Float64MultiArray, "input", RELIABLE)
+        self._joint_states = self.create_publisher(JointState, "joint_states", RELIABLE)
+        self._clock_out = self.create_publisher(ClockMessage, "/clock", 10) if option["publish_clock"] else None
+        self._born, self._start = self.now(), 0
+        tick = min(max(self.playback.step / option["rate"], 1e-3), 0.02)
+        self._timer = self.create_timer(tick, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._say_hello()
+
+    def _say_hello(self) -> None:
+        play = self.playback
+        for note in (*play.data.notes, *play.estimator().notes):
+            self.get_logger().info(note)
+        carried = f"; carried by the model: {', '.join(play.carried)}" if play.carried else ""
+        self.get_logger().info(
+            f"{play.data.source}: {len(play.t)} samples, {play.t[-1]:.6g} s; measured: {', '.join(play.measured)}{carried}"
+        )
+
+    def _on_tick(self) -> None:
+        now = self.now()
+        if not self._start:
+            heard = self._states.get_subscription_count() + self._joint_states.get_subscription_count()
+            if not heard and now - self._born < PATIENCE:
+                return
+            self._start = now
+        for _ in range(MOST_AT_ONCE):
+            if self._next is None:
+                self._end()
+                return
+            if self._due(self._next) > now:
+                return
+            late = now - self._due(self._next) > LATE
+            self._publish(self._next)
+            self._next = next(self._samples, None)
+        if late:
+            self.get_logger().warning("cannot keep up with the rate", throttle_duration_sec=10.0)
+
+    def _due(self, sample: Sample) -> int:
+        return self._start + round(sample.t / self.options["rate"] * NANO)
+
+    def _publish(self, sample: Sample) -> None:
+        stamp = self._due(sample)
+        if self._clock_out is not None:
+            stamp = round((self.playback.data.t[0] + sample.t) * NANO)
+            self._clock_out.publish(ClockMessage(clock=convert.stamp_of(stamp)))
+        self._inputs.publish(convert.vector(sample.u, "input"))
+        self._states.publish(convert.vector(sample.x, "state"))
+        self._joint_states.publish(convert.joint_state(self.options["joint_name"], sample.joint, stamp))
+
+    def _end(self) -> None:
+        self.get_logger().info("the record has ended")
+        for publisher in (self._inputs, self._states, self._joint_states):
+            publisher.wait_for_all_acked(Duration(seconds=1))
+        self.finished = True
+
+
+def main() -> int:
+    """Run the node; return the exit code."""
+    return run("replay", ReplayNode)

@@ -1,0 +1,259 @@
+"""CSV files: what is understood, and what is refused with its place."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from signlin_ros.errors import RecordError
+from signlin_ros.records import Record, read_record
+
+Read = Callable[..., Record]
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Read:
+    def read(text: str | bytes, name: str = "run.csv", **options: object) -> Record:
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_record(path, **options)  # type: ignore[arg-type]
+
+    return read
+
+
+def refused(read: Read, text: str | bytes, **options: object) -> str:
+    with pytest.raises(RecordError) as error:
+        read(text, **options)
+    message = str(error.value)
+    assert "run.csv" in message
+    assert "\n" not in message
+    return message
+
+
+PLAIN = "t,voltage,speed\n0,1,2\n0.1,3,4\n0.2,5,6\n"
+
+
+def test_plain(read: Read) -> None:
+    record = read(PLAIN)
+    assert list(record.signals) == ["voltage", "speed"]
+    np.testing.assert_array_equal(record.t, [0, 0.1, 0.2])
+    np.testing.assert_array_equal(record.signals["speed"].values, [2, 4, 6])
+    assert record.notes == ()
+    assert len(record) == 3
+
+
+def test_arrays_are_read_only(read: Read) -> None:
+    record = read(PLAIN)
+    for array in (record.t, record.signals["voltage"].values):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "\ufeff" + PLAIN,
+        PLAIN.replace("\n", "\r\n"),
+        PLAIN.replace("\n", "\r"),
+        PLAIN.replace(",", "\t"),
+        PLAIN.replace(",", ";"),
+        PLAIN.replace(",", " , "),
+        PLAIN.rstrip("\n"),
+        PLAIN + "\n\n  \n",
+        "# a comment\n\n" + PLAIN + "# the end\n",
+        PLAIN.replace("0.1,3,4\n", "# mid\n\n0.1,3,4 # spike?\n"),
+        '"t","voltage","speed"\n"0","1","2"\n"0.1","3","4"\n0.2,5,6\n',
+        "t;voltage;speed\n0,0;1,0;2,0\n0,1;3,0;4,0\n0,2;5,0;6,0\n",
+        "# t,voltage,speed\n0,1,2\n0.1,3,4\n0.2,5,6\n",
+        "t,voltage,speed,\n0,1,2,\n0.1,3,4,\n0.2,5,6,\n",
+        "t,voltage,speed\n0,1,2\n0.1,3,4\n0.2,5,6\n,,\n",
+        PLAIN.encode("utf-16"),
+    ],
+)
+def test_dialects(read: Read, text: str | bytes) -> None:
+    record = read(text)
+    np.testing.assert_array_equal(record.t, [0, 0.1, 0.2])
+    assert list(record.signals) == ["voltage", "speed"]
+    np.testing.assert_array_equal(record.signals["voltage"].values, [1, 3, 5])
+
+
+def test_units_and_notes_in_the_header(read: Read) -> None:
+    record = read(
+        "t [ms],force [N] (=gtau*u),torque_enable [0/1],x [mm]\n0,1,0,1000\n5,2,1,2000\n10,3,1,3000\n"
+    )
+    np.testing.assert_array_equal(record.t, [0, 0.005, 0.01])
+    assert {name: signal.unit for name, signal in record.signals.items()} == {
+        "force": "N",
+        "torque_enable": "0/1",
+        "x": "mm",
+    }
+    assert (
+        record.find("force")
+        == record.find("force [N] (=gtau*u)")
+        == record.find("force[N](=gtau*u)")
+        == record.find("force [N]")
+        == "force"
+    )
+
+
+def test_latin_1(read: Read) -> None:
+    assert read("t,torque [N·m]\n0,1\n1,2\n".encode("latin-1")).signals["torque"].unit == "N·m"
+
+
+def test_one_name_in_two_units_keeps_the_whole_heads(read: Read) -> None:
+    record = read("t,q [rad],q [deg]\n0,1,57\n1,2,114\n")
+    assert list(record.signals) == ["q [rad]", "q [deg]"]
+    with pytest.raises(RecordError, match=r"ambiguous: 'q \[rad\]', 'q \[deg\]'"):
+        record.find("q")
+
+
+def test_missing_samples_are_nan(read: Read) -> None:
+    record = read("t,a,b,c\n0,,1,2\n1,nan,2,\n2,3,,\n3,1,NA, \n")
+    np.testing.assert_array_equal(record.signals["a"].values, [np.nan, np.nan, 3, 1])
+    np.testing.assert_array_equal(record.signals["b"].values, [1, 2, np.nan, np.nan])
+    np.testing.assert_array_equal(record.signals["c"].values, [2, np.nan, np.nan, np.nan])
+
+
+def test_mapping(read: Read) -> None:
+    record = read("t,u_motor [V],q\n0,1,2\n1,3,4\n", signals={"voltage": "u_motor", "position": "q"})
+    assert list(record.signals) == ["voltage", "position"]
+    assert record.signals["voltage"].label == "u_motor [V]"
+    assert record.find("u_motor [V]") == record.find("u_motor") == "voltage"
+
+
+def test_mapping_of_the_time(read: Read) -> None:
+    record = read("clock [us],a\n0,1\n5000,2\n", signals={"t": "clock"})
+    np.testing.assert_array_equal(record.t, [0, 0.005])
+
+
+def test_a_second_time_column_may_hold_text(read: Read) -> None:
+    record = read("timestamp,t,a\n2024-01-01T00:00:00,0,1\n2024-01-01T00:00:01,1,2\n")
+    assert list(record.signals) == ["a"]
+    assert "'timestamp'" in refused(read, "timestamp,a\n2024-01-01T00:00:00,1\n2024-01-01T00:00:01,2\n")
+
+
+def test_mapping_wins_over_a_column_of_that_name(read: Read) -> None:
+    record = read("t,voltage,u\n0,1,2\n1,3,4\n", signals={"voltage": "u"})
+    np.testing.assert_array_equal(record.signals["voltage"].values, [2, 4])
+    assert any("'voltage' is left out" in note for note in record.notes)
+
+
+def test_mapping_may_swap(read: Read) -> None:
+    record = read("t,a,b\n0,1,2\n1,3,4\n", signals={"a": "b", "b": "a"})
+    np.testing.assert_array_equal(record.signals["a"].values, [2, 4])
+    np.testing.assert_array_equal(record.signals["b"].values, [1, 3])
+
+
+def test_mapping_to_nothing(read: Read) -> None:
+    message = refused(read, "t,u_motor [V]\n0,1\n1,3\n", signals={"voltage": "u_moter"})
+    assert "'u_moter'" in message
+    assert "'u_motor [V]'" in message
+
+
+def test_text_columns_are_left_out(read: Read) -> None:
+    record = read("t,mode,a\n0,idle,1\n1,run,2\n")
+    assert list(record.signals) == ["a"]
+    assert record.notes == ("column 'mode' holds text and is left out",)
+
+
+def test_only_the_wanted_columns_must_be_numbers(read: Read) -> None:
+    text = "t,a,b,c\n0,1,2,3\n1,x,4,inf\n"
+    assert "'a': 'x'" in refused(read, text)
+    record = read(text, wanted=["b"])
+    assert list(record.signals) == ["b"]
+    assert len(record.notes) == 2
+    assert "'a': 'x'" in refused(read, text, wanted=["a"])
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["empty"]),
+        ("\n \n", ["empty"]),
+        ("# only\n# comments\n", ["comments"]),
+        ("t,voltage\n", ["no rows"]),
+        ("t,voltage\n,\n", ["no rows"]),
+        ("t,voltage\n0,1\n", ["only 1 row"]),
+        ("t,voltage\n0,1\n0,1\n", ["only 1 row"]),
+        ("0,1\n1,2\n", ["no header"]),
+        ("voltage,speed\n0,1\n1,2\n", ["no time column", "'voltage', 'speed'"]),
+        ("t voltage\n0 1\n1 2\n", ["one column"]),
+        ("t,a\n0,1\n1,abc\n2,3\n", ["row 2 (line 3)", "'a'", "'abc'"]),
+        ("t,a\n0,1\n# x\n\n1,1_0\n", ["row 2 (line 5)", "'1_0'"]),
+        ("t,a\n0,1\n1,2,3\n", ["row 2 (line 3)", "3 cells", "2 columns"]),
+        ("t,a,b\n0,1,2\n1,2\n", ["row 2 (line 3)", "2 cells", "3 columns"]),
+        ("t,a\n0,1\nnan,2\n2,3\n", ["row 2 (line 3)", "time stamp"]),
+        ("t,a\n0,1\n,2\n2,3\n", ["row 2 (line 3)", "time stamp"]),
+        ("t,a\n0,1\ninf,2\n2,3\n", ["row 2 (line 3)", "time stamp"]),
+        ("t,a\n0,1\n2,2\n1,3\n", ["row 3 (line 4)", "comes after 2"]),
+        (
+            "t,a\n0,1\n1,2\n1,3\n",
+            ["row 2 (line 3) and row 3 (line 4)", "same time stamp", "'a' is 2.0 and 3.0"],
+        ),
+        ("t,a\n0,1\n1,inf\n", ["row 2 (line 3)", "'a'", "inf"]),
+        ("t,a\n0,1\n1,-inf\n", ["row 2 (line 3)", "'a'", "-inf"]),
+        ("t,a,a\n0,1,2\n1,2,3\n", ["two columns", "'a'", "2 and 3"]),
+        ("t,,a\n0,1,2\n1,2,3\n", ["column 2", "no name"]),
+        ("t [V],a\n0,1\n1,2\n", ["'t [V]'", "'V'", "ms"]),
+        ("stamp,a\n1700000000000000000,1\n1700000000005000000,2\n", ["'stamp'", "unit", "[ns]"]),
+        (b"\x00\x01\x02", ["no text file"]),
+    ],
+)
+def test_faults(read: Read, text: str | bytes, parts: list[str]) -> None:
+    message = refused(read, text)
+    for part in parts:
+        assert part in message
+
+
+def test_repeated_rows_are_dropped_with_a_note(read: Read) -> None:
+    record = read("t,a,b\n0,1,\n1,2,3\n1,2,3\n2,,4\n2,,4\n2,,4\n3,5,6\n")
+    np.testing.assert_array_equal(record.t, [0, 1, 2, 3])
+    assert record.notes == ("3 repeated rows dropped (same stamp, same values), the first row 3 (line 4)",)
+
+
+def test_sorting_is_an_option(read: Read) -> None:
+    record = read("t,a\n0,1\n2,3\n1,2\n3,4\n", sort=True)
+    np.testing.assert_array_equal(record.signals["a"].values, [1, 2, 3, 4])
+    assert record.where(1) == "row 3 (line 4)"
+    assert "sorted" in record.notes[0]
+
+
+def test_a_gap_is_noted_with_its_place(read: Read) -> None:
+    rows = [i for i in range(50) if i not in (20, 21)]
+    record = read("t,a\n" + "".join(f"{i / 10},{i}\n" for i in rows))
+    (note,) = record.notes
+    assert note.startswith("1 gap in the time stamps (steps over 1.5 times the median of 0.1 s)")
+    assert note.endswith("the first after row 20 (line 21), the longest, 0.3 s, after t = 1.9 s")
+
+
+def test_uneven_sampling_is_noted(read: Read) -> None:
+    t = np.cumsum(np.random.default_rng(1).uniform(0.09, 0.11, 50))
+    record = read("t,a\n" + "".join(f"{x!r},0\n" for x in t.tolist()))
+    assert len(record.notes) == 1
+    assert record.notes[0].startswith("unevenly sampled: steps of 0.09")
+
+
+def test_missing_file_and_other_kinds(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text(PLAIN)
+    with pytest.raises(RecordError, match=r"no such file.*'run\.csv'"):
+        read_record(tmp_path / "rum.csv")
+    (tmp_path / "run.xlsx").write_bytes(b"PK")
+    with pytest.raises(RecordError, match=r"\.csv.*\.mcap"):
+        read_record(tmp_path / "run.xlsx")
+    assert len(read_record(str(tmp_path / "run.csv"))) == 3
+
+
+def test_a_large_file_takes_about_a_second(read: Read) -> None:
+    """No loop over the samples in Python: 100,000 rows in far less than the seconds such a loop needs under
+    any load.
+    """
+    import time
+
+    table = np.random.default_rng(0).normal(size=(100_000, 4))
+    table[:, 0] = np.arange(100_000) * 1e-3
+    text = "t,a,b,c\n" + "\n".join(",".join(map(repr, row)) for row in table.tolist())
+    start = time.perf_counter()
+    record = read(text)
+    assert time.perf_counter() - start < 2.0
+    np.testing.assert_array_equal(record.signals["c"].values, table[:, 3])

@@ -1,0 +1,272 @@
+"""From columns to a model's inputs and measurements."""
+
+import pickle
+from collections.abc import Callable
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from signlin_ros.errors import ModelError, RecordError
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData, Record, Signal, read_for_model, read_record
+
+MOTOR = {
+    "plant": "dc_motor",
+    "parameters": {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022},
+}
+OSCILLATOR = {"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.6, "k": 40.0}}
+ELEMENT = {"plant": "force_element", "parameters": {"c": 800.0, "k": 0.0}}
+ROWS = np.arange(12.0).reshape(4, 3)
+
+
+def motor(**more: object) -> Model:
+    return Model.from_dict({**MOTOR, **more})
+
+
+def oscillator(**more: object) -> Model:
+    return Model.from_dict({**OSCILLATOR, **more})
+
+
+def element(**more: object) -> Model:
+    return Model.from_dict({**ELEMENT, **more})
+
+
+def record(**columns: object) -> Record:
+    """A record of four samples: name=value, or name=(value, unit)."""
+    signals = {}
+    for name, column in columns.items():
+        values, unit = column if isinstance(column, tuple) else (column, "")
+        signals[name] = Signal(np.broadcast_to(np.asarray(values, dtype=float), (4,)), unit)
+    return Record(np.arange(4) / 10, signals)
+
+
+@pytest.fixture
+def csv(tmp_path: Path) -> Callable[[str], Path]:
+    def write(text: str) -> Path:
+        (tmp_path / "run.csv").write_text(text)
+        return tmp_path / "run.csv"
+
+    return write
+
+
+def test_everything_there() -> None:
+    data = record(speed=[3, 4, 5, 6], voltage=[1, 2, 3, 4], current=[5, 6, 7, 8], temperature=0).for_model(
+        motor()
+    )
+    np.testing.assert_array_equal(data.u, [[1], [2], [3], [4]])
+    assert list(data.measured) == ["current", "speed"]
+    assert data.x0 is not None
+    np.testing.assert_array_equal(data.x0, [5, 3])
+    np.testing.assert_array_equal(data.x[:, 1], [3, 4, 5, 6])
+    assert (data.inputs, data.states, data.unused) == (("voltage",), ("current", "speed"), ("temperature",))
+    assert data.notes == ()
+    assert data.units["speed"] == "rad/s"
+
+
+def test_any_subset_of_the_states() -> None:
+    data = record(voltage=1, speed=[3, 4, 5, 6]).for_model(motor())
+    assert list(data.measured) == ["speed"]
+    assert data.x0 is None
+    assert np.isnan(data.x[:, 0]).all()
+    assert record(voltage=1).for_model(motor()).measured == {}
+
+
+def test_the_result_cannot_be_changed_but_travels() -> None:
+    data = record(voltage=1, speed=[3, 4, 5, 6]).for_model(motor())
+    for array in (data.t, data.u, data.measured["speed"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+    with pytest.raises(FrozenInstanceError):
+        data.u = data.x  # type: ignore[misc]
+    again: ModelData = pickle.loads(pickle.dumps(data))
+    np.testing.assert_array_equal(again.u, data.u)
+
+
+def test_parts() -> None:
+    data = record(voltage=[1, 2, 3, 4], speed=[3, 4, 5, 6], current=[5, 6, 7, 8]).for_model(motor())
+    part = data.part(1, 3)
+    assert len(part) == 2
+    np.testing.assert_array_equal(part.u[:, 0], [2, 3])
+    assert part.x0 is not None
+    np.testing.assert_array_equal(part.x0, [6, 4])
+    assert not part.measured["speed"].flags.writeable
+
+
+def test_precedence() -> None:
+    found = record(u=1, cmd=2, voltage=3)
+    assert found.for_model(motor(), {"voltage": "u"}).u[0, 0] == 1
+    assert found.for_model(motor(signals={"voltage": "cmd"})).u[0, 0] == 2
+    assert found.for_model(motor(signals={"voltage": "cmd"}), {"voltage": "u"}).u[0, 0] == 1
+    assert found.for_model(motor()).u[0, 0] == 3
+
+
+def test_aliases_come_last() -> None:
+    data = record(force=1, position=[1, 2, 3, 4], velocity=[5, 6, 7, 8]).for_model(oscillator())
+    np.testing.assert_array_equal(data.measured["displacement"], [1, 2, 3, 4])
+    both = record(force=1, position=[1, 2, 3, 4], displacement=[9, 9, 9, 9]).for_model(oscillator())
+    assert both.measured["displacement"][0] == 9
+    assert both.unused == ("position",)
+    assert record(voltage=1, velocity=[1, 2, 3, 4]).for_model(motor()).measured["speed"][1] == 2
+    assert record(effort=7, position=0).for_model(oscillator()).u[0, 0] == 7
+
+
+def test_an_effort_is_no_current() -> None:
+    assert record(voltage=1, effort=[1, 2, 3, 4]).for_model(motor()).measured == {}
+
+
+def test_aliases_in_mappings() -> None:
+    data = record(f=1, q=[1, 2, 3, 4]).for_model(oscillator(), {"position": "q", "effort": "f"})
+    assert list(data.measured) == ["displacement"]
+    with pytest.raises(RecordError, match="displacement twice"):
+        record(f=1, q=0).for_model(oscillator(), {"position": "q", "displacement": "q", "force": "f"})
+    with pytest.raises(ModelError, match="'sped'"):
+        record(voltage=1, w=0).for_model(motor(), {"sped": "w"})
+
+
+def test_a_position_needs_a_motor_that_has_one() -> None:
+    found = record(voltage=1, q=[1, 2, 3, 4])
+    with pytest.raises(ModelError, match=r"signal position=q: .*with_position: true"):
+        found.for_model(motor(), {"position": "q"})
+    assert found.for_model(motor(with_position=True), {"position": "q"}).measured["position"][3] == 4
+
+
+def test_missing_inputs() -> None:
+    found = Record(
+        np.arange(4) / 10,
+        {"u_motor": Signal(np.ones(4), "V", "u_motor [V]"), "speed": Signal(np.ones(4))},
+        "run.csv",
+    )
+    with pytest.raises(RecordError) as error:
+        found.for_model(motor())
+    message = str(error.value)
+    for part in (
+        "run.csv",
+        "'voltage'",
+        "'u_motor [V]'",
+        "'speed'",
+        "--signal voltage=COLUMN",
+        "signals: {voltage: COLUMN}",
+    ):
+        assert part in message
+    assert "in V or the like: 'u_motor [V]'" in message
+    with pytest.raises(RecordError, match="did you mean 'voltag'"):
+        record(voltag=1).for_model(motor())
+    data = found.for_model(motor(), require="none")
+    np.testing.assert_array_equal(data.u, 0)
+    assert data.notes == ("no input voltage in the record: taken as 0",)
+    with pytest.raises(RecordError, match="'inputs' or 'none'"):
+        found.for_model(motor(), require="all")
+
+
+def test_the_load_torque_may_be_missing() -> None:
+    data = record(voltage=2).for_model(motor(with_load_torque=True))
+    np.testing.assert_array_equal(data.u, [[2, 0]] * 4)
+    assert "load_torque" in data.notes[0]
+    np.testing.assert_array_equal(
+        record(voltage=2, load_torque=3).for_model(motor(with_load_torque=True)).u, [[2, 3]] * 4
+    )
+
+
+def test_a_mapping_of_the_model_may_name_a_load_torque_that_it_does_not_use() -> None:
+    model = motor(signals={"voltage": "u", "load_torque": "T"})
+    np.testing.assert_array_equal(record(u=2, T=3).for_model(model).u, [[2]] * 4)
+
+
+def test_a_mapping_of_the_model_that_does_not_fit_the_record() -> None:
+    model = motor(signals={"voltage": "/cmd.data[0]", "speed": "omega"})
+    data = record(voltage=2).for_model(model)
+    assert len(data.notes) == 2
+    assert "'/cmd.data[0]', which is not in this record; 'voltage' is used" in data.notes[0]
+    assert "speed to 'omega', which is not in this record" in data.notes[1]
+    with pytest.raises(RecordError, match=r"mapped to voltage\) 'x'; it has 'voltage'"):
+        record(voltage=2).for_model(model, {"voltage": "x"})
+
+
+def test_units_are_converted() -> None:
+    found = record(voltage=([1, 2, 3, 4], "mV"), speed=([60, 0, 0, 0], "rpm"), current=([1, 2, 3, 4], "mA"))
+    data = found.for_model(motor())
+    np.testing.assert_array_equal(data.u[:, 0], [0.001, 0.002, 0.003, 0.004])
+    assert data.measured["speed"][0] == pytest.approx(2 * np.pi)
+    np.testing.assert_array_equal(data.measured["current"], [0.001, 0.002, 0.003, 0.004])
+
+
+def test_units_that_do_not_fit() -> None:
+    with pytest.raises(RecordError, match=r"speed is in 'm/s' \(column 'speed'\), the model in 'rad/s'"):
+        record(voltage=1, speed=(1, "m/s")).for_model(motor())
+    with pytest.raises(RecordError, match="'0/1'"):
+        record(voltage=(1, "0/1")).for_model(motor())
+
+
+def test_rotary_records_of_translational_models() -> None:
+    data = record(force=(1, "N·m"), displacement=([90, 0, 0, 0], "deg")).for_model(oscillator())
+    assert data.measured["displacement"][0] == pytest.approx(np.pi / 2)
+    assert (data.units["displacement"], data.units["velocity"], data.units["force"]) == (
+        "rad",
+        "rad/s",
+        "N·m",
+    )
+    assert any("rotary" in note for note in data.notes)
+    with pytest.raises(RecordError, match="force is in 'N' but displacement is in 'deg'"):
+        record(force=(1, "N"), displacement=(1, "deg")).for_model(oscillator())
+
+
+def test_missing_samples() -> None:
+    nan = np.nan
+    data = record(voltage=[1, nan, 3, nan], speed=[nan, 1, 2, 3], current=nan).for_model(motor())
+    np.testing.assert_array_equal(data.u[:, 0], [1, 1, 3, 3])
+    assert np.isnan(data.measured["speed"][0])
+    assert list(data.measured) == ["speed"]
+    assert data.x0 is None
+    assert any(
+        "voltage: 2 missing samples hold the value before them, the first at t = 0.1 s" in n
+        for n in data.notes
+    )
+    assert any("current holds no sample" in note for note in data.notes)
+
+
+def test_inputs_missing_too_often_are_refused_with_their_row(csv: Callable[[str], Path]) -> None:
+    def text(gap: int) -> str:
+        cells = ["1"] * 3 + [""] * gap + ["2"] * 3
+        return "t,voltage\n" + "".join(f"{i},{cell}\n" for i, cell in enumerate(cells))
+
+    assert read_for_model(csv(text(5)), motor()).u[7, 0] == 1
+    with pytest.raises(
+        RecordError, match=r"run.csv: row 4 \(line 5\): the input 'voltage' is missing more than 5 times"
+    ):
+        read_for_model(csv(text(6)), motor())
+    with pytest.raises(
+        RecordError, match=r"row 1 \(line 2\): the input 'voltage' is missing before its first value"
+    ):
+        read_for_model(csv("t,voltage\n0,\n1,2\n"), motor())
+
+
+def test_columns_that_the_model_does_not_use_do_no_harm(csv: Callable[[str], Path]) -> None:
+    path = csv("t,voltage,mode,load\n0,1,idle,inf\n1,2,3,4\n")
+    assert read_for_model(path, motor()).u[1, 0] == 2
+    with pytest.raises(RecordError, match="'idle' is not a number"):
+        read_for_model(path, motor(), {"speed": "mode"})
+
+
+def test_the_time_column_can_be_mapped(csv: Callable[[str], Path]) -> None:
+    path = csv("clock [ms],voltage\n0,1\n5,2\n")
+    np.testing.assert_array_equal(read_for_model(path, motor(), {"t": "clock"}).t, [0, 0.005])
+
+
+def test_an_imposed_motion_recorded_as_displacement() -> None:
+    found = record(displacement=([0, 100, 400, 900], "mm"), force=(5, "N"))
+    data = found.for_model(element())
+    np.testing.assert_allclose(data.u[:, 0], [1, 2, 4, 5])
+    assert any("central difference" in note for note in data.notes)
+    assert set(data.measured) == {"displacement", "force"}
+    with_velocity = record(displacement=1, velocity=7, force=5).for_model(element())
+    np.testing.assert_array_equal(with_velocity.u[:, 0], 7)
+
+
+def test_ambiguous_names(csv: Callable[[str], Path]) -> None:
+    path = csv("t,voltage,speed [rad/s],speed [rpm]\n0,1,2,3\n1,2,3,4\n")
+    with pytest.raises(RecordError, match="ambiguous"):
+        read_for_model(path, motor())
+    assert read_for_model(path, motor(), {"speed": "speed [rad/s]"}).measured["speed"][0] == 2
+    assert read_record(path).find("voltage") == "voltage"

@@ -1,0 +1,60 @@
+"""MAT files."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from signlin_ros.errors import RecordError
+from signlin_ros.records import read_record
+
+T = np.linspace(0, 1, 11)
+
+
+def test_vectors_matrices_and_scalars(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    q = np.arange(22.0).reshape(11, 2)
+    savemat(
+        path, {"t": T[:, None], "u": T[None, :], "q": q, "gain": 3.0, "short": [1.0, 2.0], "name": "axis"}
+    )
+    record = read_record(path)
+    assert list(record.signals) == ["u", "q[0]", "q[1]"]
+    np.testing.assert_array_equal(record.signals["q[1]"].values, q[:, 1])
+    assert record.notes == ("'short' is left out: it is 1x2, the time has 11 values",)
+
+
+def test_struct(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    savemat(path, {"data": {"time": T, "voltage": 2 * T, "motor": {"speed": 3 * T}}})
+    record = read_record(path, {"omega": "data.motor.speed"})
+    assert set(record.signals) == {"voltage", "omega"}
+    assert record.find("data.voltage") == "voltage"
+
+
+def test_time_under_another_name(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    savemat(path, {"tout": T, "u": T})
+    with pytest.raises(RecordError, match=r"no time vector.*'tout', 'u'"):
+        read_record(path)
+    np.testing.assert_array_equal(read_record(path, {"t": "tout"}).t, T)
+
+
+def test_faults_name_the_row(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    savemat(path, {"t": [0.0, 1.0, 0.5], "u": [1.0, 2.0, 3.0]})
+    with pytest.raises(RecordError, match=r"run\.mat: row 3: .*comes after 1"):
+        read_record(path)
+
+
+def test_version_7_3_and_rubbish(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + bytes(200))
+    with pytest.raises(RecordError, match=r"7\.3.*-v7"):
+        read_record(path)
+    path.write_bytes(b"rubbish")
+    with pytest.raises(RecordError, match="not a readable MAT file"):
+        read_record(path)
+    path.write_bytes(b"")
+    with pytest.raises(RecordError, match="not a readable MAT file"):
+        read_record(path)
