@@ -1,4 +1,4 @@
-"""The node ``plant_simulator``: a non-smooth plant that takes ``input`` and publishes ``state`` and ``joint_states``."""
+"""The node ``plant_simulator``: a non-smooth plant, ``input`` in, ``state`` and ``joint_states`` out."""
 
 from __future__ import annotations
 
@@ -7,18 +7,17 @@ from typing import Any
 import numpy as np
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
+from signlin_ros.simulate import Stepper
 from std_msgs.msg import Float64MultiArray
 
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.joint import joint_values
-from signlin_ros.nodes.linearizer import SENSORS
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.overrides import Entry
 from signlin_ros.nodes.parameters import ModelNode
+from signlin_ros.nodes.qos import RELIABLE, SENSORS
 from signlin_ros.nodes.runner import run
-from signlin_ros.simulate import Stepper
 from sim_nodes.signals import INPUT_SIGNALS, input_signal
 
 OPTIONS = {
@@ -30,10 +29,8 @@ OPTIONS = {
     "amplitude": Entry(1.0, "largest value of the input signal, in the input's unit", 0.0, 1e9),
     "input_period": Entry(1.0, "period of the input signal [s]", 1e-3, 1e6),
 }
-RELIABLE = QoSProfile(depth=50)
-"""Reliable and volatile: what `state`, `input` and `joint_states` are published with."""
 LONGEST_GAP = 10 * NANO
-"""A clock that moves on by more ns at once was set, or the machine slept: the plant did not run in between."""
+"""A clock that moves on by more ns at once was set, or the machine slept: the plant stood still."""
 
 
 class PlantSimulatorNode(ModelNode):
@@ -54,7 +51,9 @@ class PlantSimulatorNode(ModelNode):
         self._period = round(NANO / option["publish_rate"])
         self._start(None)
         self._timer = self.create_timer(1.0 / option["publish_rate"], self._on_period)
-        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
+        backward = JumpThreshold(
+            min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True
+        )
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._start)
 
     def _start(self, _: Any) -> None:
@@ -83,7 +82,7 @@ class PlantSimulatorNode(ModelNode):
 
     def _publish(self) -> None:
         x = self.plant.x + self.options["noise"] * self.random.standard_normal(len(self.model.states))
-        joint = joint_values(self.model, dict(zip(self.model.states, x)), self.u)
+        joint = joint_values(self.model, dict(zip(self.model.states, x.tolist(), strict=True)), self.u)
         if self._signal is not None:
             self._inputs.publish(convert.vector(self.u, "input"))
         self._states.publish(convert.vector(x, "state"))

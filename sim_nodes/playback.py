@@ -1,4 +1,4 @@
-"""A measured record as a stream of states and inputs, sample by sample, using only what was measured before."""
+"""A measured record as a stream of states and inputs, each from what was measured until then."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from signlin_ros.estimate import StateEstimator
 
 from signlin_ros.errors import RecordError
-from signlin_ros.estimate import StateEstimator
 from signlin_ros.model import Model
 from signlin_ros.nodes.joint import joint_values
 from signlin_ros.records import read_for_model
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sample:
-    """One moment: time since the record's start in s, whole state x (n,), input u (m,), and the joint's values."""
+    """One moment: time since the start in s, whole state x (n,), input u (m,), and the joint's values."""
 
     t: float
     x: Array
@@ -30,9 +30,10 @@ class Sample:
 
 
 class Playback:
-    """A record in a model's terms. States that it does not hold are carried by the model; see `StateEstimator`.
+    """A record in a model's terms. States that it does not hold come from `StateEstimator`.
 
-    Raises `RecordError` or `ModelError` where the record does not hold the model's inputs, or none of its states.
+    Raises `RecordError` or `ModelError` where the record does not hold the model's inputs, or none of its
+    states.
     """
 
     def __init__(self, model: Model, path: str) -> None:
@@ -60,7 +61,8 @@ class Playback:
             found = {name: value for name, value in found.items() if not math.isnan(value)}
             u = self.data.u[i]
             x = estimator.update(t, found, u)
-            yield Sample(t, x, u, joint_values(self.model, dict(zip(self.model.states, x.tolist())), u))
+            state = dict(zip(self.model.states, x.tolist(), strict=True))
+            yield Sample(t, x, u, joint_values(self.model, state, u))
 
     def estimator(self) -> StateEstimator:
         """Return a new estimator of the whole state from what the record holds."""

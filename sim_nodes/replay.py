@@ -13,8 +13,8 @@ from signlin_ros.nodes import convert
 from signlin_ros.nodes.linearizer_logic import NANO
 from signlin_ros.nodes.overrides import Entry
 from signlin_ros.nodes.parameters import ModelNode
+from signlin_ros.nodes.qos import RELIABLE
 from signlin_ros.nodes.runner import run
-from sim_nodes.plant_simulator import RELIABLE
 from sim_nodes.playback import Playback, Sample
 
 OPTIONS = {
@@ -39,7 +39,9 @@ class ReplayNode(ModelNode):
         super().__init__("replay", OPTIONS)
         option = self.options
         if option["publish_clock"] and self.get_parameter("use_sim_time").value:
-            raise InputError("publish_clock: the node that publishes /clock cannot follow it; leave use_sim_time out")
+            raise InputError(
+                "publish_clock: the node that publishes /clock cannot follow it; leave use_sim_time out"
+            )
         self.finished = False
         self.playback = Playback(self.model, option["record"])
         self._samples = self.playback.rounds(option["loop"])
@@ -47,7 +49,9 @@ class ReplayNode(ModelNode):
         self._states = self.create_publisher(Float64MultiArray, "state", RELIABLE)
         self._inputs = self.create_publisher(Float64MultiArray, "input", RELIABLE)
         self._joint_states = self.create_publisher(JointState, "joint_states", RELIABLE)
-        self._clock_out = self.create_publisher(ClockMessage, "/clock", 10) if option["publish_clock"] else None
+        self._clock_out = (
+            self.create_publisher(ClockMessage, "/clock", 10) if option["publish_clock"] else None
+        )
         self._born, self._start = self.now(), 0
         tick = min(max(self.playback.step / option["rate"], 1e-3), 0.02)
         self._timer = self.create_timer(tick, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -58,9 +62,8 @@ class ReplayNode(ModelNode):
         for note in (*play.data.notes, *play.estimator().notes):
             self.get_logger().info(note)
         carried = f"; carried by the model: {', '.join(play.carried)}" if play.carried else ""
-        self.get_logger().info(
-            f"{play.data.source}: {len(play.t)} samples, {play.t[-1]:.6g} s; measured: {', '.join(play.measured)}{carried}"
-        )
+        size = f"{len(play.t)} samples, {play.t[-1]:.6g} s"
+        self.get_logger().info(f"{play.data.source}: {size}; measured: {', '.join(play.measured)}{carried}")
 
     def _on_tick(self) -> None:
         now = self.now()
@@ -82,7 +85,7 @@ class ReplayNode(ModelNode):
             self.get_logger().warning("cannot keep up with the rate", throttle_duration_sec=10.0)
 
     def _due(self, sample: Sample) -> int:
-        return self._start + round(sample.t / self.options["rate"] * NANO)
+        return self._start + round(sample.t / float(self.options["rate"]) * NANO)
 
     def _publish(self, sample: Sample) -> None:
         stamp = self._due(sample)

@@ -12,7 +12,7 @@ HARMONICS = (1, 2, 3, 5, 7, 11, 13)
 
 
 def input_signal(kind: str, amplitude: float, period: float) -> Signal | None:
-    """Return the signal u(t) of a kind, with the largest |u| at ``amplitude`` and ``period`` in s; None for external."""
+    """Return the signal u(t) of a kind, largest |u| ``amplitude``, ``period`` in s; None for external."""
     shape = {"square": _square, "sine": _sine, "multisine": _multisine}.get(kind)
     if shape is None:
         return None
@@ -29,7 +29,9 @@ def _sine(phase: float) -> float:
 
 def _sum(phase: float) -> float:
     shifts = (math.pi * i * i / len(HARMONICS) for i in range(len(HARMONICS)))
-    return sum(math.sin(2.0 * math.pi * n * phase + shift) for n, shift in zip(HARMONICS, shifts))
+    return sum(
+        math.sin(2.0 * math.pi * n * phase + shift) for n, shift in zip(HARMONICS, shifts, strict=True)
+    )
 
 
 _PEAK = max(abs(_sum(i / 4096)) for i in range(4096))

@@ -5,17 +5,16 @@ ros2 launch signlin_ros replay.launch.py params_file:=/path/to/emps.yaml record:
 
 from pathlib import Path
 
+from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-SHARE = Path(__file__).resolve().parent.parent
-
 
 def generate_launch_description() -> LaunchDescription:
     """Start `replay` and `linearizer` on one parameter file."""
-    configuration = SHARE / "config"
+    configuration = Path(get_package_share_directory("signlin_ros")) / "config"
     file, namespace = LaunchConfiguration("params_file"), LaunchConfiguration("namespace")
     play = {name: LaunchConfiguration(name) for name in ("record", "rate", "loop")}
     return LaunchDescription(
@@ -25,7 +24,9 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("record", description="CSV, MAT or rosbag2 to play"),
             DeclareLaunchArgument("rate", default_value="1.0"),
             DeclareLaunchArgument("loop", default_value="false"),
-            SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", str(configuration / "fastdds_profile.xml")),
+            SetEnvironmentVariable(
+                "FASTRTPS_DEFAULT_PROFILES_FILE", str(configuration / "fastdds_profile.xml")
+            ),
             Node(
                 package="signlin_ros",
                 executable="replay",

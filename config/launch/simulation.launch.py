@@ -1,21 +1,20 @@
 """The simulated plant and the linearizer.
 
-ros2 launch signlin_ros simulation.launch.py params_file:=/path/to/model.yaml namespace:=axis_1 input_signal:=square
+ros2 launch signlin_ros simulation.launch.py params_file:=/path/to/model.yaml input_signal:=square
 """
 
 from pathlib import Path
 
+from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, SetEnvironmentVariable
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-SHARE = Path(__file__).resolve().parent.parent
-
 
 def generate_launch_description() -> LaunchDescription:
     """Start `plant_simulator` and `linearizer` on one parameter file."""
-    configuration = SHARE / "config"
+    configuration = Path(get_package_share_directory("signlin_ros")) / "config"
     file, namespace = LaunchConfiguration("params_file"), LaunchConfiguration("namespace")
     use_sim_time = {"use_sim_time": LaunchConfiguration("use_sim_time")}
     drive = {
@@ -31,7 +30,9 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("input_signal", default_value="square"),
             DeclareLaunchArgument("amplitude", default_value="2.0"),
             DeclareLaunchArgument("input_period", default_value="6.0"),
-            SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", str(configuration / "fastdds_profile.xml")),
+            SetEnvironmentVariable(
+                "FASTRTPS_DEFAULT_PROFILES_FILE", str(configuration / "fastdds_profile.xml")
+            ),
             Node(
                 package="signlin_ros",
                 executable="plant_simulator",

@@ -6,6 +6,7 @@ A user's own effect is a Python file named in a model's ``effect_files``, or an 
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import importlib.util
 import inspect
@@ -73,11 +74,21 @@ for _effect in (
     register(_effect)
 
 
+def load_entry_points() -> None:
+    """Register the effects that installed packages offer in the group ``signlin_ros.effects``."""
+    for entry in importlib.metadata.entry_points(group="signlin_ros.effects"):
+        try:
+            register(entry.load())
+        except Exception as error:
+            raise ModelError(
+                f"entry point {entry.name} = {entry.value}: {type(error).__name__}: {error}"
+            ) from error
+
+
 def find_effect(name: str, where: str) -> type[Effect]:
     """Return the effect called ``name``, looking at entry points last; raise `ModelError` naming the nearest."""
     if name not in EFFECTS:
-        for entry in importlib.metadata.entry_points(group="signlin_ros.effects"):
-            register(entry.load())
+        load_entry_points()
     if name not in EFFECTS:
         raise ModelError(
             f"{where}: unknown effect {name!r}; known: {choices(EFFECTS)}{suggest(name, EFFECTS)}"
@@ -89,6 +100,13 @@ def load_effect_file(path: Path) -> None:
     """Run a user's Python file and register every `Effect` that it defines; raise `ModelError` if it fails."""
     if not path.is_file():
         raise ModelError(f"effect_files: {path} does not exist")
+    for effect in _effects_in(path, path.stat().st_mtime_ns):
+        register(effect)
+
+
+@functools.lru_cache(maxsize=None)
+def _effects_in(path: Path, changed: int) -> tuple[type[Effect], ...]:
+    """Return the effects of a file as it was when it ``changed``; equal files give the same classes, traced once."""
     spec = importlib.util.spec_from_file_location(f"signlin_effect_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise ModelError(f"effect_files: {path} is not a Python file")
@@ -105,7 +123,10 @@ def load_effect_file(path: Path) -> None:
     if not found:
         raise ModelError(f"effect_files: {path} defines no subclass of signlin_ros.effects.Effect")
     for effect in found:
-        register(effect)
+        missing = [name for name in ("name", "equation") if not isinstance(getattr(effect, name, None), str)]
+        if missing:
+            raise ModelError(f"effect_files: {path}: class {effect.__name__} lacks {' and '.join(missing)}")
+    return tuple(found)
 
 
-__all__ = ["EFFECTS", "Effect", "find_effect", "load_effect_file", "register"]
+__all__ = ["EFFECTS", "Effect", "find_effect", "load_effect_file", "load_entry_points", "register"]

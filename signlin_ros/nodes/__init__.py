@@ -1,4 +1,5 @@
 """ROS 2 nodes: read a message into arrays, call the core, write a message.
 
-Only `convert`, `parameters`, `runner` and the nodes themselves need ROS; the logic is plain Python and is tested as such.
+Only `convert`, `parameters`, `qos`, `runner` and the nodes themselves need ROS; the logic is plain Python
+and is tested as such.
 """

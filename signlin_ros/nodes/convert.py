@@ -53,10 +53,11 @@ def read_vector(message: Float64MultiArray, length: int) -> Array | Refusal:
 
 
 def layout_fault(layout: Any, size: int) -> str:
-    """Return what is wrong with the layout of a row- or column vector of ``size`` values; empty if nothing is.
+    """Return what is wrong with the layout of a vector of ``size`` values; an empty text if nothing is.
 
-    An empty layout is fine. Otherwise the sizes must multiply to the number of values, each stride must be the product of
-    the sizes from there on, and the offset must be 0. Python's integers do not overflow, whatever is claimed.
+    An empty layout is fine. Otherwise the sizes must multiply to the number of values, at most one may differ
+    from 1, each stride must be the product of the sizes from there on, and the offset must be 0. Python's
+    integers do not overflow, whatever is claimed.
     """
     if layout.data_offset:
         return f"data_offset {layout.data_offset}, not 0"
@@ -73,7 +74,7 @@ def layout_fault(layout: Any, size: int) -> str:
 
 
 def read_joint(message: JointState, joint: str) -> dict[str, float] | Refusal:
-    """Return position, velocity and effort of a joint, found by its name; NaN and absent ones are left out."""
+    """Return position, velocity and effort of a joint, found by its name; absent or NaN ones are left out."""
     names = list(message.name)
     if joint not in names:
         return Refusal("missing", f"no joint {joint!r} among {names[:10]}")
@@ -107,7 +108,9 @@ def matrix(values: ArrayLike, rows: str, columns: str) -> Float64MultiArray:
 
 def _array(data: Array, dims: Sequence[tuple[str, int, int]]) -> Float64MultiArray:
     message = Float64MultiArray(data=data.ravel().tolist())
-    message.layout.dim = [MultiArrayDimension(label=name, size=size, stride=stride) for name, size, stride in dims]
+    message.layout.dim = [
+        MultiArrayDimension(label=name, size=size, stride=stride) for name, size, stride in dims
+    ]
     return message
 
 
@@ -131,8 +134,8 @@ def read_model(message: Float64MultiArray) -> Update:
     """
     head, data = message.data[:6], np.array(message.data[6:], dtype=np.float64)
     n, m = int(head[4]), int(head[5])
-    A, B, c, x, u = np.split(data, np.cumsum([n * n, n * m, n, n]))  # noqa: N806
-    A, B = A.reshape(n, n), B.reshape(n, m)  # noqa: N806
+    A, B, c, x, u = np.split(data, np.cumsum([n * n, n * m, n, n]))
+    A, B = A.reshape(n, n), B.reshape(n, m)
     f = A @ x + B @ u + c
     result = Linearization(A=A, B=B, c=c, x=x, u=u, f=f, method="", in_valid_range=bool(head[3]), delay=0.0)
     return Update(stamp=int(head[0]) * NANO + int(head[1]), sequence=int(head[2]), result=result)

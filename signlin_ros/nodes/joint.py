@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 def measured_states(model: Model, joint: Mapping[str, float]) -> dict[str, float]:
     """Return what a joint's position, velocity and effort say of a model's states.
 
-    The effort of a motor is K_t i, so it gives the current; elsewhere it is an input or an output, and no state.
+    The effort of a motor is K_t i, so it gives the current; elsewhere it is an input or an output.
     """
     names = {"position": model.plant.position, "velocity": model.plant.velocity}
     found = {name: joint[field] for field, name in names.items() if field in joint and name in model.states}
@@ -29,7 +29,7 @@ def joint_values(model: Model, states: Mapping[str, float], u: Array) -> dict[st
 
     Effort is K_t i of a motor with a current, the input force of a mass; nothing where neither is there.
     """
-    known = {**dict(zip(model.inputs, u.tolist())), **states}
+    known = {**dict(zip(model.inputs, u.tolist(), strict=True)), **states}
     names = {"position": model.plant.position, "velocity": model.plant.velocity}
     found = {field: known[name] for field, name in names.items() if name in known}
     if "current" in states:

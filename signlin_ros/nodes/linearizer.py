@@ -1,6 +1,7 @@
 """The node ``linearizer``: states in, A_k, B_k, c out, one model per update period.
 
-Subscribes ``state`` or ``joint_states``, and ``input``; publishes ``~/A``, ``~/B``, ``~/c``, ``~/model``, ``/diagnostics``.
+Subscribes ``state`` or ``joint_states``, and ``input``; publishes ``~/A``, ``~/B``, ``~/c``, ``~/model`` and
+``/diagnostics``.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -19,17 +19,20 @@ from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.linearizer_logic import NANO, LinearizerLogic, Refusal, Update, checked_linearizer
 from signlin_ros.nodes.overrides import Entry
 from signlin_ros.nodes.parameters import ModelNode, on_change
+from signlin_ros.nodes.qos import LATCHED, SENSORS
 from signlin_ros.nodes.runner import run
 
 OPTIONS = {
     "state_source": Entry("array", "where states come from", choices=("array", "joint_state")),
     "joint_name": Entry("joint", "name of the joint in joint_states"),
     "state_timeout": Entry(
-        0.0, "age of the state [s] above which nothing is published; 0: three update periods", 0.0, 1e6, read_only=False
+        0.0,
+        "age of the state [s] above which nothing is published; 0: three update periods",
+        0.0,
+        1e6,
+        read_only=False,
     ),
 }
-SENSORS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
-LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 CLOCK_PATIENCE = 5.0
 """Seconds without /clock, with use_sim_time, after which that is said."""
 
@@ -41,7 +44,9 @@ class LinearizerNode(ModelNode):
         super().__init__("linearizer", OPTIONS)
         self.logic = LinearizerLogic(self.model, self.now(), self.options["state_timeout"])
         self.joint = self.options["joint_name"]
-        self._publish_to = {name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in "ABc"}
+        self._publish_to = {
+            name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in "ABc"
+        }
         self._publish_to["model"] = self.create_publisher(Float64MultiArray, "~/model", LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS)
@@ -54,7 +59,9 @@ class LinearizerNode(ModelNode):
         self._waited = 0.0
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=steady)
         self._last_refused = 0
-        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
+        backward = JumpThreshold(
+            min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True
+        )
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._on_jump)
         on_change(self, self._try_changes, self._apply_changes)
         self._say_hello()
@@ -108,7 +115,7 @@ class LinearizerNode(ModelNode):
         self._warn()
 
     def _warn(self) -> None:
-        """Say what a user would wonder about: refused messages, and a simulated clock that nobody publishes."""
+        """Say what a user would wonder about: refused messages, a simulated clock that nobody publishes."""
         total = sum(self.logic.refused.values())
         if total > self._last_refused and self.logic.last_refusal is not None:
             last = self.logic.last_refusal
@@ -120,7 +127,9 @@ class LinearizerNode(ModelNode):
         if self.get_parameter("use_sim_time").value and self.now() == 0:
             self._waited += 1.0
             if self._waited == CLOCK_PATIENCE:
-                self.get_logger().warning("use_sim_time is set, but nobody publishes /clock: no model will come")
+                self.get_logger().warning(
+                    "use_sim_time is set, but nobody publishes /clock: no model will come"
+                )
 
     # ---------------------------------------------------------------- parameters
 

@@ -81,7 +81,7 @@ class LinearizerLogic:
     # ---------------------------------------------------------------- configuration
 
     def configure(self, model: Model) -> None:
-        """Take another model with the same states and inputs; raise `InputError` if it cannot be linearized."""
+        """Take another model with the same states and inputs; may raise `InputError`."""
         self.linearizer = checked_linearizer(model)
         self.model = model
         self.period = round(model.update_period * NANO)
@@ -124,8 +124,8 @@ class LinearizerLogic:
     def take_measured(self, value: Mapping[str, float] | Refusal, stamp: int, now: int) -> None:
         """Take what is measured of a state, by name, with its own stamp; the model carries the rest.
 
-        Refused: a stamp older than the timeout, from the future by more than that, repeated, or out of order; a
-        position or velocity that is missing.
+        Refused: a stamp older than the timeout, ahead of the clock by more than that, repeated, or out of
+        order; a position or velocity that is missing.
         """
         if isinstance(value, Refusal):
             self._refuse(value)
@@ -175,9 +175,10 @@ class LinearizerLogic:
     # ---------------------------------------------------------------- output
 
     def updates(self, now: int) -> list[Update]:
-        """Return the models that have fallen due by ``now``: one per period, none without a state that is fresh enough.
+        """Return the models that have fallen due by ``now``: one per period, none without a fresh state.
 
-        Periods are counted, so that none is lost or doubled where a fast simulated clock, or a busy machine, calls late.
+        Periods are counted, so that none is lost or doubled where a fast simulated clock, or a busy machine,
+        calls late.
         """
         first, self._periods = self._periods + 1, max(self._periods, (now - self.origin) // self.period)
         state = self._state
@@ -220,14 +221,18 @@ class LinearizerLogic:
             "states accepted": str(self.accepted),
             "messages refused": str(sum(self.refused.values())),
             "input received": str(self.input_received).lower(),
-            "in_valid_range": "unknown" if self.last is None else str(self.last.result.in_valid_range).lower(),
+            "in_valid_range": "unknown"
+            if self.last is None
+            else str(self.last.result.in_valid_range).lower(),
             "delay [s]": "unknown" if self.last is None else f"{self.last.result.delay:g}",
         }
         if self.last is not None:
             values["age of the last model [s]"] = f"{(now - self.last.stamp) / NANO:.6f}"
         if self.last_refusal is not None:
             values["last refused"] = f"{self.last_refusal.kind}: {self.last_refusal.detail}"
-        return Health(level, message, values | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())})
+        return Health(
+            level, message, values | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())}
+        )
 
     def _verdict(self, age: int) -> tuple[int, str]:
         if age > self.timeout:
@@ -248,7 +253,7 @@ class LinearizerLogic:
 
 
 def checked_linearizer(model: Model) -> Linearizer:
-    """Return a linearizer that has done one point already, so that nothing is compiled later; raise `InputError` if not."""
+    """Return a linearizer that has done one point, so that all is compiled; may raise `InputError`."""
     linearizer = Linearizer(model)
     linearizer(model.x0, np.zeros(len(model.inputs)))
     return linearizer

@@ -9,14 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 from signlin_ros import sign
 from signlin_ros.errors import InputError, ModelError, suggest
 from signlin_ros.model import METHODS, OPERATING_POINTS, Model
-
-Value = float | int | bool | str | list[str]
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,14 @@ class Entry:
     A float or int must lie in [low, high]; a string, where there are choices, must be one of them.
     """
 
-    value: Value
+    value: Any
     description: str
     low: float = -math.inf
     high: float = math.inf
     choices: tuple[str, ...] = ()
     read_only: bool = True
 
-    def check(self, name: str, value: Any) -> Value:
+    def check(self, name: str, value: Any) -> Any:
         """Return ``value`` in the type of the entry; raise `InputError` where it does not fit."""
         if isinstance(self.value, float) and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
@@ -45,7 +45,7 @@ class Entry:
         if self.choices and value not in self.choices:
             hint = suggest(str(value), self.choices)
             raise InputError(f"{name}: found {value!r}; allowed: {', '.join(self.choices)}{hint}")
-        return self.value.__class__(value)
+        return value
 
 
 def nested(flat: Mapping[str, Any]) -> dict[str, Any]:
@@ -88,23 +88,27 @@ def model_of(flat: Mapping[str, Any], arguments: Sequence[str]) -> Model:
 
 def parameter_files(arguments: Sequence[str]) -> list[Path]:
     """Return the files named by ``--params-file`` in a command line, in order."""
-    return [Path(value) for flag, value in zip(arguments, arguments[1:]) if flag == "--params-file"]
+    return [Path(value) for flag, value in pairwise(arguments) if flag == "--params-file"]
 
 
 def _folder(files: Sequence[Path], effect_files: Iterable[str]) -> Path:
-    """Return the folder of the parameter file that the effect files lie beside: the last in which they all exist."""
+    """Return the folder of the last parameter file that has all the effect files beside it."""
     folders = [file.parent for file in reversed(files)] or [Path()]
     names = [Path(name) for name in effect_files]
     return next((f for f in folders if all((f / name).is_file() for name in names)), folders[0])
 
 
 def entries_of(model: Model) -> dict[str, Entry]:
-    """Return every value of a model as parameters by dotted name, so that ``ros2 param dump`` gives it all."""
+    """Return all of a model as parameters by dotted name, so that ``ros2 param dump`` gives a model file."""
     found = {"plant": Entry(model.plant.name, "base equations")}
     for name, par in model.par_declarations().items():
         excluded = ", 0 excluded" if par.positive and par.low == 0 else ""
         found[name] = Entry(
-            model.value(name), f"{par.doc} [{par.unit}]{excluded}", par.low, par.high, read_only=par.structural
+            model.value(name),
+            f"{par.doc} [{par.unit}]{excluded}",
+            par.low,
+            par.high,
+            read_only=par.structural,
         )
     for key, use in model.effects.items():
         found[f"effects.{key}.type"] = Entry(use.type, "name of the effect in the catalogue")
@@ -113,23 +117,26 @@ def entries_of(model: Model) -> dict[str, Entry]:
 
 def _method_entries(model: Model) -> dict[str, Entry]:
     """Return the options that can change while the node runs."""
-    free = {"read_only": False}
+    free = partial(Entry, read_only=False)
     found = {
-        "sign_order": Entry(model.sign_order, "order j of sign_j", 1, sign.MAX_ORDER, **free),
-        "sign_scale": Entry(
-            model.sign_scale, "scale of sign_j in the unit of each surface; 0: from operating_range", 0, 1e12, **free
+        "sign_order": free(model.sign_order, "order j of sign_j", 1, sign.MAX_ORDER),
+        "sign_scale": free(
+            model.sign_scale,
+            "scale of sign_j in the unit of each surface; 0: from operating_range",
+            0,
+            1e12,
         ),
-        "linearization": Entry(model.linearization, "method", choices=METHODS, **free),
-        "operating_point": Entry(model.operating_point, "where A and B are taken", choices=OPERATING_POINTS, **free),
-        "update_period": Entry(model.update_period, "time between two models [s], 0 excluded", 0.0, 3600.0, **free),
+        "linearization": free(model.linearization, "method", choices=METHODS),
+        "operating_point": free(model.operating_point, "where A and B are taken", choices=OPERATING_POINTS),
+        "update_period": free(model.update_period, "time between two models [s], 0 excluded", 0.0, 3600.0),
     }
     for name in model.states:
         weight = model.state_weights.get(name, 1.0)
         text = f"weight of {name} in the optimal linearization [-]; 0 leaves its column at the Jacobian's"
-        found[f"state_weights.{name}"] = Entry(weight, text, 0.0, 1e300, **free)
+        found[f"state_weights.{name}"] = free(weight, text, 0.0, 1e300)
     for name, value in model.operating_range.items():
         text = f"largest |{name}| [{model.units[name]}], for sign_scale 0"
-        found[f"operating_range.{name}"] = Entry(value, text, 0.0, 1e300, **free)
+        found[f"operating_range.{name}"] = free(value, text, 0.0, 1e300)
     return found
 
 

@@ -12,7 +12,7 @@ from rclpy.parameter import Parameter
 
 from signlin_ros.errors import InputError
 from signlin_ros.nodes import overrides
-from signlin_ros.nodes.overrides import Entry, Value
+from signlin_ros.nodes.overrides import Entry
 
 
 class ModelNode(Node):  # type: ignore[misc]
@@ -25,14 +25,14 @@ class ModelNode(Node):  # type: ignore[misc]
         declare(self, overrides.entries_of(self.model))
         values = {key: entry.check(key, given.get(key, entry.value)) for key, entry in options.items()}
         declare(self, {key: with_value(entry, values[key]) for key, entry in options.items()})
-        self.options = values
+        self.options: dict[str, Any] = values
 
     def now(self) -> int:
         """Return the time of the node's clock in ns."""
         return int(self.get_clock().now().nanoseconds)
 
 
-def with_value(entry: Entry, value: Value) -> Entry:
+def with_value(entry: Entry, value: Any) -> Entry:
     """Return an entry with another value."""
     return Entry(value, entry.description, entry.low, entry.high, entry.choices, entry.read_only)
 
@@ -40,8 +40,8 @@ def with_value(entry: Entry, value: Value) -> Entry:
 def declare(node: Node, entries: Mapping[str, Entry]) -> None:
     """Declare parameters with their values.
 
-    The values come from the overrides already, checked and with whole numbers made floats where a float is meant: rclpy itself
-    would end the node with an exception there.
+    The values come from the overrides already, checked, and with whole numbers made floats where a float is
+    meant: rclpy itself would end the node with an exception there.
     """
     for name, entry in entries.items():
         node.declare_parameter(name, entry.value, descriptor(entry), ignore_override=True)
@@ -57,15 +57,19 @@ def descriptor(entry: Entry) -> ParameterDescriptor:
     if isinstance(entry.value, int):
         result.integer_range = [IntegerRange(from_value=int(entry.low), to_value=int(entry.high), step=1)]
     elif isinstance(entry.value, float):
-        result.floating_point_range = [FloatingPointRange(from_value=entry.low, to_value=entry.high, step=0.0)]
+        result.floating_point_range = [
+            FloatingPointRange(from_value=entry.low, to_value=entry.high, step=0.0)
+        ]
     return result
 
 
-def on_change(node: Node, try_changes: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]) -> None:
+def on_change(
+    node: Node, try_changes: Callable[[dict[str, Any]], None], apply: Callable[[dict[str, Any]], None]
+) -> None:
     """Check changes before they are set, and apply them after.
 
-    ``try_changes`` raises `InputError` to refuse; the reason goes to who asked, and nothing changes. A whole number for a
-    parameter that is a float is taken as one.
+    ``try_changes`` raises `InputError` to refuse; the reason goes to who asked, and nothing changes. A whole
+    number for a parameter that is a float is taken as one.
     """
 
     def floats(parameters: Sequence[Parameter]) -> list[Parameter]:

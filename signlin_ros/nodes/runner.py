@@ -9,33 +9,40 @@ from collections.abc import Callable, Sequence
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from signlin_ros.errors import InputError
 
+RCLError = rclpy_implementation.RCLError
+"""What rclpy raises for a parameter file that is not there or cannot be read, and for a bad command line."""
+
 
 def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
-    """Run the node that ``create`` makes until a signal, or until it calls `finish`; return the exit code.
+    """Run the node that ``create`` makes until a signal, or its ``finished``; return the exit code.
 
-    0: ended as asked; 2: what the user gave is bad, said in one line. With the handlers of rclpy itself one end in ten
-    fails on SIGTERM (the context dies under the running wait), so the signals only set an event here.
+    0: ended as asked; 2: what the user gave is bad, said in one line. With the handlers of rclpy itself one
+    end in ten fails on SIGTERM: the context dies under the running wait. So the signals only set an event.
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     executor = node = None
     try:
-        rclpy.init(args=list(sys.argv if arguments is None else arguments), signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(
+            args=list(sys.argv if arguments is None else arguments),
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
         executor = SingleThreadedExecutor()
         node = create()
         executor.add_node(node)
         while not stop.is_set() and not getattr(node, "finished", False):
             executor.spin_once(timeout_sec=0.1)
         return 0
-    except InputError as error:
-        get_logger(name).fatal(str(error))
+    except (InputError, RCLError) as error:
+        get_logger(name).fatal(" ".join(str(error).split()))
         return 2
     finally:
         _end(executor, node)

@@ -1,0 +1,346 @@
+"""The command line ``signlin``: argument parsing only.
+
+Numerics are imported inside the commands, so that ``signlin --help`` answers at once. Every command returns one
+plain mapping (JSON Schemas in ``signlin_ros/schemas``) and a text made of it; ``--json`` chooses the mapping.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from signlin_ros import __version__
+from signlin_ros.errors import InputError, MissingExtraError, suggest
+
+METHODS = ("optimal", "termwise", "jacobian")
+KINDS = ("exact", "smooth", "piecewise")
+Report = tuple[Mapping[str, Any], Callable[[Any], str]]
+
+
+class _Examples(click.Command):
+    """A command whose help ends with examples, lines kept as they are written."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the examples."""
+        with formatter.section("Examples"):
+            formatter.write_text("\b\n" + (self.epilog or ""))
+
+
+def _json_option(function: Callable[..., Report]) -> Callable[..., None]:
+    """Add ``--json`` and print what the command reports, as one JSON object or as text."""
+
+    def run(as_json: bool, **arguments: Any) -> None:
+        content, text = function(**arguments)
+        click.echo(json.dumps(content, indent=2, allow_nan=False) if as_json else text(content))
+
+    run.__doc__, run.__name__ = function.__doc__, function.__name__
+    run.__click_params__ = getattr(function, "__click_params__", [])  # type: ignore[attr-defined]
+    return click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(
+        run
+    )
+
+
+def _note(text: str) -> None:
+    click.echo(text, err=True)
+
+
+def _progress(text: str) -> None:
+    """Say on standard error what takes its time, if somebody is looking."""
+    if sys.stderr.isatty():
+        _note(text)
+
+
+# -------------------------------------------------------------------- values
+
+
+def _pairs(texts: Sequence[str], option: str, form: str) -> dict[str, str]:
+    """Return ``name -> text`` from ``NAME=TEXT`` strings, each name once; raise `InputError` otherwise."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if not (name and equals and value):
+            raise InputError(f"{option}: found {text!r}; allowed: {form}")
+        if name in found:
+            raise InputError(f"{option}: {name} is given twice ({found[name]} and {value})")
+        found[name] = value
+    return found
+
+
+def _numbers(texts: Sequence[str], option: str) -> dict[str, float]:
+    """Return ``name -> number`` from strings like ``current=0.4,speed=20``; raise `InputError` otherwise."""
+    parts = [part for text in texts for part in text.split(",") if part.strip()]
+    return {
+        name: _number(value, f"{option}: {name}")
+        for name, value in _pairs(parts, option, "NAME=NUMBER, several separated by commas").items()
+    }
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError(f"{where}: found {text!r}; allowed: a number, such as 0.4 or 1e-3") from None
+    if not math.isfinite(value):
+        raise InputError(f"{where}: found {text!r}; allowed: a finite number")
+    return value
+
+
+def _by_own_name(
+    model: Any, values: Mapping[str, float], option: str, names: Sequence[str]
+) -> dict[str, float]:
+    """Return values by the model's own names, aliases resolved; raise `InputError` on a bad or repeated name."""
+    own: dict[str, float] = {}
+    for name, value in values.items():
+        try:
+            plain = model.canonical(name)
+        except InputError:
+            plain = ""
+        if plain not in names:
+            raise InputError(_unknown(model, name, plain, option, names))
+        if plain in own:
+            raise InputError(f"{option}: {plain} is given twice, once as {name}")
+        own[plain] = value
+    return own
+
+
+def _unknown(model: Any, name: str, plain: str, option: str, names: Sequence[str]) -> str:
+    what = "state" if option == "--at" else "input"
+    if plain:
+        other = f"; {plain} is no {what} of this model" + ("; use --input" if plain in model.inputs else "")
+    elif name == "position" and model.plant.position_optional:
+        other = "; with_position: true in the model file makes the position a state"
+    else:
+        other = suggest(name, (*names, "position", "velocity"))
+    return f"{option}: unknown {what} {name!r}; there are: {', '.join(names)}{other}"
+
+
+def _positive(ctx: click.Context, parameter: click.Parameter, value: float) -> float:
+    if not 0.0 < value < 1.0:
+        raise click.BadParameter(f"{value!r} is not a number between 0 and 1")
+    return value
+
+
+# -------------------------------------------------------------------- commands
+
+
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+    epilog="Start with: signlin linearize dc_motor --at current=0.4,speed=20",
+)
+@click.version_option(__version__, prog_name="signlin")
+def signlin() -> None:
+    """Linear models x' = A x + B u + c of drives with dry friction, backlash and hysteresis.
+
+    MODEL is a ROS 2 parameter file (the one that the linearizer node takes) or the name of a shipped model:
+    dc_motor, mass_spring_damper, bouc_wen, force_element, emps, xl330. DATA is a CSV or MAT file or a rosbag2
+    recording. Everything is in SI units.
+
+    Exit code 0: done; 2: bad input, with one line that names it; 1: a fault of signlin.
+    """
+
+
+@signlin.command(
+    cls=_Examples,
+    epilog="""signlin linearize dc_motor --at current=0.4,speed=20
+signlin linearize my_motor.yaml --at speed=0.5 --input voltage=2 --method optimal
+signlin linearize bouc_wen --at displacement=0.01,velocity=-0.2 --json""",
+)
+@click.argument("model")
+@click.option("--at", "at", multiple=True, metavar="NAME=NUMBER,...", help="The operating point's states.")
+@click.option(
+    "--input", "inputs", multiple=True, metavar="NAME=NUMBER,...", help="The operating point's inputs."
+)
+@click.option(
+    "--method", type=click.Choice(METHODS), help="How to linearize; default: as the model file says."
+)
+@_json_option
+def linearize(model: str, at: tuple[str, ...], inputs: tuple[str, ...], method: str | None) -> Report:
+    """Print A, B and c of MODEL at an operating point.
+
+    States and inputs that are not named are 0. The linear model is exact at that point: A x + B u + c = F(x, u),
+    where F has the smooth sign_j in place of sign. With `operating_point: midpoint` in MODEL the point is first
+    carried half an update period forward.
+    """
+    points = _numbers(at, "--at"), _numbers(inputs, "--input")
+    from signlin_ros import console
+    from signlin_ros.linearize import Linearizer
+    from signlin_ros.model import Model
+
+    loaded = Model.load(model)
+    x = loaded.state_vector(_by_own_name(loaded, points[0], "--at", loaded.states))
+    u = loaded.input_vector(_by_own_name(loaded, points[1], "--input", loaded.inputs))
+    if loaded.operating_point == "midpoint":
+        _progress("compiling the model (some seconds the first time) ...")
+    result = Linearizer(loaded, method)(x, u)
+    for warning in console.linearize_warnings(loaded, result):
+        _note(f"warning: {warning}")
+    return console.linearize_content(loaded, result), lambda content: console.linearize_text(loaded, content)
+
+
+@signlin.command(
+    cls=_Examples,
+    epilog="""signlin simulate dc_motor run.csv -o simulated.csv
+signlin simulate dc_motor bag/ -o out.csv --signal voltage=/cmd.data[0]
+signlin simulate my_motor.yaml run.csv -o linear.csv --as piecewise""",
+)
+@click.argument("model")
+@click.argument("data")
+@click.option("-o", "--output", required=True, metavar="OUT.csv", help="Where to write (.csv or .mcap).")
+@click.option(
+    "--as",
+    "kind",
+    type=click.Choice(KINDS),
+    default="exact",
+    show_default=True,
+    help="exact: set-valued friction; smooth: sign_j; piecewise: x' = A x + B u + c, held for each update period.",
+)
+@click.option("--rtol", default=1e-6, show_default=True, callback=_positive, help="Relative tolerance.")
+@click.option(
+    "--signal",
+    "signals",
+    multiple=True,
+    metavar="NAME=COLUMN",
+    help="The column of DATA (or /topic.field[...]) that holds a signal of the model. Repeatable.",
+)
+@_json_option
+def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals: tuple[str, ...]) -> Report:
+    """Drive MODEL with the inputs in DATA and write what it does to OUT.
+
+    The run starts from DATA's first row where that holds every state, else from the model's initial_state. Inputs
+    are held between samples. OUT has t, the inputs, the states and the outputs under their plain names, at DATA's
+    times.
+    """
+    mapping = _pairs(signals, "--signal", "NAME=COLUMN")
+    from signlin_ros import console
+    from signlin_ros.model import Model
+    from signlin_ros.records import read_for_model, write_record
+    from signlin_ros.simulate import simulate as run
+
+    if Path(output).exists() and Path(output).resolve() == Path(data).resolve():
+        raise InputError(f"-o: {output} is DATA itself; choose another file")
+    loaded = Model.load(model)
+    record = read_for_model(data, loaded, mapping)
+    _progress(f"simulating {len(record)} samples (the first run of a kind compiles for some seconds) ...")
+    result = run(loaded, record.t, record.u, record.x0, kind=kind, rtol=rtol)
+    write_record(console.trajectory_record(loaded, result, data), output, model=loaded)
+    for note in record.notes:
+        _note(f"note: {note}")
+    return console.simulate_content(loaded, record, result, kind, rtol, output), console.simulate_text
+
+
+@signlin.command(
+    cls=_Examples,
+    epilog="""signlin effects
+signlin effects stribeck_friction
+signlin effects --json""",
+)
+@click.argument("name", required=False)
+@_json_option
+def effects(name: str | None) -> Report:
+    """List the physical effects that a model may hold, or show the effect NAME.
+
+    Laws, parameters with units and bounds, the plants that each applies to, and the sources.
+    """
+    from signlin_ros import catalogue, console
+
+    return {"effects": catalogue.effects(name)}, console.effect_text if name else console.effects_text
+
+
+@signlin.command(
+    cls=_Examples,
+    epilog="""signlin plants
+signlin plants dc_motor
+signlin plants --json""",
+)
+@click.argument("name", required=False)
+@_json_option
+def plants(name: str | None) -> Report:
+    """List the plants (base equations), or show the plant NAME.
+
+    Equations, states, inputs and outputs with their units, and the parameters.
+    """
+    from signlin_ros import catalogue, console
+
+    return {"plants": catalogue.plants(name)}, console.plant_text if name else console.plants_text
+
+
+@signlin.command(cls=_Examples, epilog="signlin figures -o out")
+@click.option(
+    "-o", "--output", required=True, metavar="DIR", help="The folder to write to; it is made if need be."
+)
+@_json_option
+def figures(output: str) -> Report:
+    """Redraw figures 1, 2, 4, 5 and 6 of the paper, with their numbers beside them."""
+    from signlin_ros.figures import make_figures
+
+    folder = Path(output)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"-o: {output}: {error.strerror}") from error
+    _progress("drawing (about a minute) ...")
+    make_figures(folder)
+    files = sorted(str(file) for file in folder.glob("figure_*") if file.suffix in (".png", ".json"))
+    return {"directory": str(folder), "files": files}, lambda content: "\n".join(content["files"])
+
+
+# -------------------------------------------------------------------- running
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())
+
+
+def _usage(error: click.UsageError) -> str:
+    where = f" (see: {error.ctx.command_path} --help)" if error.ctx else ""
+    return " ".join(error.format_message().split()) + where
+
+
+def _fault(error: Exception) -> int:
+    """Report a fault of ours; the traceback only where it was asked for."""
+    if os.environ.get("SIGNLIN_DEBUG", "") not in ("", "0"):
+        raise error
+    _note(
+        f"signlin: {type(error).__name__}: {_one_line(error)}; this is a fault of signlin: please report it with"
+        " the command and its files (SIGNLIN_DEBUG=1 shows where)"
+    )
+    return 1
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; return the exit code: 0 done, 2 bad input, 1 a fault of ours."""
+    try:
+        code = signlin.main(
+            args=None if arguments is None else list(arguments), prog_name="signlin", standalone_mode=False
+        )
+        return code if isinstance(code, int) else 0
+    except click.exceptions.NoArgsIsHelpError as error:
+        _note(error.format_message())
+        return 2
+    except click.UsageError as error:
+        _note(f"signlin: {_usage(error)}")
+        return 2
+    except (InputError, MissingExtraError) as error:
+        _note(f"signlin: {_one_line(error)}")
+        return 2
+    except (click.Abort, KeyboardInterrupt):
+        _note("signlin: interrupted")
+        return 130
+    except BrokenPipeError:
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
+        )  # nobody reads on: `signlin effects | head`
+        return 0
+    except Exception as error:  # noqa: BLE001 - the last resort, so that nobody meets a traceback
+        return _fault(error)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,244 @@
+"""What the command line says: results as plain mappings (see ``schemas/``) and as aligned text with units."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from signlin_ros.compiled import surface_scales, weights
+from signlin_ros.linearize import Linearization
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData, Record, Signal
+from signlin_ros.simulate import Trajectory
+
+
+def table(rows: Iterable[Sequence[str]], indent: str = "  ", right: Sequence[int] = ()) -> str:
+    """Return rows of cells as aligned columns; those in ``right`` are set flush right."""
+    cells = [list(row) for row in rows]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))] if cells else []
+
+    def line(row: list[str]) -> str:
+        pairs = enumerate(zip(row, widths, strict=True))
+        return "  ".join(cell.rjust(width) if i in right else cell.ljust(width) for i, (cell, width) in pairs)
+
+    return "\n".join((indent + line(row)).rstrip() for row in cells)
+
+
+def _number(value: float) -> str:
+    return f"{value:.6g}"
+
+
+# -------------------------------------------------------------------- linearize
+
+
+def linearize_content(model: Model, result: Linearization) -> dict[str, Any]:
+    """Return a linearization as the contract's JSON object (section 4)."""
+    arrays = {name: getattr(result, name).tolist() for name in ("A", "B", "c", "x", "u", "f")}
+    return arrays | {
+        "states": list(model.states),
+        "inputs": list(model.inputs),
+        "method": result.method,
+        "sign_order": model.sign_order,
+        "sign_scale": surface_scales(model),
+        "in_valid_range": result.in_valid_range,
+        "delay": result.delay,
+    }
+
+
+def linearize_warnings(model: Model, result: Linearization) -> list[str]:
+    """Return what a user of this linear model should know: outside the valid range, position in the norm."""
+    found = []
+    if not result.in_valid_range:
+        limit = max(model.sign_order / 3, 1.0)
+        limits = ", ".join(
+            f"|{name}| <= {scale * limit:.4g}" for name, scale in surface_scales(model).items()
+        )
+        found.append(
+            f"the operating point lies outside the valid range of sign_j at order {model.sign_order}: {limits};"
+            " raise sign_scale or sign_order, or set sign_scale: 0.0 with an operating_range"
+        )
+    position = model.plant.position
+    if (
+        result.method == "optimal"
+        and position in model.states
+        and weights(model)[model.states.index(position)] > 0
+        and model.parameters.get("k", 0.0) == 0.0
+    ):
+        found.append(
+            f"{position} carries weight in the optimal linearization, so A depends on where {position} is 0;"
+            f" state_weights: {{{position}: 0.0}} in the model file takes it out"
+        )
+    return found
+
+
+def linearize_text(model: Model, content: dict[str, Any]) -> str:
+    """Return a linearization as text: the operating point with units, then A, B and c with their names."""
+    states, inputs, units = content["states"], content["inputs"], model.units
+    scale = ", ".join(f"{name}: {value:g}" for name, value in content["sign_scale"].items()) or "no surfaces"
+    head = [
+        f"x' = A x + B u + c   {model.plant.name} ({model.source})",
+        f"method {content['method']}, sign_order {content['sign_order']}, sign_scale {{{scale}}}",
+        f"{'inside' if content['in_valid_range'] else 'OUTSIDE'} the valid range, delay {content['delay']:g} s",
+    ]
+    point = [["", "value", "", "f"]]
+    point += [
+        [n, _number(v), units[n], f"{_number(f)} {per_second(units[n])}"]
+        for n, v, f in zip(states, content["x"], content["f"], strict=True)
+    ]
+    point += [[n, _number(v), units[n], ""] for n, v in zip(inputs, content["u"], strict=True)]
+    matrices = [
+        _matrix("A", states, states, content["A"]),
+        _matrix("B", states, inputs, content["B"]),
+        _matrix("c", states, [""], [[value] for value in content["c"]]),
+    ]
+    return "\n\n".join(["\n".join(head), "operating point\n" + table(point, right=[1]), *matrices])
+
+
+def per_second(unit: str) -> str:
+    """Return the unit of a rate of change."""
+    return {"-": "1/s", "m/s": "m/s²", "rad/s": "rad/s²"}.get(unit, f"{unit}/s")
+
+
+def _matrix(name: str, rows: Sequence[str], columns: Sequence[str], values: list[list[float]]) -> str:
+    cells = [["", *columns]] if any(columns) else []
+    cells += [[row, *map(_number, line)] for row, line in zip(rows, values, strict=True)]
+    return f"{name}\n" + table(cells, right=range(1, len(columns) + 1))
+
+
+# -------------------------------------------------------------------- simulate
+
+
+def trajectory_record(model: Model, run: Trajectory, source: str) -> Record:
+    """Return a run as a record: inputs, states, outputs, each name once."""
+    names = dict.fromkeys((*run.inputs, *run.states, *run.outputs))
+    return Record(run.t, {name: Signal(run[name], model.units[name]) for name in names}, source)
+
+
+def simulate_content(
+    model: Model, data: ModelData, run: Trajectory, kind: str, rtol: float, output: str
+) -> dict[str, Any]:
+    """Return the summary of a simulation, without its samples."""
+    names = dict.fromkeys((*run.inputs, *run.states, *run.outputs))
+    counts = Counter((surface, what) for _, surface, what in run.events)
+    return {
+        "output": output,
+        "as": kind,
+        "rtol": rtol,
+        "samples": len(run.t),
+        "start": float(run.t[0]),
+        "end": float(run.t[-1]),
+        "states": list(run.states),
+        "inputs": list(run.inputs),
+        "outputs": list(run.outputs),
+        "initial_state": dict(zip(run.states, run.x[0].tolist(), strict=True)),
+        "initial_state_from": "model" if data.x0 is None else "data",
+        "final_state": dict(zip(run.states, run.x[-1].tolist(), strict=True)),
+        "channels": {
+            name: {
+                "unit": model.units[name],
+                "low": float(np.min(run[name])),
+                "high": float(np.max(run[name])),
+                "rms": float(np.sqrt(np.mean(run[name] ** 2))),
+            }
+            for name in names
+        },
+        "events": [{"surface": s, "what": what, "count": n} for (s, what), n in sorted(counts.items())],
+        "notes": list(data.notes),
+    }
+
+
+def simulate_text(content: dict[str, Any]) -> str:
+    """Return the summary of a simulation as text."""
+    origin = {"model": "the model's initial_state", "data": "the first row of the data"}
+    rows = [["", "unit", "from", "to", "RMS"]]
+    rows += [
+        [name, c["unit"], *(_number(c[key]) for key in ("low", "high", "rms"))]
+        for name, c in content["channels"].items()
+    ]
+    events = [[e["surface"], e["what"], f"{e['count']} times"] for e in content["events"]]
+    head = (
+        f"{content['output']}: {content['samples']} samples, {content['start']:g} s to {content['end']:g} s,"
+        f" as {content['as']}, from {origin[content['initial_state_from']]}"
+    )
+    parts = [head, table(rows, right=[2, 3, 4])]
+    return "\n\n".join(parts + (["surfaces\n" + table(events)] if events else []))
+
+
+# -------------------------------------------------------------------- effects and plants
+
+
+def effects_text(content: dict[str, Any]) -> str:
+    """Return the catalogue of effects, one line each."""
+    entries = content["effects"].values()
+    rows = [[e["name"], e["equation"]] for e in entries]
+    return "\n".join(
+        [
+            "Force or torque on the moving mass, v its velocity, q its position; positive accelerates.",
+            "`signlin effects NAME` shows units, bounds, plants and the source.\n",
+            table([["effect", "law"], *rows], indent=""),
+        ]
+    )
+
+
+def plants_text(content: dict[str, Any]) -> str:
+    """Return the catalogue of plants, one block each."""
+    return "\n\n".join(_plant(entry) for entry in content["plants"].values())
+
+
+def effect_text(content: dict[str, Any]) -> str:
+    """Return one effect in full."""
+    (entry,) = content["effects"].values()
+    states = [[name, _unit(units)] for name, units in entry["states"].items()]
+    facts = [["law", entry["equation"]], ["plants", ", ".join(entry["plants"]) or "(none)"]]
+    facts += [["dissipative", "yes"]] if entry["dissipative"] else []
+    facts += [["source", entry["source"]]] if entry["source"] else []
+    blocks = [f"{entry['name']}: {entry['summary']}", table(facts), _parameters(entry)]
+    return "\n\n".join(blocks + (["own states\n" + table(states)] if states else []))
+
+
+def plant_text(content: dict[str, Any]) -> str:
+    """Return one plant in full."""
+    (entry,) = content["plants"].values()
+    aliases = ", ".join(f"{alias} = {name}" for alias, name in entry["aliases"].items() if name)
+    facts = [
+        ["aliases", aliases],
+        ["method", f"{entry['linearization']} unless the model file says otherwise"],
+    ]
+    facts += [["source", entry["source"]]] if entry["source"] else []
+    return "\n\n".join(
+        [_plant(entry), table(facts), _parameters(entry), _wrapped("effects", entry["effects"])]
+    )
+
+
+def _plant(entry: dict[str, Any]) -> str:
+    rows = [["equation", entry["equation"]]]
+    for kind in ("states", "inputs"):
+        optional = [f"({name} [{unit}])" for name, unit in entry[f"optional_{kind}"].items()]
+        rows.append([kind, ", ".join([f"{n} [{unit}]" for n, unit in entry[kind].items()] + optional)])
+    rows.append(["outputs", ", ".join(f"{name} [{unit}]" for name, unit in entry["outputs"].items())])
+    return f"{entry['name']}: {entry['summary']}\n{table(rows)}"
+
+
+def _parameters(entry: dict[str, Any]) -> str:
+    rows = [["", "unit", "allowed", "nominal", "default", ""]]
+    for name, par in entry["parameters"].items():
+        allowed = f"{'(' if par['low_excluded'] else '['}{par['low']:g}, {par['high']:g}]"
+        default = "-" if par["default"] is None else f"{par['default']:g}"
+        rows.append([name, _unit(par["units"]), allowed, f"{par['nominal']:g}", default, par["doc"]])
+    return "parameters\n" + table(rows)
+
+
+def _unit(units: dict[str, str]) -> str:
+    return " or ".join(dict.fromkeys(units.values()))
+
+
+def _wrapped(title: str, names: Sequence[str]) -> str:
+    lines = [""]
+    for name in names:
+        if len(lines[-1]) + len(name) > 96:
+            lines.append("")
+        lines[-1] += f"{name}, "
+    return title + "\n" + "\n".join(f"  {line.rstrip()}" for line in lines).rstrip(",")

@@ -1,0 +1,143 @@
+"""ROS parameters to a model and back, without ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from signlin_ros.errors import InputError, ModelError
+from signlin_ros.model import Model, shipped_models
+from signlin_ros.nodes.overrides import Entry, changed, entries_of, model_of, nested
+
+EFFECT = '''
+from signlin_ros.effects import Effect
+from signlin_ros.par import Par
+
+
+class {name}(Effect):
+    """Half of it.  F = -b v / 2."""
+
+    name = "half_viscous"
+    equation = "-b v / 2"
+    b = Par("F·s/Q", nominal=0.1, doc="friction")
+
+    def force(self, m, x, p):
+        return -0.5 * p.b * x.velocity
+'''
+
+
+def flat(tree: dict, prefix: str = "") -> dict:
+    """Flatten a mapping as ROS does."""
+    items = {}
+    for key, value in tree.items():
+        items |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {f"{prefix}{key}": value}
+    return items
+
+
+@pytest.mark.parametrize("name", sorted(shipped_models()))
+def test_shipped_models_survive_being_parameters(name: str) -> None:
+    path = shipped_models()[name]
+    content = yaml.safe_load(path.read_text())["/**"]["ros__parameters"]
+    model = model_of(flat(content), ["linearizer", "--ros-args", "--params-file", str(path)])
+    assert model == Model.load(path)
+    declared = {key: entry.value for key, entry in entries_of(model).items()}
+    assert Model.from_dict(nested(declared)).parameters == model.parameters
+    for entry in entries_of(model).values():
+        assert entry.description
+
+
+def test_a_misspelt_name_is_refused_with_the_nearest() -> None:
+    content = {"plant": "dc_motor", **flat({"parameters": Model.load("dc_motor").parameters})}
+    with pytest.raises(ModelError, match="sign_order"):
+        model_of({**content, "sign_ordr": 3}, [])
+    with pytest.raises(ModelError, match="R_a"):
+        model_of({**content, "parameters.R_aa": 3}, [])
+    with pytest.raises(ModelError, match="params-file"):
+        model_of({}, [])
+
+
+def test_names_with_dots_and_effects_with_types() -> None:
+    content = {
+        "plant": "dc_motor",
+        **flat({"parameters": Model.load("dc_motor").parameters}),
+        "effects.cogging_2.type": "cogging_torque",
+        "effects.cogging_2.A": 1,
+        "effects.cogging_2.N": 14,
+        "effects.cogging_2.phi": 0,
+        "effects.dahl_presliding.F_c": 0.1,
+        "effects.dahl_presliding.sigma": 100,
+        "initial_state.dahl_presliding.z": 0.001,
+        "use_sim_time": True,
+        "qos_overrides./state.publisher.depth": 3,
+        "joint_name": "wheel",
+    }
+    model = model_of(content, [])
+    assert model.effects["cogging_2"].type == "cogging_torque"
+    assert model.initial_state == {"dahl_presliding.z": 0.001}
+    assert model.states == ("current", "speed", "position", "dahl_presliding.z")
+
+
+def test_effect_files_lie_beside_the_parameter_file_that_names_them(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    (tmp_path / "a" / "half.py").write_text(EFFECT.format(name="Half"))
+    content = {
+        "plant": "mass_spring_damper",
+        **flat({"parameters": {"m": 1.0, "c": 0.0, "k": 0.0}}),
+        "effects.half_viscous.b": 2.0,
+        "effect_files": ["half.py"],
+    }
+    files = ["--params-file", str(tmp_path / "a" / "model.yaml"), "--params-file", str(tmp_path / "b" / "more.yaml")]
+    model = model_of(content, files)
+    assert model.folder == tmp_path / "a"
+
+
+def test_changes_at_run_time() -> None:
+    model = Model.load("dc_motor")
+    new = changed(
+        model,
+        {
+            "parameters.J": 0.003,
+            "effects.coulomb_friction.mu": 0.04,
+            "sign_order": 20,
+            "linearization": "optimal",
+            "state_weights.current": 0.0,
+            "use_sim_time": True,
+        },
+    )
+    assert (new.value("J"), new.value("coulomb_friction.mu"), new.sign_order) == (0.003, 0.04, 20)
+    assert (new.linearization, new.state_weights) == ("optimal", {"current": 0.0})
+    assert changed(model, {"state_timeout": 1.0}) == model
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("parameters.J", -1.0, "parameters.J"),
+        ("parameters.J", float("nan"), "parameters.J"),
+        ("parameters.L_a", 0.0, "restart"),
+        ("linearization", "optimum", "optimal"),
+        ("sign_order", 0, "sign_order"),
+        ("sign_scale", 0.0, "operating_range"),
+        ("update_period", 0.0, "update_period"),
+    ],
+)
+def test_bad_changes_are_refused_with_the_reason(name: str, value: object, text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        changed(Model.load("dc_motor"), {name: value})
+
+
+def test_entries_check_types_ranges_and_choices() -> None:
+    assert Entry(1.0, "").check("rate", 2) == 2.0
+    assert isinstance(Entry(1.0, "").check("rate", 2), float)
+    for entry, value, text in (
+        (Entry(1.0, "", 0.0, 5.0), 9, r"rate: found 9; allowed: \[0, 5\]"),
+        (Entry(1.0, "", 0.0, 5.0), float("nan"), "nan"),
+        (Entry(1, ""), 2.5, "a whole number"),
+        (Entry(False, ""), 1, "true or false"),
+        (Entry("a", "", choices=("array", "joint_state")), "arry", "did you mean 'array'"),
+    ):
+        with pytest.raises(InputError, match=text):
+            entry.check("rate", value)
