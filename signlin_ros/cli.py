@@ -1,7 +1,7 @@
 """The command line ``signlin``: argument parsing only.
 
-Numerics are imported inside the commands, so that ``signlin --help`` answers at once. Every command returns one
-plain mapping (JSON Schemas in ``signlin_ros/schemas``) and a text made of it; ``--json`` chooses the mapping.
+Numerics are imported inside the commands, so that ``signlin --help`` answers at once. Every command returns
+one plain mapping (JSON Schemas in ``signlin_ros/schemas``) and a text made of it.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def _number(text: str, where: str) -> float:
 def _by_own_name(
     model: Any, values: Mapping[str, float], option: str, names: Sequence[str]
 ) -> dict[str, float]:
-    """Return values by the model's own names, aliases resolved; raise `InputError` on a bad or repeated name."""
+    """Return values by the model's own names; raise `InputError` on a bad or repeated one."""
     own: dict[str, float] = {}
     for name, value in values.items():
         try:
@@ -164,9 +164,9 @@ signlin linearize bouc_wen --at displacement=0.01,velocity=-0.2 --json""",
 def linearize(model: str, at: tuple[str, ...], inputs: tuple[str, ...], method: str | None) -> Report:
     """Print A, B and c of MODEL at an operating point.
 
-    States and inputs that are not named are 0. The linear model is exact at that point: A x + B u + c = F(x, u),
-    where F has the smooth sign_j in place of sign. With `operating_point: midpoint` in MODEL the point is first
-    carried half an update period forward.
+    States and inputs that are not named are 0. The linear model is exact at that point: A x + B u + c is
+    F(x, u), where F has the smooth sign_j in place of sign. With `operating_point: midpoint` in MODEL the
+    point is first carried half an update period forward.
     """
     points = _numbers(at, "--at"), _numbers(inputs, "--input")
     from signlin_ros import console
@@ -199,7 +199,7 @@ signlin simulate my_motor.yaml run.csv -o linear.csv --as piecewise""",
     type=click.Choice(KINDS),
     default="exact",
     show_default=True,
-    help="exact: set-valued friction; smooth: sign_j; piecewise: x' = A x + B u + c, held for each update period.",
+    help="exact: set-valued friction; smooth: sign_j; piecewise: A, B, c held for each update period.",
 )
 @click.option("--rtol", default=1e-6, show_default=True, callback=_positive, help="Relative tolerance.")
 @click.option(
@@ -213,9 +213,9 @@ signlin simulate my_motor.yaml run.csv -o linear.csv --as piecewise""",
 def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals: tuple[str, ...]) -> Report:
     """Drive MODEL with the inputs in DATA and write what it does to OUT.
 
-    The run starts from DATA's first row where that holds every state, else from the model's initial_state. Inputs
-    are held between samples. OUT has t, the inputs, the states and the outputs under their plain names, at DATA's
-    times.
+    The run starts from DATA's first row where that holds every state, else from the model's initial_state.
+    Inputs are held between samples. OUT has t, the inputs, the states and the outputs under their plain
+    names, at DATA's times.
     """
     mapping = _pairs(signals, "--signal", "NAME=COLUMN")
     from signlin_ros import console
@@ -308,8 +308,8 @@ def _fault(error: Exception) -> int:
     if os.environ.get("SIGNLIN_DEBUG", "") not in ("", "0"):
         raise error
     _note(
-        f"signlin: {type(error).__name__}: {_one_line(error)}; this is a fault of signlin: please report it with"
-        " the command and its files (SIGNLIN_DEBUG=1 shows where)"
+        f"signlin: {type(error).__name__}: {_one_line(error)}; this is a fault of signlin: please report it"
+        " with the command and its files (SIGNLIN_DEBUG=1 shows where)"
     )
     return 1
 

@@ -57,7 +57,7 @@ def linearize_warnings(model: Model, result: Linearization) -> list[str]:
             f"|{name}| <= {scale * limit:.4g}" for name, scale in surface_scales(model).items()
         )
         found.append(
-            f"the operating point lies outside the valid range of sign_j at order {model.sign_order}: {limits};"
+            f"the operating point is outside the valid range of sign_j at order {model.sign_order}: {limits};"
             " raise sign_scale or sign_order, or set sign_scale: 0.0 with an operating_range"
         )
     position = model.plant.position
@@ -76,12 +76,12 @@ def linearize_warnings(model: Model, result: Linearization) -> list[str]:
 
 def linearize_text(model: Model, content: dict[str, Any]) -> str:
     """Return a linearization as text: the operating point with units, then A, B and c with their names."""
-    states, inputs, units = content["states"], content["inputs"], model.units
+    c, states, inputs, units = content, content["states"], content["inputs"], model.units
     scale = ", ".join(f"{name}: {value:g}" for name, value in content["sign_scale"].items()) or "no surfaces"
     head = [
         f"x' = A x + B u + c   {model.plant.name} ({model.source})",
         f"method {content['method']}, sign_order {content['sign_order']}, sign_scale {{{scale}}}",
-        f"{'inside' if content['in_valid_range'] else 'OUTSIDE'} the valid range, delay {content['delay']:g} s",
+        f"{'inside' if c['in_valid_range'] else 'OUTSIDE'} the valid range; delay {c['delay']:g} s",
     ]
     point = [["", "value", "", "f"]]
     point += [

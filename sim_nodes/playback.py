@@ -45,7 +45,6 @@ class Playback:
         self.measured = tuple(name for name in model.states if name in self.data.measured)
         if not self.measured:
             raise RecordError(f"{path}: holds none of the states {', '.join(model.states)}")
-        self.carried = tuple(name for name in model.states if name not in self.measured)
         self.step = float(np.median(np.diff(self.t)))
 
     @property
@@ -67,6 +66,17 @@ class Playback:
     def estimator(self) -> StateEstimator:
         """Return a new estimator of the whole state from what the record holds."""
         return StateEstimator(self.model, self.measured, rate=1.0 / self.step)
+
+    def notes(self) -> list[str]:
+        """Return where the states that were not measured come from, a sentence each."""
+        estimator, velocity = self.estimator(), self.model.plant.velocity
+        found = []
+        if velocity in self.model.states and velocity not in (*self.measured, *estimator.carried):
+            source, delay = self.model.plant.position, estimator.delay * 1e3
+            found.append(f"{velocity} from {source} by a causal filter, delay {delay:.3g} ms")
+        if estimator.carried:
+            found.append(f"carried by the model: {', '.join(estimator.carried)}")
+        return found
 
     def rounds(self, loop: bool) -> Iterator[Sample]:
         """Yield the samples of one round, or of endless ones, time going on."""

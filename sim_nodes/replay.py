@@ -59,11 +59,10 @@ class ReplayNode(ModelNode):
 
     def _say_hello(self) -> None:
         play = self.playback
-        for note in (*play.data.notes, *play.estimator().notes):
+        for note in (*play.data.notes, *play.notes()):
             self.get_logger().info(note)
-        carried = f"; carried by the model: {', '.join(play.carried)}" if play.carried else ""
         size = f"{len(play.t)} samples, {play.t[-1]:.6g} s"
-        self.get_logger().info(f"{play.data.source}: {size}; measured: {', '.join(play.measured)}{carried}")
+        self.get_logger().info(f"{play.data.source}: {size}; measured: {', '.join(play.measured)}")
 
     def _on_tick(self) -> None:
         now = self.now()

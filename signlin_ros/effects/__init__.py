@@ -77,16 +77,29 @@ for _effect in (
 def load_entry_points() -> None:
     """Register the effects that installed packages offer in the group ``signlin_ros.effects``."""
     for entry in importlib.metadata.entry_points(group="signlin_ros.effects"):
-        try:
-            register(entry.load())
-        except Exception as error:
-            raise ModelError(
-                f"entry point {entry.name} = {entry.value}: {type(error).__name__}: {error}"
-            ) from error
+        register(_checked(_loaded(entry), f"entry point {entry.name} = {entry.value}"))
+
+
+def _loaded(entry: importlib.metadata.EntryPoint) -> object:
+    try:
+        return entry.load()
+    except Exception as error:
+        what = f"{type(error).__name__}: {error}"
+        raise ModelError(f"entry point {entry.name} = {entry.value} fails: {what}") from error
+
+
+def _checked(found: object, where: str) -> type[Effect]:
+    """Return what was found, if it is an effect with a name and an equation."""
+    if not (inspect.isclass(found) and issubclass(found, Effect)):
+        raise ModelError(f"{where}: is no subclass of signlin_ros.effects.Effect")
+    missing = [name for name in ("name", "equation") if not isinstance(getattr(found, name, None), str)]
+    if missing:
+        raise ModelError(f"{where}: class {found.__name__} lacks {' and '.join(missing)}")
+    return found
 
 
 def find_effect(name: str, where: str) -> type[Effect]:
-    """Return the effect called ``name``, looking at entry points last; raise `ModelError` naming the nearest."""
+    """Return the effect called ``name``, from an entry point if need be; raise `ModelError` otherwise."""
     if name not in EFFECTS:
         load_entry_points()
     if name not in EFFECTS:
@@ -97,16 +110,16 @@ def find_effect(name: str, where: str) -> type[Effect]:
 
 
 def load_effect_file(path: Path) -> None:
-    """Run a user's Python file and register every `Effect` that it defines; raise `ModelError` if it fails."""
+    """Run a user's Python file and register every `Effect` in it; raise `ModelError` if it fails."""
     if not path.is_file():
         raise ModelError(f"effect_files: {path} does not exist")
     for effect in _effects_in(path, path.stat().st_mtime_ns):
         register(effect)
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _effects_in(path: Path, changed: int) -> tuple[type[Effect], ...]:
-    """Return the effects of a file as it was when it ``changed``; equal files give the same classes, traced once."""
+    """Return the effects of a file as of when it ``changed``: the same classes each time, so traced once."""
     spec = importlib.util.spec_from_file_location(f"signlin_effect_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise ModelError(f"effect_files: {path} is not a Python file")
@@ -122,11 +135,7 @@ def _effects_in(path: Path, changed: int) -> tuple[type[Effect], ...]:
     ]
     if not found:
         raise ModelError(f"effect_files: {path} defines no subclass of signlin_ros.effects.Effect")
-    for effect in found:
-        missing = [name for name in ("name", "equation") if not isinstance(getattr(effect, name, None), str)]
-        if missing:
-            raise ModelError(f"effect_files: {path}: class {effect.__name__} lacks {' and '.join(missing)}")
-    return tuple(found)
+    return tuple(_checked(c, f"effect_files: {path}") for c in found)
 
 
 __all__ = ["EFFECTS", "Effect", "find_effect", "load_effect_file", "load_entry_points", "register"]

@@ -13,12 +13,13 @@ class Effect(HasPars):
     Parameters are class attributes of type `signlin_ros.par.Par`. The methods take the vocabulary ``m``
     (`signlin_ros.mathops`), the coordinates ``x`` and the parameters ``p``, and return expressions:
 
-    ``x.velocity``, ``x.position``   of the moving mass; a motor gets its position as a state if an effect asks for it
+    ``x.velocity``, ``x.position``   of the moving mass; a motor has a position if an effect asks for it
     ``x.drive_force``                K_t i, or the input force
     ``x.external_force``             gravity, constant load and stiffness of the model, summed
     ``x.own.z``                      the effect's own state ``z``
 
-    Force or torque acts on the moving mass; positive accelerates. Override what the effect does; the rest is neutral.
+    Force or torque acts on the moving mass; positive accelerates. Override what the effect does; the rest is
+    neutral.
     """
 
     name: ClassVar[str]
@@ -51,14 +52,14 @@ class Effect(HasPars):
         return 0.0
 
     def spring(self, m: Any, x: Any, p: Any, k: Any) -> Any:
-        """Return what becomes of the restoring force ``k q`` of the plant's own spring; None: nothing changes."""
+        """Return what becomes of the restoring force ``k q`` of the plant's own spring; None: no change."""
         return None
 
-    def torque_constant(self, m: Any, x: Any, p: Any, K_t: Any) -> Any:  # noqa: N803
+    def torque_constant(self, m: Any, x: Any, p: Any, K_t: Any) -> Any:
         """Return what becomes of a motor's torque constant."""
         return K_t
 
-    def resistance(self, m: Any, x: Any, p: Any, R_a: Any) -> Any:  # noqa: N803
+    def resistance(self, m: Any, x: Any, p: Any, R_a: Any) -> Any:
         """Return what becomes of a motor's armature resistance."""
         return R_a
 

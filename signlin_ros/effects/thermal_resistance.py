@@ -23,7 +23,7 @@ class ThermalResistance(Effect):
     C = Par("J/K", nominal=50.0, positive=True, doc="heat capacity of the winding")
     R_th = Par("K/W", nominal=5.0, positive=True, doc="thermal resistance to the surroundings")
 
-    def resistance(self, m: Any, x: Any, p: Any, R_a: Any) -> Any:  # noqa: N803
+    def resistance(self, m: Any, x: Any, p: Any, R_a: Any) -> Any:
         return R_a * (1 + p.a * x.own.temperature_rise)
 
     def rates(self, m: Any, x: Any, p: Any) -> dict[str, Any]:

@@ -20,5 +20,5 @@ class TorqueConstantSaturation(Effect):
 
     kappa = Par("1/A²", nominal=0.01, doc="loss of torque per squared current")
 
-    def torque_constant(self, m: Any, x: Any, p: Any, K_t: Any) -> Any:  # noqa: N803
+    def torque_constant(self, m: Any, x: Any, p: Any, K_t: Any) -> Any:
         return K_t / (1 + p.kappa * x.current**2)

@@ -125,7 +125,7 @@ class LinearizerLogic:
         """Take what is measured of a state, by name, with its own stamp; the model carries the rest.
 
         Refused: a stamp older than the timeout, ahead of the clock by more than that, repeated, or out of
-        order; a position or velocity that is missing.
+        order; a position that is missing, or a velocity where there is none.
         """
         if isinstance(value, Refusal):
             self._refuse(value)
@@ -134,7 +134,13 @@ class LinearizerLogic:
         if fault is not None:
             self._refuse(fault)
             return
-        self._accept(self._whole(value, stamp), stamp, now)
+        try:
+            x = self._whole(value, stamp)
+        except InputError as error:  # the carried states ran away
+            self._estimator = None
+            self._refuse(Refusal("no_estimate", str(error)))
+            return
+        self._accept(x, stamp, now)
 
     def _refuse(self, refusal: Refusal) -> None:
         self.refused[refusal.kind] += 1
@@ -160,16 +166,21 @@ class LinearizerLogic:
         return None
 
     def _missing(self, measured: Mapping[str, float]) -> Refusal | None:
-        needed = (self.model.plant.position, self.model.plant.velocity)
-        missing = [name for name in needed if name in self.model.states and name not in measured]
-        return Refusal("missing", f"no {' and no '.join(missing)} in the message") if missing else None
+        """Position is needed where it is a state; velocity too, unless it can be derived from the position."""
+        states, position = self.model.states, self.model.plant.position
+        needed = position if position in states else self.model.plant.velocity
+        if needed in states and needed not in measured:
+            return Refusal("missing", f"no {needed} in the message")
+        return None
 
     def _whole(self, measured: Mapping[str, float], stamp: int) -> Array:
         """Return the state (n,), with what is not measured carried by the model."""
         if all(name in measured for name in self.model.states):
             return np.array([measured[name] for name in self.model.states])
-        if self._estimator is None:
-            self._estimator = StateEstimator(self.model, tuple(measured), rate=None)
+        known = tuple(name for name in self.model.states if name in measured)
+        resumed = self._state is None or stamp - self._state.stamp > self.timeout
+        if self._estimator is None or resumed or self._estimator.measured != known:
+            self._estimator = StateEstimator(self.model, known)
         return self._estimator.update((stamp - self.origin) / NANO, measured, self.u)
 
     # ---------------------------------------------------------------- output

@@ -95,7 +95,9 @@ class Graph:
     ) -> Process:
         """Start an executable as ``ros2 run`` would: parameters are ``name:=value``."""
         remap = ["-r", f"__ns:={namespace}"] if namespace else []
-        options = [part for p in (*parameters, f"use_sim_time:={str(sim_time).lower()}") for part in ("-p", p)]
+        options = [
+            part for p in (*parameters, f"use_sim_time:={str(sim_time).lower()}") for part in ("-p", p)
+        ]
         command = [str(BIN / name), "--ros-args", "--params-file", str(CONFIG / model), *remap, *options]
         process = Process(command, self.folder / f"{name}_{len(self.processes)}.log", self.env)
         self.processes.append(process)
@@ -130,7 +132,9 @@ class Graph:
 
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         messages: list[Any] = []
-        self.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=1000, durability=durability))
+        self.node.create_subscription(
+            kind, topic, messages.append, QoSProfile(depth=1000, durability=durability)
+        )
         return messages
 
     def models(self, node: str = "/linearizer") -> list[Any]:

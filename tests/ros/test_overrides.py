@@ -89,7 +89,12 @@ def test_effect_files_lie_beside_the_parameter_file_that_names_them(tmp_path: Pa
         "effects.half_viscous.b": 2.0,
         "effect_files": ["half.py"],
     }
-    files = ["--params-file", str(tmp_path / "a" / "model.yaml"), "--params-file", str(tmp_path / "b" / "more.yaml")]
+    files = [
+        "--params-file",
+        str(tmp_path / "a" / "model.yaml"),
+        "--params-file",
+        str(tmp_path / "b" / "more.yaml"),
+    ]
     model = model_of(content, files)
     assert model.folder == tmp_path / "a"
 

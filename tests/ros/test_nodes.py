@@ -1,0 +1,392 @@
+"""The nodes as processes: the executables in lib/signlin_ros, over ROS 2."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import DescribeParameters
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from signlin_ros.linearize import Linearizer
+from signlin_ros.model import Model
+from signlin_ros.nodes import convert
+
+sys.path.insert(0, str(Path(__file__).parent))
+from malformed import malformed
+
+sys.path.pop(0)
+
+NANO = 1_000_000_000
+
+
+def state(*values: float) -> Float64MultiArray:
+    return Float64MultiArray(data=list(values))
+
+
+def feed(graph: Any, publisher: Any, message: Any, models: list[Any], count: int = 1) -> None:
+    """Publish a state until so many more models have come."""
+    goal = len(models) + count
+
+    def more() -> bool:
+        publisher.publish(message)
+        return len(models) >= goal
+
+    graph.wait(more, f"{count} models")
+
+
+def assert_core_s(messages: list[Any], model: Model) -> None:
+    """Each A, B, c is what the core gives at the x_k and u_k beside it, to the last bit; all finite; no gap."""
+    core = Linearizer(model)
+    updates = [convert.read_model(message) for message in messages]
+    for update in updates:
+        expected = core(update.result.x, update.result.u)
+        for name in ("A", "B", "c"):
+            np.testing.assert_array_equal(getattr(update.result, name), getattr(expected, name))
+            assert np.isfinite(getattr(update.result, name)).all()
+    first = updates[0].sequence
+    assert [update.sequence for update in updates] == list(range(first, first + len(updates)))
+
+
+def test_two_processes_publish_and_receive(graph: Any) -> None:
+    plant = graph.start("plant_simulator", "input_signal:=square", "amplitude:=2", "input_period:=1")
+    models, matrices = graph.models(), graph.collect(Float64MultiArray, "/linearizer/A", latched=True)
+    states = graph.collect(Float64MultiArray, "/state")
+    linearizer = graph.start("linearizer", "update_period:=0.05")
+    graph.wait(lambda: len(models) >= 25, "25 models")
+    assert_core_s(models, Model.load("dc_motor").with_options(update_period=0.05))
+    published = {tuple(message.data) for message in states}
+    used = {tuple(convert.read_model(message).result.x) for message in models[5:]}
+    assert used <= published
+    assert [(d.label, d.size, d.stride) for d in matrices[0].layout.dim] == [
+        ("rows", 2, 4),
+        ("columns", 2, 2),
+    ]
+    assert list(matrices[-1].data) == convert.read_model(models[-1]).result.A.ravel().tolist()
+    assert (plant.stop(signal.SIGINT), linearizer.stop(signal.SIGTERM)) == (0, 0)
+    for process in (plant, linearizer):
+        assert "Traceback" not in process.output
+
+
+def test_exactly_300_updates_in_60_s_of_simulated_time(graph: Any) -> None:
+    graph.start("plant_simulator", "input_signal:=sine", "input_period:=7.3", sim_time=True)
+    graph.start("linearizer", sim_time=True)
+    models, states = graph.models(), graph.collect(Float64MultiArray, "/state")
+    clock = graph.publisher(Clock, "/clock", depth=1)
+    graph.wait(lambda: clock.get_subscription_count() == 2, "two followers of the clock")
+    inputs = graph.node.count_subscribers
+    graph.wait(lambda: inputs("/state") == 2 and inputs("/linearizer/model") == 1, "all topics")
+
+    def tick(now: int) -> None:
+        clock.publish(Clock(clock=convert.stamp_of(now)))
+        graph.executor.spin_once(timeout_sec=0.002)
+
+    now = NANO // 100
+    graph.wait(lambda: tick(now) or states, "the first state")
+    while now < 60 * NANO:
+        now += NANO // 50
+        tick(now)
+    graph.wait(lambda: tick(now) or len(models) >= 300, "300 models")
+    graph.spin(0.5)
+    assert [convert.read_model(m).sequence for m in models] == list(range(300))
+    stamps = [convert.read_model(m).stamp for m in models]
+    assert stamps == sorted(stamps)
+    assert 0 < stamps[0] <= stamps[-1] <= 60 * NANO
+    assert_core_s(models, Model.load("dc_motor"))
+
+
+def test_1000_malformed_messages(graph: Any) -> None:
+    linearizer = graph.start("linearizer", "update_period:=0.02")
+    models, diagnostics = graph.models(), graph.collect(DiagnosticArray, "/diagnostics")
+    states = graph.publisher(Float64MultiArray, "/state")
+    inputs = graph.publisher(Float64MultiArray, "/input")
+    feed(graph, states, state(0.1, 1.0), models)
+    for k, message in enumerate(malformed(1000)):
+        (inputs if k % 5 == 4 else states).publish(message)
+        graph.executor.spin_once(timeout_sec=0.001)
+    inputs.publish(state(0.5))
+    feed(graph, states, state(0.25, 2.5), models, 3)
+    assert linearizer.running
+    for message in models:
+        assert np.isfinite(message.data).all()
+    last = convert.read_model(models[-1]).result
+    assert (last.x.tolist(), last.u.tolist()) == ([0.25, 2.5], [0.5])
+    status = graph.diagnostics(diagnostics, "")
+    values = {item.key: item.value for item in status.values}
+    for kind in ("layout", "length", "not_finite"):
+        assert int(values[f"refused: {kind}"]) > 20
+    assert linearizer.stop() == 0
+
+
+def test_joint_states(graph: Any) -> None:
+    """By name; extra joints, other orders and empty fields are fine; NaN, repeated and old stamps are not used."""
+    graph.start("linearizer", "state_source:=joint_state", "joint_name:=wheel", "update_period:=0.02")
+    models, diagnostics = graph.models(), graph.collect(DiagnosticArray, "/diagnostics")
+    joints = graph.publisher(JointState, "/joint_states")
+    K_t = Model.load("dc_motor").value("K_t")
+
+    def message(velocity: list[float], stamp: Time | None = None, names: str = "arm wheel") -> JointState:
+        values = dict(zip(names.split(), velocity, strict=False))
+        result = JointState(name=names.split(), velocity=list(values.values()), effort=[K_t] * len(values))
+        result.header.stamp = stamp or graph.node.get_clock().now().to_msg()
+        return result
+
+    def publish(*arguments: Any, **named: Any) -> None:
+        joints.publish(message(*arguments, **named))
+
+    graph.wait(lambda: publish([9.0, 3.0]) or models, "a model")
+    graph.wait(lambda: publish([4.0, 9.0], names="wheel arm") or _speed(models) == 4.0, "the other order")
+    assert convert.read_model(models[-1]).result.x[0] == pytest.approx(1.0)
+    stamp = convert.nanoseconds(message([0.0]).header.stamp)
+    assert 0 <= stamp - convert.read_model(models[-1]).stamp < 10 * NANO
+    repeated = graph.node.get_clock().now().to_msg()
+    for _ in range(20):
+        publish([9.0, float("nan")])
+        publish([9.0])
+        publish([9.0, float("inf")])
+        publish([9.0, 7.0], stamp=Time())
+        publish([9.0, 4.0], stamp=repeated)
+        publish([9.0, 8.0], names="arm leg")
+        graph.spin(0.01)
+    status = graph.diagnostics(diagnostics, "")
+    refused = {v.key.split(": ")[1]: int(v.value) for v in status.values if v.key.startswith("refused: ")}
+    assert set(refused) == {"missing", "not_finite", "stale", "repeated"}
+    assert {_speed([m]) for m in models} <= {3.0, 4.0}
+    graph.wait(lambda: publish([9.0, 5.0]) or _speed(models) == 5.0, "recovery")
+
+
+def _speed(models: list[Any]) -> float:
+    return float(convert.read_model(models[-1]).result.x[1])
+
+
+def test_what_is_carried_by_the_model_when_the_joint_does_not_tell(graph: Any) -> None:
+    graph.start("linearizer", "state_source:=joint_state", "update_period:=0.02", model="bouc_wen.yaml")
+    models, joints = graph.models(), graph.publisher(JointState, "/joint_states")
+
+    def moving() -> bool:
+        now = graph.node.get_clock().now()
+        q, v = np.sin(now.nanoseconds / NANO), np.cos(now.nanoseconds / NANO)
+        message = convert.joint_state("joint", {"position": q, "velocity": v}, now.nanoseconds)
+        joints.publish(message)
+        return len(models) >= 20
+
+    graph.wait(moving, "20 models")
+    hysteresis = [convert.read_model(m).result.x[2] for m in models]
+    assert np.isfinite(hysteresis).all()
+    assert np.ptp(hysteresis) > 0
+
+
+def test_parameters_at_run_time(graph: Any) -> None:
+    """Good ones are taken at once, bad ones refused with the reason while the running model goes on."""
+    linearizer = graph.start("linearizer", "update_period:=0.02")
+    models, states = graph.models(), graph.publisher(Float64MultiArray, "/state")
+    feed(graph, states, state(0.1, 1.0), models)
+    before = convert.read_model(models[-1]).result.A
+    for name, value, text in (
+        ("parameters.J", -1.0, "parameters.J"),
+        ("parameters.J", float("nan"), "parameters.J"),
+        ("parameters.L_a", 0.0, "restart"),
+        ("linearization", "optimum", "optimal"),
+        ("sign_scale", 0.0, "operating_range"),
+        ("plant", "bouc_wen", "read-only"),
+        ("parameters.K", 1.0, "parameters.K"),
+        ("effects.coulomb_friction.mu", "much", "mu"),
+    ):
+        result = graph.set_parameter(name, value)
+        assert not result.successful, name
+        assert text in result.reason
+    feed(graph, states, state(0.1, 1.0), models, 2)
+    np.testing.assert_array_equal(convert.read_model(models[-1]).result.A, before)
+
+    assert graph.set_parameter("effects.coulomb_friction.mu", 0.05).successful
+    assert graph.set_parameter("sign_order", 20).successful
+    assert graph.set_parameter("parameters.R_a", 1).successful  # a whole number for a float
+    assert graph.set_parameter("update_period", 0.03).successful
+    feed(graph, states, state(0.1, 1.0), models, 3)
+    model = Model.load("dc_motor").with_parameters({"coulomb_friction.mu": 0.05, "R_a": 1.0})
+    expected = Linearizer(model.with_options(sign_order=20))([0.1, 1.0])
+    np.testing.assert_array_equal(convert.read_model(models[-1]).result.A, expected.A)
+    assert linearizer.stop() == 0
+
+
+def test_parameters_say_what_they_are(graph: Any) -> None:
+    graph.start("linearizer")
+    names = ["effects.coulomb_friction.mu", "sign_order", "plant", "linearization"]
+    request = DescribeParameters.Request(names=names)
+    mu, order, plant, method = graph.call(
+        DescribeParameters, "/linearizer/describe_parameters", request
+    ).descriptors
+    declared = Model.load("dc_motor").par_declarations()["effects.coulomb_friction.mu"]
+    assert declared.doc in mu.description
+    assert "[N·m]" in mu.description
+    assert mu.floating_point_range[0].to_value == declared.high
+    assert order.integer_range[0].from_value == 1
+    assert plant.read_only
+    assert "midpoint" not in method.additional_constraints
+    assert "termwise" in method.additional_constraints
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "text"),
+    [
+        ("linearizer", ["effects.coulomb_friction.nu:=1.0"], "did you mean 'mu'"),
+        ("linearizer", ["sign_ordr:=20"], "did you mean 'sign_order'"),
+        ("linearizer", ["state_source:=arry"], "did you mean 'array'"),
+        ("plant_simulator", ["publish_rate:=-3.0"], "publish_rate: found -3; allowed: [0.1, 10000]"),
+        ("plant_simulator", ["input_signal:=sinus"], "did you mean 'sine'"),
+        ("replay", [], "record: missing"),
+        ("replay", ["record:=/nowhere/run.csv"], "/nowhere/run.csv"),
+    ],
+)
+def test_a_bad_start_is_said_in_one_line(graph: Any, name: str, parameters: list[str], text: str) -> None:
+    process = graph.start(name, *parameters)
+    assert process.popen.wait(60.0) == 2
+    assert text in process.output
+    assert len(process.output.strip().splitlines()) == 1
+
+
+def test_no_parameter_file(graph: Any) -> None:
+    process = graph.start("linearizer", model="nowhere.yaml")
+    assert process.popen.wait(60.0) == 2
+    assert "nowhere.yaml" in process.output
+    assert "Traceback" not in process.output
+
+
+def test_stale_states_and_who_comes_late(graph: Any) -> None:
+    """Without states the diagnostics turn to ERROR, nothing more is published, and the last model stays latched."""
+    graph.start("linearizer", "update_period:=0.02")
+    diagnostics = graph.collect(DiagnosticArray, "/diagnostics")
+    assert graph.diagnostics(diagnostics, "no valid state yet").level == b"\x02"
+    models, states = graph.models(), graph.publisher(Float64MultiArray, "/state")
+    feed(graph, states, state(0.1, 1.0), models, 3)
+    status = graph.diagnostics(diagnostics, "the last model stays")
+    assert status.level == b"\x02"
+    assert status.hardware_id == "dc_motor"
+    count = len(models)
+    late = graph.models()
+    everything = [graph.collect(Float64MultiArray, f"/linearizer/{name}", latched=True) for name in "ABc"]
+    graph.wait(lambda: late and all(everything), "the latched messages")
+    assert late[0] == models[-1]
+    assert len(models) == count
+    feed(graph, states, state(0.1, 2.0), models)
+    assert convert.read_model(models[-1]).sequence == count
+
+
+def test_restart_in_any_order(graph: Any) -> None:
+    options = ("input_signal:=sine", "input_period:=1.0")
+    linearizer = graph.start("linearizer", "update_period:=0.02")
+    plant = graph.start("plant_simulator", *options)
+    models = graph.models()
+    graph.wait(lambda: len(models) > 3, "models")
+    assert plant.stop() == 0
+    graph.start("plant_simulator", *options)
+    count = len(models)
+    graph.wait(lambda: len(models) > count + 5, "models with the second plant")
+    assert linearizer.stop(signal.SIGTERM) == 0
+    models.clear()
+    graph.start("linearizer", "update_period:=0.02")
+    graph.wait(lambda: len(models) > 3, "models of the second linearizer")
+    assert convert.read_model(models[0]).sequence == 0
+
+
+def test_two_linearizers_by_namespace(graph: Any) -> None:
+    graph.start("linearizer", "update_period:=0.02", namespace="/left")
+    graph.start("linearizer", "update_period:=0.02", namespace="/right", model="bouc_wen.yaml")
+    left, right = graph.models("/left/linearizer"), graph.models("/right/linearizer")
+    feed(graph, graph.publisher(Float64MultiArray, "/left/state"), state(0.1, 1.0), left, 2)
+    assert right == []
+    feed(graph, graph.publisher(Float64MultiArray, "/right/state"), state(0.1, 1.0, 0.2), right, 2)
+    assert len(convert.read_model(left[-1]).result.x) == 2
+    assert len(convert.read_model(right[-1]).result.x) == 3
+
+
+def test_simulated_time_that_jumps_back(graph: Any) -> None:
+    graph.start("linearizer", "state_source:=joint_state", sim_time=True)
+    models, clock = graph.models(), graph.publisher(Clock, "/clock", depth=1)
+    joints = graph.publisher(JointState, "/joint_states")
+
+    def run(start: float, speed: float) -> None:
+        """Run the clock from a start until a model at that speed has come."""
+        now = [round(start * NANO)]
+
+        def step() -> bool:
+            now[0] += NANO // 50
+            clock.publish(Clock(clock=convert.stamp_of(now[0])))
+            joints.publish(convert.joint_state("joint", {"velocity": speed, "effort": 0.0}, now[0]))
+            return bool(models) and _speed(models) == speed
+
+        graph.wait(step, f"a model at {speed} rad/s")
+
+    run(1000.0, 1.0)
+    run(10.0, 2.0)
+    assert convert.read_model(models[-1]).stamp < 1000 * NANO
+    sequences = [convert.read_model(m).sequence for m in models]
+    assert sequences == list(range(len(models)))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_end_a_node_cleanly(graph: Any, number: int) -> None:
+    nodes = [graph.start("linearizer"), graph.start("plant_simulator")]
+    for name in ("/linearizer", "/plant_simulator"):
+        service = f"{name}/describe_parameters"
+        client = graph.node.create_client(DescribeParameters, service)
+        graph.wait(client.service_is_ready, service)
+    for process in nodes:
+        process.popen.send_signal(number)
+        process.popen.send_signal(number)
+    assert [process.stop(number) for process in nodes] == [0, 0]
+    for process in nodes:
+        assert "Traceback" not in process.output
+
+
+def test_replay(graph: Any, tmp_path: Path) -> None:
+    """A record is played sample by sample, the linearizer follows, and the node ends by itself."""
+    t = np.arange(400) * 0.005
+    voltage, speed, current = 2.0 * (t > 0.5), 10.0 * t, 1.0 + t
+    rows = np.stack([t, voltage, current, speed], axis=1)
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,voltage,current,speed", comments="")
+    models, states = graph.models(), graph.collect(Float64MultiArray, "/state")
+    joints = graph.collect(JointState, "/joint_states")
+    graph.start("linearizer", "update_period:=0.05")
+    graph.wait(lambda: graph.node.count_subscribers("/state") == 2, "the linearizer")
+    replay = graph.start("replay", f"record:={tmp_path / 'run.csv'}", "rate:=2")
+    graph.wait(lambda: not replay.running, "the end of the record")
+    graph.wait(lambda: list(states[-1].data) == [current[-1], speed[-1]], "the last sample")
+    assert replay.popen.returncode == 0
+    assert len(states) > 390
+    known = {tuple(row) for row in rows[:, 2:4]}
+    assert {tuple(m.data) for m in states} <= known
+    stamps = [convert.nanoseconds(m.header.stamp) for m in joints]
+    np.testing.assert_allclose(np.diff(stamps).min() / NANO, 0.0025, atol=1e-6)
+    assert joints[0].effort[0] == pytest.approx(Model.load("dc_motor").value("K_t") * 1.0)
+    assert len(models) >= 15
+    assert_core_s(models, Model.load("dc_motor").with_options(update_period=0.05))
+
+
+def test_replay_with_the_record_s_clock(graph: Any, tmp_path: Path) -> None:
+    t = np.arange(300) * 0.01
+    rows = np.stack([t, 0 * t, 0 * t, t], axis=1)
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,voltage,current,speed", comments="")
+    clock, models = graph.collect(Clock, "/clock"), graph.models()
+    graph.start("linearizer", sim_time=True)
+    graph.wait(lambda: graph.node.count_subscribers("/state") == 1, "the linearizer")
+    replay = graph.start(
+        "replay", f"record:={tmp_path / 'run.csv'}", "rate:=3", "publish_clock:=true", "loop:=true"
+    )
+    graph.wait(lambda: clock and convert.nanoseconds(clock[-1].clock) > 4 * NANO, "the second round")
+    assert replay.running
+    times = [convert.nanoseconds(m.clock) for m in clock]
+    assert times == sorted(times)
+    assert len(models) >= 15
+    assert replay.stop() == 0
