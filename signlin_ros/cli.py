@@ -42,9 +42,7 @@ def _json_option(function: Callable[..., Report]) -> Callable[..., None]:
 
     run.__doc__, run.__name__ = function.__doc__, function.__name__
     run.__click_params__ = getattr(function, "__click_params__", [])  # type: ignore[attr-defined]
-    return click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(
-        run
-    )
+    return click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(run)
 
 
 def _note(text: str) -> None:
@@ -92,9 +90,7 @@ def _number(text: str, where: str) -> float:
     return value
 
 
-def _by_own_name(
-    model: Any, values: Mapping[str, float], option: str, names: Sequence[str]
-) -> dict[str, float]:
+def _by_own_name(model: Any, values: Mapping[str, float], option: str, names: Sequence[str]) -> dict[str, float]:
     """Return values by the model's own names; raise `InputError` on a bad or repeated one."""
     own: dict[str, float] = {}
     for name, value in values.items():
@@ -154,12 +150,8 @@ signlin linearize bouc_wen --at displacement=0.01,velocity=-0.2 --json""",
 )
 @click.argument("model")
 @click.option("--at", "at", multiple=True, metavar="NAME=NUMBER,...", help="The operating point's states.")
-@click.option(
-    "--input", "inputs", multiple=True, metavar="NAME=NUMBER,...", help="The operating point's inputs."
-)
-@click.option(
-    "--method", type=click.Choice(METHODS), help="How to linearize; default: as the model file says."
-)
+@click.option("--input", "inputs", multiple=True, metavar="NAME=NUMBER,...", help="The operating point's inputs.")
+@click.option("--method", type=click.Choice(METHODS), help="How to linearize; default: as the model file says.")
 @_json_option
 def linearize(model: str, at: tuple[str, ...], inputs: tuple[str, ...], method: str | None) -> Report:
     """Print A, B and c of MODEL at an operating point.
@@ -272,9 +264,7 @@ def plants(name: str | None) -> Report:
 
 
 @signlin.command(cls=_Examples, epilog="signlin figures -o out")
-@click.option(
-    "-o", "--output", required=True, metavar="DIR", help="The folder to write to; it is made if need be."
-)
+@click.option("-o", "--output", required=True, metavar="DIR", help="The folder to write to; it is made if need be.")
 @_json_option
 def figures(output: str) -> Report:
     """Redraw figures 1, 2, 4, 5 and 6 of the paper, with their numbers beside them."""
@@ -334,9 +324,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _note("signlin: interrupted")
         return 130
     except BrokenPipeError:
-        os.dup2(
-            os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno()
-        )  # nobody reads on: `signlin effects | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads on: `signlin effects | head`
         return 0
     except Exception as error:  # noqa: BLE001 - the last resort, so that nobody meets a traceback
         return _fault(error)

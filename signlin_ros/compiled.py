@@ -15,6 +15,9 @@ from signlin_ros.smooth import SmoothForm, smooth_form
 from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
+TINY = 1e-290
+"""Coordinates below this are 0 to the linearization: their products leave the range of normal numbers."""
+
 
 class Row(NamedTuple):
     """Where a block of a flat output vector begins, and its shape."""
@@ -33,22 +36,29 @@ def _row_major(e: ca.SX) -> ca.SX:
 
 
 def linear_terms(form: SmoothForm, weights: ca.SX, method: str) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Return A, B, c and F_j at (x, u) as expressions, by one of the three methods of the contract, section 2."""
+    """Return A, B, c and F_j at (x, u) as expressions, by one of the three methods of the contract, section 2.
+
+    F_j is summed from f(0) and the changes too: near x = 0 that is more accurate than the formula as written.
+    """
     t = form.trace
     n, m = t.x.numel(), t.u.numel()
     B = form.jacobian(t.f, t.u)
-    at = t.u if not form.affine_in_input else ca.SX.zeros(m)
     shift = ca.mtimes(B, t.u) if not form.affine_in_input else ca.SX.zeros(n)
-    A, c = ca.SX.zeros(n, n), -shift
+    A, c, f = ca.SX.zeros(n, n), -shift, ca.mtimes(B, t.u) - shift
     for i in range(n):
         for members, term in _terms(form, i, method):
             slopes = form.jacobian(term, t.x)
             change = form.smooth(form.change.of(term))
             rest, coefficients = _absorb(change - ca.mtimes(slopes, t.x), t.x, weights, members, method)
+            at_zero = form.smooth(form.change.at_reference(term))
             A[i, :] += slopes + coefficients
-            c[i] += form.smooth(form.change.at_reference(term)) + rest
-    free = [ca.substitute(e, t.u, at) for e in (A, c + shift)]
-    return free[0], B, free[1] - shift, form.smooth(t.f)
+            c[i] += at_zero + rest
+            f[i] += at_zero + change
+    if form.affine_in_input:
+        offset = ca.mtimes(B, t.u)
+        A, c, f = (ca.substitute(e, t.u, ca.SX.zeros(m)) for e in (A, c, f - offset))
+        f += offset
+    return A, B, c, f
 
 
 def _terms(form: SmoothForm, row: int, method: str) -> list[tuple[frozenset[int], ca.SX]]:
@@ -57,12 +67,11 @@ def _terms(form: SmoothForm, row: int, method: str) -> list[tuple[frozenset[int]
     return [(frozenset(range(form.trace.x.numel())), form.trace.f[row])]
 
 
-def _absorb(
-    rest: ca.SX, x: ca.SX, weights: ca.SX, members: frozenset[int], method: str
-) -> tuple[ca.SX, ca.SX]:
+def _absorb(rest: ca.SX, x: ca.SX, weights: ca.SX, members: frozenset[int], method: str) -> tuple[ca.SX, ca.SX]:
     """Put f~ - J x into A over the weighted coordinates: rest x^T W / (x^T W x); what cannot go there stays in c.
 
-    Lengths are divided by the largest coordinate first, so that nothing under- or overflows near x = 0.
+    Lengths are divided by the largest coordinate first, so that nothing under- or overflows near x = 0. Numbers
+    below `TINY`, which lose digits, count as 0.
     """
     coefficients = ca.SX.zeros(1, x.numel())
     if method == "jacobian" or not members:
@@ -70,12 +79,13 @@ def _absorb(
     largest = ca.SX(0)
     for i in members:
         largest = ca.fmax(largest, ca.if_else(weights[i] > 0, ca.fabs(x[i]), 0))
-    usable = largest > 0
+    usable = largest > TINY
     size = ca.if_else(usable, largest, 1)
-    square = sum((weights[i] * (x[i] / size) ** 2 for i in members), ca.SX(0))
+    ratio = {i: ca.if_else(weights[i] > 0, x[i], 0) / size for i in members}
+    square = sum((weights[i] * ratio[i] ** 2 for i in members), ca.SX(0))
     per_size = ca.if_else(usable, rest / size / ca.if_else(usable, square, 1), 0)
     for i in members:
-        coefficients[i] = per_size * weights[i] * (x[i] / size)
+        coefficients[i] = per_size * weights[i] * ratio[i]
     return ca.if_else(usable, 0, rest), coefficients
 
 
@@ -93,17 +103,13 @@ def _valid(form: SmoothForm) -> ca.SX:
 
 @functools.lru_cache(maxsize=256)
 def linear_function(structure: Structure, order: int, method: str) -> tuple[ca.Function, dict[str, Row]]:
-    """Return the function (x, u, p, scale, weights) -> flat [A row-major, B row-major, c, f, valid, finite].
-
-    ``finite`` is 0 exactly when every other entry is a finite number.
-    """
+    """Return the function (x, u, p, scale, weights) -> flat [A row-major, B row-major, c, f, valid]."""
     form = smooth_form(structure, order)
     t = form.trace
     n, m = t.x.numel(), t.u.numel()
     weights = ca.SX.sym("w", n)
     A, B, c, f = linear_terms(form, weights, method)
     blocks = {"A": _row_major(A), "B": _row_major(B), "c": c, "f": f, "valid": _valid(form)}
-    blocks["finite"] = sum((0 * e for block in blocks.values() for e in ca.vertsplit(block)), ca.SX(0))
     flat = ca.vertcat(*blocks.values())
     rows, start = {}, 0
     for name, shape in (
@@ -112,7 +118,6 @@ def linear_function(structure: Structure, order: int, method: str) -> tuple[ca.F
         ("c", (n,)),
         ("f", (n,)),
         ("valid", ()),
-        ("finite", ()),
     ):
         rows[name] = Row(start, shape)
         start = rows[name].stop

@@ -53,9 +53,7 @@ def linearize_warnings(model: Model, result: Linearization) -> list[str]:
     found = []
     if not result.in_valid_range:
         limit = max(model.sign_order / 3, 1.0)
-        limits = ", ".join(
-            f"|{name}| <= {scale * limit:.4g}" for name, scale in surface_scales(model).items()
-        )
+        limits = ", ".join(f"|{name}| <= {scale * limit:.4g}" for name, scale in surface_scales(model).items())
         found.append(
             f"the operating point is outside the valid range of sign_j at order {model.sign_order}: {limits};"
             " raise sign_scale or sign_order, or set sign_scale: 0.0 with an operating_range"
@@ -208,9 +206,7 @@ def plant_text(content: dict[str, Any]) -> str:
         ["method", f"{entry['linearization']} unless the model file says otherwise"],
     ]
     facts += [["source", entry["source"]]] if entry["source"] else []
-    return "\n\n".join(
-        [_plant(entry), table(facts), _parameters(entry), _wrapped("effects", entry["effects"])]
-    )
+    return "\n\n".join([_plant(entry), table(facts), _parameters(entry), _wrapped("effects", entry["effects"])])
 
 
 def _plant(entry: dict[str, Any]) -> str:

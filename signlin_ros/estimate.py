@@ -26,9 +26,7 @@ class CausalDerivative:
 
     def __init__(self, window: float = 0.02, degree: int = 2, least: int = 5) -> None:
         if not (window > 0 and degree in (1, 2) and least > degree):
-            raise InputError(
-                f"window {window}, degree {degree}, least {least}: a positive window, degree 1 or 2"
-            )
+            raise InputError(f"window {window}, degree {degree}, least {least}: a positive window, degree 1 or 2")
         self.window, self.degree, self.least = window, degree, least
         self.delay = window / 2 if degree == 1 else 0.0
         self._samples: deque[tuple[float, float]] = deque()
@@ -75,15 +73,11 @@ class StateEstimator:
     measured states and the input.
     """
 
-    def __init__(
-        self, model: Model, measured: Iterable[str], rate: float = 0.0, window: float | None = None
-    ) -> None:
+    def __init__(self, model: Model, measured: Iterable[str], rate: float = 0.0, window: float | None = None) -> None:
         self.model = model
         self.measured = tuple(model.canonical(name) for name in measured)
         position, velocity = model.plant.position, model.plant.velocity
-        self._derive = (
-            velocity in model.states and velocity not in self.measured and position in self.measured
-        )
+        self._derive = velocity in model.states and velocity not in self.measured and position in self.measured
         self._filter = CausalDerivative(window or (max(0.008, 5.0 / rate) if rate > 0 else 0.02))
         covered = {*self.measured, *([velocity] if self._derive else [])}
         self.carried = tuple(name for name in model.states if name not in covered)
@@ -112,9 +106,7 @@ class StateEstimator:
             if plain in self.measured and plain in self.model.states and np.isfinite(value):
                 x[index(plain)] = value
         if self._derive and np.isfinite(x[index(self.model.plant.position)]):
-            x[index(self.model.plant.velocity)] = self._filter.update(
-                t, float(x[index(self.model.plant.position)])
-            )
+            x[index(self.model.plant.velocity)] = self._filter.update(t, float(x[index(self.model.plant.position)]))
         self._stepper.x = x
         self._last = (t, np.asarray(u, dtype=float).reshape(-1))
-        return x.copy()
+        return np.array(x)

@@ -8,13 +8,19 @@ ODEs II, 1996, sec. IV.7; set-valued friction: Acary and Brogliato, Numerical Me
 2008; projected Gauss-Seidel: Cottle, Pang and Stone, The Linear Complementarity Problem, 1992.
 """
 
+# Numba infers the types in here; mypy cannot see through its decorators.
+# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="misc"
+
 from __future__ import annotations
 
+from typing import Any
+
+import casadi as ca
 import numpy as np
 from numba import njit
 from scipy.integrate import RK45
 
-from signlin_ros.tape import OPERATIONS, Tape, ca
+from signlin_ros.tape import OPERATIONS, Tape
 
 OK, DIVERGED, TOO_STIFF, CHATTER = 0, 1, 2, 3
 """How a run ended."""
@@ -30,21 +36,18 @@ _A = np.array(RK45.A)
 _B = np.array(RK45.B)
 _E = np.array(RK45.E)
 _P = np.array(RK45.P)
-_C_STAGES = 6
 
 
 def _operation_source() -> str:
     """Return the source of ``operate(op, a, b)``: one branch for each line of the table of operations."""
     lines = ["def operate(op, a, b):"]
     lines += [f"    if op == {op}:\n        return {text}" for op, text in OPERATIONS.items()]
-    return "\n".join([*lines, "    return np.nan"]).replace(
-        "np.where(a != 0.0, b, 0.0)", "b if a != 0.0 else 0.0"
-    )
+    return "\n".join([*lines, "    return np.nan"]).replace("np.where(a != 0.0, b, 0.0)", "b if a != 0.0 else 0.0")
 
 
-_scope = {"np": np}
-exec(_operation_source(), _scope)  # noqa: S102 - text of the table in tape.py
-operate = njit(error_model="numpy")(_scope["operate"])
+_scope: dict[str, Any] = {"np": np}
+exec(_operation_source(), _scope)
+operate: Any = njit(error_model="numpy")(_scope["operate"])
 _INPUT, _OUTPUT, _CONST = ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST
 
 
@@ -129,7 +132,7 @@ def _state_of(tape, sizes, z, work, res, s, mode):
     if stuck == 0:
         return
     matrix, right, members = np.empty((stuck, stuck)), np.empty(stuck), np.empty(stuck, np.int64)
-    i_g, i_rate = n + n * k, n + n * k + q
+    i_rate = n + n * k + q
     i_m = i_rate + q
     row = 0
     for j in range(q):
@@ -238,17 +241,42 @@ def _interpolate(x, h, K, theta, z):
 
 
 @njit(cache=True, error_model="numpy")
-def _first_violation(tape, sizes, z, work, res, s, mode, x, h, K, g_tol):
-    """Return the smallest theta in (0, 1] at which a surface is passed, by bisection; 2 if none is."""
+def _may_dip(sizes, res, s, mode, rates, s_before):
+    """Tell whether a surface may be passed and passed back inside the step, judged from both ends."""
+    n, m, n_p, q, k, coordinate, switch_of = sizes
+    i_rate = n + n * k + q
+    for j in range(q):
+        if mode[j] == 0:
+            if max(abs(s[j]), abs(s_before[j])) > 0.9:
+                return True
+        elif rates[j] * s[j] < 0.0 and res[i_rate + j] * s[j] > 0.0:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _first_violation(tape, sizes, z, work, res, s, mode, x, h, K, g_tol, dip):
+    """Return the smallest theta in (0, 1] at which a surface is passed, by bisection; 2 if none is.
+
+    On entry ``res`` belongs to the end of the step; inner points are looked at only if ``dip``.
+    """
     low, high = 0.0, 2.0
-    for part in range(1, 5):
-        theta = part / 4
-        _interpolate(x, h, K, theta, z)
-        _state_of(tape, sizes, z, work, res, s, mode)
-        if _violated(sizes, res, s, mode, g_tol):
-            low, high = theta - 0.25, theta
-            break
-    while high <= 1.0 and high - low > 1e-15 + 4e-16 * high:
+    if dip:
+        for part in range(1, 4):
+            theta = part / 4
+            _interpolate(x, h, K, theta, z)
+            _state_of(tape, sizes, z, work, res, s, mode)
+            if _violated(sizes, res, s, mode, g_tol):
+                low, high = theta - 0.25, theta
+                break
+    if high > 1.0:
+        _interpolate(x, h, K, 1.0, z)
+        if dip:
+            _state_of(tape, sizes, z, work, res, s, mode)
+        if not _violated(sizes, res, s, mode, g_tol):
+            return 2.0
+        high = 1.0
+    while high - low > 1e-15:
         theta = 0.5 * (low + high)
         if theta <= low or theta >= high:
             break
@@ -299,7 +327,8 @@ def run_exact(tape, sizes, n_work, n_res, times, breaks, inputs, x0, p, rtol, X,
     z[:n], z[n + m : n + m + n_p] = x0, p
     s, mode, at, g_tol = np.ones(q), np.ones(q, np.int64), np.zeros(q, np.bool_), np.zeros(q)
     x, peak, K, error = x0.copy(), np.abs(x0), np.zeros((7, n)), np.zeros(n)
-    i_g, n_y = n + n * k, Y.shape[1]
+    rates, s_before, x_new = np.zeros(q), np.zeros(q), np.zeros(n)
+    i_g, i_rate, n_y = n + n * k, n + n * k + q, Y.shape[1]
     n_events, steps, idle = 0, 0, 0
     t, h, next_break = times[0], np.inf, 0
     for sample in range(times.size):
@@ -322,8 +351,13 @@ def run_exact(tape, sizes, n_work, n_res, times, breaks, inputs, x0, p, rtol, X,
                 break
             while t < target:
                 steps += 1
+                rates[:] = res[i_rate : i_rate + q]
+                s_before[:] = s
                 if steps > MAX_STEPS:
                     return TOO_STIFF, t, n_events
+                if target - t <= 1e-14 * abs(target):
+                    t = target
+                    break
                 h = min(h, target - t)
                 if h <= 1e-15 * max(abs(t), abs(target)) and t + h < target:
                     return DIVERGED, t, n_events
@@ -336,14 +370,16 @@ def run_exact(tape, sizes, n_work, n_res, times, breaks, inputs, x0, p, rtol, X,
                 norm = _error_norm(error, x, z[:n], peak, rtol)
                 if norm > 1.0 and (norm == np.inf or h > 1e-12 * max(abs(t), 1e-3)):
                     h = _new_step(h, norm, 5.0)
+                    res[i_rate : i_rate + q] = rates
                     continue
                 taken, grown = h, _new_step(h, norm, 5.0)
                 for j in range(q):
                     g_tol[j] = max(g_tol[j], 1e-3 * rtol * abs(res[i_g + j]))
                 theta = 2.0
                 if q > 0:
-                    x_new = z[:n].copy()
-                    theta = _first_violation(tape, sizes, z, work, res, s, mode, x, h, K, g_tol)
+                    x_new[:] = z[:n]
+                    dip = _may_dip(sizes, res, s, mode, rates, s_before)
+                    theta = _first_violation(tape, sizes, z, work, res, s, mode, x, h, K, g_tol, dip)
                     z[:n] = x_new
                 if theta <= 1.0:
                     taken = _land(tape, sizes, z, work, res, s, mode, x, theta * h, K, at, g_tol)
@@ -438,6 +474,8 @@ def flow_smooth(tape, z, work, res, x, peak, t, target, h, rtol, U, error):
     for _ in range(MAX_STEPS):
         if t >= target:
             return OK, t, h
+        if target - t <= 1e-14 * abs(target):
+            return OK, target, h
         last = h >= target - t
         step = target - t if last else h
         if step <= 1e-15 * max(abs(t), abs(target)) and not last:
@@ -497,7 +535,10 @@ def flow_many(tape, n_work, n_res, points, inputs, constants, span, rtol):
         z[n : n + m] = inputs[k]
         x = points[k].copy()
         status, _, _ = flow_smooth(tape, z, work, res, x, np.abs(x), 0.0, span, span, rtol, U, error)
-        points[k] = x if status == OK else np.nan
+        if status == OK:
+            points[k] = x
+        else:
+            points[k] = np.nan
 
 
 # --------------------------------------------------------------------------- piecewise linear

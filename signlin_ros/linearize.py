@@ -18,6 +18,7 @@ from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.model import METHODS, Model
 
 Array = NDArray[np.float64]
+_FALSE = np.False_.tobytes()  # searching bytes is several times quicker than ndarray.all() on a few numbers
 
 
 class Linearization(NamedTuple):
@@ -66,12 +67,14 @@ class Linearizer:
         self.scales, self.weights = scales(model), weights(model)
         self._function, self._rows = linear_function(model.structure, model.sign_order, method)
         self._buffer, self._evaluate = self._function.buffer()
-        self._x, self._u = np.zeros(self.n), np.zeros(self.m)
-        self._out = np.zeros(self._rows["finite"].stop)
+        size = self._rows["valid"].stop
+        self._values = np.zeros(size + self.n + self.m)
+        self._out, self._x, self._u = np.split(self._values, [size, size + self.n])
+        self._good = np.ones(self._values.size, dtype=bool)
         self._constants = [np.array(v, dtype=float) for v in (model.p, self.scales, self.weights)]
         for i, array in enumerate((self._x, self._u, *self._constants)):
-            self._buffer.set_arg(i, memoryview(array))
-        self._buffer.set_res(0, memoryview(self._out))
+            self._buffer.set_arg(i, memoryview(array))  # type: ignore[call-arg, arg-type]
+        self._buffer.set_res(0, memoryview(self._out))  # type: ignore[call-arg, arg-type]
         r = self._rows
         self._cuts = (r["A"].stop, r["B"].stop, r["c"].stop, r["f"].stop)
         self._middle = self._midpoint() if model.operating_point == "midpoint" else None
@@ -84,29 +87,28 @@ class Linearizer:
     def __call__(self, x: ArrayLike, u: ArrayLike | None = None) -> Linearization:
         """Linearize at x (n,) and u (m,), zero if not given; raise `InputError` on wrong lengths or bad numbers."""
         try:
+            fits = len(x) == self.n and (u is None or len(u) == self.m)  # type: ignore[arg-type]
             self._x[:] = x
             self._u[:] = 0.0 if u is None else u
         except (ValueError, TypeError) as error:
             raise InputError(f"x needs {self.n} numbers and u {self.m}: {error}") from error
-        if self._middle is not None:
+        if not fits:
+            raise InputError(f"x needs {self.n} numbers and u {self.m}; found {x!r} and {u!r}")
+        if self._middle is not None and np.isfinite(self._x).all() and np.isfinite(self._u).all():
             self._x[:] = self._middle(self._x, self._u)  # type: ignore[operator]
         self._evaluate()
-        out = self._out.copy()
-        if out[-1] != 0.0:
+        if _FALSE in np.isfinite(self._values, self._good).tobytes():
             raise InputError(f"no finite linear model at x = {self._x.tolist()}, u = {self._u.tolist()}")
+        out = self._out.copy()
         a, b, c, f = self._cuts
         A, B = out[:a].reshape(self.n, self.n), out[a:b].reshape(self.n, self.m)
-        valid = bool(out[-2])
-        return Linearization(
-            A, B, out[b:c], self._x.copy(), self._u.copy(), out[c:f], self.method, valid, self.delay
-        )
+        valid = bool(out[-1])
+        return Linearization(A, B, out[b:c], self._x.copy(), self._u.copy(), out[c:f], self.method, valid, self.delay)
 
     def batch(self, x: ArrayLike, u: ArrayLike | None = None) -> LinearizationBatch:
         """Linearize at T points: x (T, n), u (T, m) or None for zero; entries may be non-finite where x is."""
         points = np.ascontiguousarray(np.atleast_2d(np.asarray(x, dtype=float)))
-        inputs = (
-            np.zeros((len(points), self.m)) if u is None else np.asarray(u, dtype=float).reshape(-1, self.m)
-        )
+        inputs = np.zeros((len(points), self.m)) if u is None else np.asarray(u, dtype=float).reshape(-1, self.m)
         if points.shape[1] != self.n or len(inputs) != len(points):
             raise InputError(
                 f"x needs the shape (T, {self.n}) and u (T, {self.m}); found {points.shape}, {inputs.shape}"
@@ -117,15 +119,12 @@ class Linearizer:
         constants = [value for array in self._constants for value in array]
         flat = tape.batch([*points.T.copy(), *inputs.T.copy(), *constants])
         blocks = {
-            name: np.moveaxis(flat[row.start : row.stop].reshape(*row.shape, -1), -1, 0)
-            for name, row in r.items()
+            name: np.moveaxis(flat[row.start : row.stop].reshape(*row.shape, -1), -1, 0) for name, row in r.items()
         }
         valid = blocks["valid"].astype(bool)
         return LinearizationBatch(blocks["A"], blocks["B"], blocks["c"], points, inputs, blocks["f"], valid)
 
 
-def linearize(
-    model: Model, x: ArrayLike, u: ArrayLike | None = None, method: str | None = None
-) -> Linearization:
+def linearize(model: Model, x: ArrayLike, u: ArrayLike | None = None, method: str | None = None) -> Linearization:
     """Linearize once; keep a `Linearizer` for repeated calls. See `Linearizer.__call__`."""
     return Linearizer(model, method)(x, u)

@@ -52,7 +52,7 @@ class Math:
         raise NotImplementedError
 
     def clip(self, x: Any, limit: Any) -> Any:
-        """x held within ±limit."""
+        """X held within ±limit."""
         return x - self.positive(x - limit) + self.positive(-x - limit)
 
     def dead_zone(self, x: Any, half_width: Any) -> Any:
@@ -63,7 +63,7 @@ class Math:
 class NumpyMath(Math):
     """Exact non-smooth values on NumPy arrays; sign(0) = 0."""
 
-    exp, sin, cos, sqrt = map(staticmethod, (np.exp, np.sin, np.cos, np.sqrt))  # type: ignore[assignment]
+    exp, sin, cos, sqrt = map(staticmethod, (np.exp, np.sin, np.cos, np.sqrt))
     sign, abs = map(staticmethod, (np.sign, np.abs))  # type: ignore[assignment]
 
     def positive(self, g: Any) -> Any:
@@ -109,7 +109,7 @@ class Recorder(Math):
         """Return the symbol that stands for sign(g): a known one for a known g or -g, else a fresh one."""
         g = ca.SX(g)
         if g.is_constant():
-            return ca.sign(g)
+            return ca.SX(ca.sign(g))
         for surface in self.surfaces:
             if surface.kind == kind and ca.is_equal(surface.g, g, 12):
                 return surface.symbol

@@ -65,7 +65,7 @@ class Model:
     with_load_torque: bool = False
     node_options: dict[str, Any] = field(default_factory=dict)
     source: str = field(default="model", compare=False)
-    folder: Path = field(default=Path("."), compare=False)
+    folder: Path = field(default=Path(), compare=False)
 
     # ---------------------------------------------------------------- reading
 
@@ -82,7 +82,7 @@ class Model:
         return cls.from_dict(_parameters_of(content, str(file)), source=str(file), folder=file.parent)
 
     @classmethod
-    def from_dict(cls, mapping: Mapping[str, Any], source: str = "model", folder: Path = Path(".")) -> Model:
+    def from_dict(cls, mapping: Mapping[str, Any], source: str = "model", folder: Path = Path()) -> Model:
         """Build a model from what stands below ``ros__parameters``; raise `ModelError` naming source and key."""
         try:
             return _read(mapping, source, folder)
@@ -108,9 +108,7 @@ class Model:
     def to_yaml(self) -> str:
         """Return the text of a ROS 2 parameter file that holds this model without loss."""
         tree = {"/**": {"ros__parameters": self.to_dict()}}
-        return yaml.dump(
-            tree, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110
-        )
+        return yaml.dump(tree, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
 
     def save(self, path: str | Path) -> None:
         """Write `to_yaml` to a file, whole or not at all."""
@@ -315,18 +313,14 @@ def find_model_file(path: str | Path) -> Path:
         return shipped[str(path)]
     if file.is_dir():
         raise ModelError(f"{path}: is a folder, not a model file")
-    raise ModelError(
-        f"{path}: no such model file; shipped models: {choices(shipped)}{suggest(str(path), shipped)}"
-    )
+    raise ModelError(f"{path}: no such model file; shipped models: {choices(shipped)}{suggest(str(path), shipped)}")
 
 
 def _parameters_of(content: Any, file: str) -> Mapping[str, Any]:
     """Return the mapping below ``ros__parameters`` of the one node, or wildcard, that the file speaks of."""
     if not isinstance(content, Mapping) or not content:
         raise ModelError(f"{file}: empty, or not a ROS 2 parameter file (/**: ros__parameters: ...)")
-    blocks = [
-        v["ros__parameters"] for v in content.values() if isinstance(v, Mapping) and "ros__parameters" in v
-    ]
+    blocks = [v["ros__parameters"] for v in content.values() if isinstance(v, Mapping) and "ros__parameters" in v]
     blocks = [block for block in blocks if isinstance(block, Mapping) and "plant" in block] or blocks
     if len(blocks) != 1 or not isinstance(blocks[0], Mapping):
         found = choices(str(k) for k in content)
@@ -360,9 +354,7 @@ def _number(value: Any, where: str, low: float, high: float, unit: str = "", pos
 def _choice(allowed: tuple[str, ...]) -> Callable[[Any, str], str]:
     def check(value: Any, where: str) -> str:
         if value not in allowed:
-            raise ModelError(
-                f"{where}: found {value!r}; allowed: {', '.join(allowed)}{suggest(str(value), allowed)}"
-            )
+            raise ModelError(f"{where}: found {value!r}; allowed: {', '.join(allowed)}{suggest(str(value), allowed)}")
         return str(value)
 
     return check
@@ -398,9 +390,7 @@ def _flat(value: Mapping[Any, Any], prefix: str = "") -> Any:
 def _number_table(low: float, positive: bool = False) -> Callable[[Any, str], dict[str, float]]:
     def check(value: Any, where: str) -> dict[str, float]:
         items = _table(value, where).items()
-        return {
-            name: _number(item, f"{where}.{name}", low, math.inf, positive=positive) for name, item in items
-        }
+        return {name: _number(item, f"{where}.{name}", low, math.inf, positive=positive) for name, item in items}
 
     return check
 
@@ -420,12 +410,7 @@ def _tolerance(value: Any, where: str) -> float | dict[str, float]:
 
 
 def _order(value: Any, where: str) -> int:
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, (int, float))
-        or value != value
-        or abs(value) == math.inf
-    ):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or value != value or abs(value) == math.inf:
         raise ModelError(f"{where}: found {value!r}; allowed: a whole number from 1 to {sign.MAX_ORDER}")
     try:
         return sign.check_order(value)  # type: ignore[arg-type]
@@ -469,9 +454,7 @@ def _effects(value: Any, plant: type[Plant], spring: bool) -> dict[str, EffectUs
     if value is None:
         return {}
     if not isinstance(value, Mapping):
-        raise ModelError(
-            f"effects: found {value!r}; allowed: a mapping such as {{coulomb_friction: {{mu: 0.033}}}}"
-        )
+        raise ModelError(f"effects: found {value!r}; allowed: a mapping such as {{coulomb_friction: {{mu: 0.033}}}}")
     return {str(key): _effect(str(key), item, plant, spring) for key, item in value.items()}
 
 
@@ -483,9 +466,7 @@ def _effect(key: str, item: Any, plant: type[Plant], spring: bool) -> EffectUse:
     name = given.pop("type", key)
     effect: type[Effect] = find_effect(str(name), where)
     if effect.plants and plant.name not in effect.plants:
-        raise ModelError(
-            f"{where}: {name} does not apply to {plant.name}, only to {', '.join(effect.plants)}"
-        )
+        raise ModelError(f"{where}: {name} does not apply to {plant.name}, only to {', '.join(effect.plants)}")
     if name in plant.built_in:
         raise ModelError(f"{where}: {name} is part of the plant {plant.name} already")
     pars = {n: replace(par, unit=resolve_unit(par.unit, plant)) for n, par in effect.pars().items()}
@@ -494,9 +475,7 @@ def _effect(key: str, item: Any, plant: type[Plant], spring: bool) -> EffectUse:
         if spring and free in values:
             raise ModelError(f"{where}.{free}: the plant {plant.name} has a spring of its own; leave it out")
         if not spring and free not in values:
-            raise ModelError(
-                f"{where}.{free}: missing; the plant has no spring of its own ({pars[free].doc})"
-            )
+            raise ModelError(f"{where}.{free}: missing; the plant has no spring of its own ({pars[free].doc})")
     return EffectUse(str(name), values)
 
 
@@ -546,9 +525,7 @@ def _check_names(model: Model) -> None:
     for option, given in (("frozen", model.frozen), ("tolerance", tolerances)):
         for name in given:
             if name not in model.parameters:
-                raise ModelError(
-                    f"{option}: {name!r} is no base parameter; there are: {choices(model.parameters)}"
-                )
+                raise ModelError(f"{option}: {name!r} is no base parameter; there are: {choices(model.parameters)}")
     for option, table in checked.items():
         object.__setattr__(model, option, table)
     if model.sign_scale == 0.0 and not model.operating_range:

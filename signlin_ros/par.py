@@ -64,9 +64,7 @@ def check_values(pars: Mapping[str, Par], given: Mapping[str, Any], where: str) 
     """Return all parameters of ``pars`` from ``given`` and the defaults, checked; raise `ModelError` otherwise."""
     for name in given:
         if name not in pars:
-            raise ModelError(
-                f"{where}.{name}: unknown parameter; known: {choices(pars)}{suggest(str(name), pars)}"
-            )
+            raise ModelError(f"{where}.{name}: unknown parameter; known: {choices(pars)}{suggest(str(name), pars)}")
     values = {}
     for name, par in pars.items():
         if name in given:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +19,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Prediction:
-    """Predictions over non-overlapping windows: starts (W,), error (S,) at every sample inside them, and its RMS."""
+    """Predictions over non-overlapping windows of ``horizon`` s: error (S,) at every sample inside, and its RMS."""
 
-    starts: NDArray[np.int64]
+    horizon: float
     error: Array
     rms: float
 
@@ -30,9 +31,7 @@ def causal_states(
 ) -> Array:
     """Return the causal estimate (T, n) of the state over a record (see `StateEstimator`)."""
     estimator = StateEstimator(model, measured, rate=1.0 / float(np.median(np.diff(t))), window=window)
-    rows = [
-        estimator.update(t[k], {n: float(v[k]) for n, v in measured.items()}, u[k]) for k in range(t.size)
-    ]
+    rows = [estimator.update(t[k], {n: float(v[k]) for n, v in measured.items()}, u[k]) for k in range(t.size)]
     return np.array(rows)
 
 
@@ -48,24 +47,29 @@ def zero_phase_velocity(t: Array, position: Array, cutoff: float) -> Array:
 
 
 def predict(
-    model: Model, t: Array, u: Array, states: Array, truth: Array, name: str, horizon: float
+    model: Model, t: Array, u: Array, states: Array, truth: Array, name: str, horizon: float, kind: str = "piecewise"
 ) -> Prediction:
     """Predict the state ``name`` over windows of ``horizon`` s with the linear model built at each window's start.
 
     The measured input u (T, m) is applied, the state starts from ``states`` (T, n), all samples after the start are
-    compared with ``truth`` (T,). The model's own method and operating point are used, one linear model per window.
+    compared with ``truth`` (T,). The model's own method and operating point are used, one linear model per window;
+    ``kind`` "exact" or "smooth" simulates the nonlinear model instead.
     """
     column = model.states.index(name)
     held = model.with_options(update_period=horizon)
-    edges = np.arange(t[0], t[-1], horizon)
-    starts = np.unique(np.searchsorted(t, edges - 1e-9))
     errors = []
-    for first, stop in zip(starts[:-1], starts[1:], strict=True):
-        part = slice(first, min(stop + 1, t.size))
-        run = simulate(held, t[part], u[part], states[first], kind="piecewise")
+    for first, last in windows(t, horizon):
+        part = slice(first, last + 1)
+        run = simulate(held, t[part], u[part], states[first], kind=kind)
         errors.append(run.x[1:, column] - truth[part][1:])
     error = np.concatenate(errors)
-    return Prediction(starts[:-1], error, float(np.sqrt(np.mean(error**2))))
+    return Prediction(horizon, error, float(np.sqrt(np.mean(error**2))))
+
+
+def windows(t: Array, horizon: float) -> list[tuple[int, int]]:
+    """Return the first and the last sample of every non-overlapping window of ``horizon`` s; neighbours share one."""
+    edges = np.unique(np.searchsorted(t, np.arange(t[0], t[-1], horizon) - 1e-9))
+    return list(pairwise(edges.tolist()))
 
 
 def without_dry_friction(model: Model) -> Model:
@@ -100,14 +104,5 @@ def value_of_the_method(
         label: predict(m, t, u, states[:, keep] if m is bare else states, truth, name, horizon).rms
         for label, m in models.items()
     }
-    exact = [
-        simulate(model, t[a : b + 1], u[a : b + 1], states[a]).x[1:, model.states.index(name)]
-        - truth[a + 1 : b + 1]
-        for a, b in _windows(t, horizon)
-    ]
-    return found | {"nonlinear": float(np.sqrt(np.mean(np.concatenate(exact) ** 2)))}
-
-
-def _windows(t: Array, horizon: float) -> list[tuple[int, int]]:
-    starts = np.unique(np.searchsorted(t, np.arange(t[0], t[-1], horizon) - 1e-9))
-    return list(zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True))
+    nonlinear = predict(model, t, u, states, truth, name, horizon, kind="exact").rms
+    return found | {"nonlinear": nonlinear}

@@ -11,7 +11,8 @@ which is evaluated here through q = ((1 - b)/(1 + b))^j. For even j the approxim
 \|z\|, for odd j it grows without bound, so every use has a validity range: see `in_valid_range`.
 
 Source: *Linearization Modeling for Non-smooth Dynamical Systems with Approximated Scalar Sign Function*, part II;
-Shieh, Tsay and Yates, Some properties of matrix sign functions derived from continued fractions, IEE Proc. D 130 (1983).
+Shieh, Tsay and Yates, Some properties of matrix sign functions derived from continued fractions,
+IEE Proc. D 130 (1983).
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ def _value(ops: Any, z: Any, order: int) -> Any:
 
 
 def _slope(ops: Any, z: Any, order: int) -> Any:
-    """d sign_j / dz = 4 j r^(j-1) / ((1+a)(1+r^j))^2, with r = (1-a)/(1+a): no pole at a = 1."""
+    """D sign_j / dz = 4 j r^(j-1) / ((1+a)(1+r^j))^2, with r = (1-a)/(1+a): no pole at a = 1."""
     a = ops.abs(z)
     outside = a > 1
     b = ops.where(outside, 1 / a, a)

@@ -82,9 +82,7 @@ def simulate(
     run = {"exact": _run_exact, "smooth": _run_smooth, "piecewise": _run_piecewise}[kind]
     status, when, events = run(model, times, breaks, inputs, start, rtol, X, Y)
     if status != kernels.OK:
-        raise SimulationError(
-            f"{model.source}: the {kind} simulation stops at t = {when:.6g} s: {_WHY[status]}"
-        )
+        raise SimulationError(f"{model.source}: the {kind} simulation stops at t = {when:.6g} s: {_WHY[status]}")
     y = Y if extra else X
     return Trajectory(times, inputs, X, y, model.states, model.inputs, model.outputs, events)
 
@@ -93,21 +91,15 @@ def _checked(model: Model, t: ArrayLike, u: ArrayLike, x0: ArrayLike | None) -> 
     times = np.ascontiguousarray(np.atleast_1d(np.asarray(t, dtype=float)))
     m, n = len(model.inputs), len(model.states)
     inputs = (
-        np.ascontiguousarray(np.asarray(u, dtype=float).reshape(times.size, -1))
-        if np.size(u)
-        else np.zeros((0, 0))
+        np.ascontiguousarray(np.asarray(u, dtype=float).reshape(times.size, -1)) if np.size(u) else np.zeros((0, 0))
     )
     start = np.array(model.x0 if x0 is None else x0, dtype=float).reshape(-1)
     if inputs.shape != (times.size, m) or start.size != n or times.size < 1:
-        raise InputError(
-            f"t (T,), u (T, {m}), x0 ({n},) are needed; found {times.shape}, {np.shape(u)}, {start.shape}"
-        )
+        raise InputError(f"t (T,), u (T, {m}), x0 ({n},) are needed; found {times.shape}, {np.shape(u)}, {start.shape}")
     if not (np.isfinite(times).all() and np.isfinite(inputs).all() and np.isfinite(start).all()):
         raise InputError("times, inputs and the initial state must be finite numbers")
     if (np.diff(times) <= 0).any():
-        raise InputError(
-            f"times must increase; they do not at sample {int(np.argmax(np.diff(times) <= 0)) + 1}"
-        )
+        raise InputError(f"times must increase; they do not at sample {int(np.argmax(np.diff(times) <= 0)) + 1}")
     return times, inputs, start
 
 
@@ -205,7 +197,7 @@ class SmoothFlow:
         points = x.copy()
         arguments = (self._tape.arrays, self._tape.n_work, self._tape.n_out, points, np.ascontiguousarray(u))
         kernels.flow_many(*arguments, self._constants, self._span, self._rtol)
-        return points
+        return np.asarray(points)
 
 
 class Stepper:
@@ -214,9 +206,7 @@ class Stepper:
     ``kind`` is "exact" or "smooth"; an input delay is kept between steps. ``x`` (n,) is the present state.
     """
 
-    def __init__(
-        self, model: Model, x0: ArrayLike | None = None, kind: str = "exact", rtol: float = 1e-6
-    ) -> None:
+    def __init__(self, model: Model, x0: ArrayLike | None = None, kind: str = "exact", rtol: float = 1e-6) -> None:
         if kind not in ("exact", "smooth"):
             raise InputError(f"kind {kind!r}; known: exact, smooth")
         self.model, self.kind, self.rtol = model, kind, rtol
@@ -229,7 +219,7 @@ class Stepper:
     @property
     def y(self) -> Array:
         """The present outputs (outputs,): the states, or what the plant says."""
-        return self._y if self._y.size else self.x
+        return np.asarray(self._y if self._y.size else self.x)
 
     def advance(self, dt: float, u: ArrayLike) -> Array:
         """Advance ``dt`` seconds with the input u (m,) held from now on; returns the new state (n,)."""
@@ -247,9 +237,7 @@ class Stepper:
         arguments = (self.model, np.array([0.0, dt]), breaks, inputs, self.x, self.rtol, X, Y)
         status, when, _ = self._run(*arguments)
         if status != kernels.OK:
-            raise SimulationError(
-                f"{self.model.source}: the simulation stops {when:.3g} s into a step: {_WHY[status]}"
-            )
+            raise SimulationError(f"{self.model.source}: the simulation stops {when:.3g} s into a step: {_WHY[status]}")
         self._t += dt
         self.x, self._y = X[1], Y[1]
-        return self.x
+        return np.asarray(self.x)

@@ -51,9 +51,7 @@ class SmoothForm:
     def jacobian(self, e: ca.SX, w: ca.SX) -> ca.SX:
         """Return the smooth total derivative of ``e`` with respect to ``w`` (x or u)."""
         total = ca.jacobian(e, w)
-        for symbol, row in zip(
-            ca.vertsplit(self.symbols) if self.signs else (), self._sign_rows(w), strict=True
-        ):
+        for symbol, row in zip(ca.vertsplit(self.symbols) if self.signs else (), self._sign_rows(w), strict=True):
             total += ca.mtimes(ca.jacobian(e, symbol), row)
         return self.smooth(total)
 
@@ -100,9 +98,7 @@ class SmoothForm:
         own = TermSplitter(x, sets)
         for surface in t.surfaces:
             found = own.depends_on(surface.g)
-            own = TermSplitter(
-                [*x, *(s.symbol for s in t.surfaces[: len(sets) - len(x) + 1])], [*sets, found]
-            )
+            own = TermSplitter([*x, *(s.symbol for s in t.surfaces[: len(sets) - len(x) + 1])], [*sets, found])
             sets.append(found)
         return own.split(row)
 

@@ -91,9 +91,7 @@ class Tape:
     def of(cls, function: ca.Function) -> Tape:
         """Read the instructions of an SX function with dense arguments; several are stacked in order."""
         offsets_in = np.concatenate([[0], np.cumsum([function.numel_in(i) for i in range(function.n_in())])])
-        offsets_out = np.concatenate(
-            [[0], np.cumsum([function.numel_out(i) for i in range(function.n_out())])]
-        )
+        offsets_out = np.concatenate([[0], np.cumsum([function.numel_out(i) for i in range(function.n_out())])])
         rows = [_instruction(function, k, offsets_in, offsets_out) for k in range(function.n_instructions())]
         op, a, b, out, constant = zip(*rows, strict=True)
         index = functools.partial(np.array, dtype=np.int64)
@@ -130,10 +128,7 @@ class Tape:
     @functools.cached_property
     def _program(self) -> list[tuple[Any, ...]]:
         rows = zip(self.op, self.a, self.b, self.out, self.constant, strict=True)
-        return [
-            (_array_operation(int(o)), int(o), int(a), int(b), int(t), np.float64(c))
-            for o, a, b, t, c in rows
-        ]
+        return [(_array_operation(int(o)), int(o), int(a), int(b), int(t), np.float64(c)) for o, a, b, t, c in rows]
 
 
 def _instruction(
@@ -152,7 +147,7 @@ def _instruction(
     return op, inputs[0], inputs[-1], outputs[0], 0.0
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _array_operation(op: int) -> Callable[[Any, Any], Any] | None:
     text = OPERATIONS.get(op)
-    return eval(f"lambda a, b: {text}", {"np": np}) if text else None  # noqa: S307 - text of the table above
+    return eval(f"lambda a, b: {text}", {"np": np}) if text else None

@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 
 import casadi as ca
 
-
 Groups = dict[frozenset[int], ca.SX]
 """Additive terms, summed over those that depend on the same coordinates; the empty set is the constant part."""
 
@@ -122,11 +121,7 @@ def _power_change(a: list[ca.SX], b: list[ca.SX], d: list[ca.SX]) -> ca.SX:
     direct = a[0] ** a[1] - b[0] ** b[1]
     near = ca.logic_and(b[0] > 0, ca.fabs(d[0]) < 0.5 * b[0])
     ratio = ca.if_else(near, d[0] / b[0], 0)
-    return (
-        ca.if_else(near, b[0] ** b[1] * ca.expm1(a[1] * ca.log1p(ratio)), direct)
-        if d[1].is_zero()
-        else direct
-    )
+    return ca.if_else(near, b[0] ** b[1] * ca.expm1(a[1] * ca.log1p(ratio)), direct) if d[1].is_zero() else direct
 
 
 Rule = Callable[[list[ca.SX], list[ca.SX], list[ca.SX]], ca.SX]

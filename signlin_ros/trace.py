@@ -67,6 +67,11 @@ class Trace:
 class _Coordinates:
     """What an effect sees of the model; notes whether the position was asked for."""
 
+    velocity: Any
+    own: Any
+    external_force: Any
+    drive_force: Any
+
     def __init__(self) -> None:
         self.asked_position = False
 
@@ -105,9 +110,7 @@ class _Tracer:
 
     def _effect_symbols(self, slot: EffectSlot) -> Namespace:
         if slot.built_in:
-            return Namespace(
-                {name: getattr(self.plant_p, Namespace.attribute(name)) for name in slot.parameters}
-            )
+            return Namespace({name: getattr(self.plant_p, Namespace.attribute(name)) for name in slot.parameters})
         return self._symbols(f"{slot.key}.", slot.parameters, slot.structural)
 
     def _states(self) -> None:
@@ -147,9 +150,7 @@ class _Tracer:
 
     def _own(self, slot: EffectSlot) -> _Coordinates:
         plant = self.structure.plant
-        names = {
-            n: plant.own_state_names.get(f"{slot.key}.{n}", f"{slot.key}.{n}") for n in slot.effect.states
-        }
+        names = {n: plant.own_state_names.get(f"{slot.key}.{n}", f"{slot.key}.{n}") for n in slot.effect.states}
         self.x.own = Namespace({name: self.symbols[full] for name, full in names.items()})
         return self.x
 
@@ -161,16 +162,16 @@ class _Tracer:
                 return changed
         return k * self.x.position
 
-    def torque_constant(self, K_t: Any) -> Any:  # noqa: N803
+    def torque_constant(self, K_t: Any) -> Any:
         """See `Acting`."""
         for slot, effect, p in self.effects:
-            K_t = effect.torque_constant(self.m, self._own(slot), p, K_t)  # noqa: N806
+            K_t = effect.torque_constant(self.m, self._own(slot), p, K_t)
         return K_t
 
-    def resistance(self, R_a: Any) -> Any:  # noqa: N803
+    def resistance(self, R_a: Any) -> Any:
         """See `Acting`."""
         for slot, effect, p in self.effects:
-            R_a = effect.resistance(self.m, self._own(slot), p, R_a)  # noqa: N806
+            R_a = effect.resistance(self.m, self._own(slot), p, R_a)
         return R_a
 
     def force(self, drive: Any, elastic: Any) -> Any:
@@ -182,9 +183,7 @@ class _Tracer:
         self.x.external_force = external + elastic
         if drive is not None:
             self.x.drive_force = drive
-        others = (
-            e.force(self.m, self._own(slot), p) for slot, e, p in self.effects if not slot.effect.external
-        )
+        others = (e.force(self.m, self._own(slot), p) for slot, e, p in self.effects if not slot.effect.external)
         return external + sum(others, ca.SX(0))
 
     def run(self) -> tuple[dict[str, Any], ca.SX]:
@@ -207,9 +206,7 @@ def _check_switches(result: Trace) -> None:
     """Refuse what the set-valued simulation cannot handle: a right-hand side that is not affine in the signs."""
     switches = [s.symbol for s in result.surfaces if s.kind == "switch"]
     if switches and any(ca.which_depends(result.f, ca.vertcat(*switches), 2, True)):
-        raise ModelError(
-            "the equations are not affine in sign(.): two signs are multiplied, or one is squared"
-        )
+        raise ModelError("the equations are not affine in sign(.): two signs are multiplied, or one is squared")
 
 
 @functools.lru_cache(maxsize=256)

@@ -8,7 +8,6 @@ import numpy as np
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
-from signlin_ros.simulate import Stepper
 from std_msgs.msg import Float64MultiArray
 
 from signlin_ros.nodes import convert
@@ -18,6 +17,7 @@ from signlin_ros.nodes.overrides import Entry
 from signlin_ros.nodes.parameters import ModelNode
 from signlin_ros.nodes.qos import RELIABLE, SENSORS
 from signlin_ros.nodes.runner import run
+from signlin_ros.simulate import Stepper
 from sim_nodes.signals import INPUT_SIGNALS, input_signal
 
 OPTIONS = {
@@ -49,11 +49,10 @@ class PlantSimulatorNode(ModelNode):
         else:
             self._inputs = self.create_publisher(Float64MultiArray, "input", RELIABLE)
         self._period = round(NANO / option["publish_rate"])
+        Stepper(self.model).advance(self._period / NANO, self.u)  # what is compiled is compiled before time counts
         self._start(None)
         self._timer = self.create_timer(1.0 / option["publish_rate"], self._on_period)
-        backward = JumpThreshold(
-            min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True
-        )
+        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._start)
 
     def _start(self, _: Any) -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from signlin_ros.estimate import StateEstimator
 
 from signlin_ros.errors import RecordError
+from signlin_ros.estimate import StateEstimator
 from signlin_ros.model import Model
 from signlin_ros.nodes.joint import joint_values
 from signlin_ros.records import read_for_model

@@ -26,6 +26,8 @@ OPTIONS = {
 }
 PATIENCE = 5 * NANO
 """Nanoseconds to wait for a subscriber before playing to nobody."""
+SETTLE = NANO // 2
+"""Nanoseconds from the first subscriber to the first sample, so that the others are found too."""
 MOST_AT_ONCE = 100
 """Samples published before the executor gets its turn."""
 LATE = NANO // 2
@@ -39,9 +41,7 @@ class ReplayNode(ModelNode):
         super().__init__("replay", OPTIONS)
         option = self.options
         if option["publish_clock"] and self.get_parameter("use_sim_time").value:
-            raise InputError(
-                "publish_clock: the node that publishes /clock cannot follow it; leave use_sim_time out"
-            )
+            raise InputError("publish_clock: the node that publishes /clock cannot follow it; leave use_sim_time out")
         self.finished = False
         self.playback = Playback(self.model, option["record"])
         self._samples = self.playback.rounds(option["loop"])
@@ -49,9 +49,7 @@ class ReplayNode(ModelNode):
         self._states = self.create_publisher(Float64MultiArray, "state", RELIABLE)
         self._inputs = self.create_publisher(Float64MultiArray, "input", RELIABLE)
         self._joint_states = self.create_publisher(JointState, "joint_states", RELIABLE)
-        self._clock_out = (
-            self.create_publisher(ClockMessage, "/clock", 10) if option["publish_clock"] else None
-        )
+        self._clock_out = self.create_publisher(ClockMessage, "/clock", 10) if option["publish_clock"] else None
         self._born, self._start = self.now(), 0
         tick = min(max(self.playback.step / option["rate"], 1e-3), 0.02)
         self._timer = self.create_timer(tick, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -70,7 +68,7 @@ class ReplayNode(ModelNode):
             heard = self._states.get_subscription_count() + self._joint_states.get_subscription_count()
             if not heard and now - self._born < PATIENCE:
                 return
-            self._start = now
+            self._start = now + (SETTLE if heard else 0)
         for _ in range(MOST_AT_ONCE):
             if self._next is None:
                 self._end()

@@ -29,9 +29,7 @@ def _sine(phase: float) -> float:
 
 def _sum(phase: float) -> float:
     shifts = (math.pi * i * i / len(HARMONICS) for i in range(len(HARMONICS)))
-    return sum(
-        math.sin(2.0 * math.pi * n * phase + shift) for n, shift in zip(HARMONICS, shifts, strict=True)
-    )
+    return sum(math.sin(2.0 * math.pi * n * phase + shift) for n, shift in zip(HARMONICS, shifts, strict=True))
 
 
 _PEAK = max(abs(_sum(i / 4096)) for i in range(4096))

@@ -24,9 +24,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("record", description="CSV, MAT or rosbag2 to play"),
             DeclareLaunchArgument("rate", default_value="1.0"),
             DeclareLaunchArgument("loop", default_value="false"),
-            SetEnvironmentVariable(
-                "FASTRTPS_DEFAULT_PROFILES_FILE", str(configuration / "fastdds_profile.xml")
-            ),
+            SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", str(configuration / "fastdds_profile.xml")),
             Node(
                 package="signlin_ros",
                 executable="replay",

@@ -30,9 +30,7 @@ def generate_launch_description() -> LaunchDescription:
             DeclareLaunchArgument("input_signal", default_value="square"),
             DeclareLaunchArgument("amplitude", default_value="2.0"),
             DeclareLaunchArgument("input_period", default_value="6.0"),
-            SetEnvironmentVariable(
-                "FASTRTPS_DEFAULT_PROFILES_FILE", str(configuration / "fastdds_profile.xml")
-            ),
+            SetEnvironmentVariable("FASTRTPS_DEFAULT_PROFILES_FILE", str(configuration / "fastdds_profile.xml")),
             Node(
                 package="signlin_ros",
                 executable="plant_simulator",

@@ -103,9 +103,7 @@ def find_effect(name: str, where: str) -> type[Effect]:
     if name not in EFFECTS:
         load_entry_points()
     if name not in EFFECTS:
-        raise ModelError(
-            f"{where}: unknown effect {name!r}; known: {choices(EFFECTS)}{suggest(name, EFFECTS)}"
-        )
+        raise ModelError(f"{where}: unknown effect {name!r}; known: {choices(EFFECTS)}{suggest(name, EFFECTS)}")
     return EFFECTS[name]
 
 

@@ -16,9 +16,7 @@ class LuGreFriction(Effect):
     """
 
     name = "lugre_friction"
-    equation = (
-        "-(sigma0 z + sigma1 z' + sigma2 v), z' = v - sigma0 |v| z / g, g = F_c + (F_s - F_c) exp(-(v/v_s)^2)"
-    )
+    equation = "-(sigma0 z + sigma1 z' + sigma2 v), z' = v - sigma0 |v| z / g, g = F_c + (F_s - F_c) exp(-(v/v_s)^2)"
     states = {"z": "Q"}
 
     sigma0 = Par("F/Q", nominal=10.0, positive=True, doc="stiffness of the bristles")

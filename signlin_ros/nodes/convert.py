@@ -108,9 +108,7 @@ def matrix(values: ArrayLike, rows: str, columns: str) -> Float64MultiArray:
 
 def _array(data: Array, dims: Sequence[tuple[str, int, int]]) -> Float64MultiArray:
     message = Float64MultiArray(data=data.ravel().tolist())
-    message.layout.dim = [
-        MultiArrayDimension(label=name, size=size, stride=stride) for name, size, stride in dims
-    ]
+    message.layout.dim = [MultiArrayDimension(label=name, size=size, stride=stride) for name, size, stride in dims]
     return message
 
 

@@ -6,13 +6,14 @@ Subscribes ``state`` or ``joint_states``, and ``input``; publishes ``~/A``, ``~/
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, Header
 
 from signlin_ros.nodes import convert, overrides
 from signlin_ros.nodes.joint import measured_states
@@ -44,9 +45,7 @@ class LinearizerNode(ModelNode):
         super().__init__("linearizer", OPTIONS)
         self.logic = LinearizerLogic(self.model, self.now(), self.options["state_timeout"])
         self.joint = self.options["joint_name"]
-        self._publish_to = {
-            name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in "ABc"
-        }
+        self._publish_to = {name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in "ABc"}
         self._publish_to["model"] = self.create_publisher(Float64MultiArray, "~/model", LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS)
@@ -58,10 +57,8 @@ class LinearizerNode(ModelNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on where a simulated clock stands still
         self._waited = 0.0
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=steady)
-        self._last_refused = 0
-        backward = JumpThreshold(
-            min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True
-        )
+        self._last_refused, self._latest, self._computing = 0, 0, 0.0
+        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._on_jump)
         on_change(self, self._try_changes, self._apply_changes)
         self._say_hello()
@@ -84,8 +81,10 @@ class LinearizerNode(ModelNode):
         self.logic.take_measured(values, convert.nanoseconds(message.header.stamp), self.now())
 
     def _on_period(self) -> None:
+        start = time.perf_counter()
         for update in self.logic.updates(self.now()):
             self._publish(update)
+            self._computing = time.perf_counter() - start
 
     def _publish(self, update: Update) -> None:
         result = update.result
@@ -97,13 +96,18 @@ class LinearizerNode(ModelNode):
     # ---------------------------------------------------------------- time
 
     def _on_jump(self, _: Any) -> None:
-        self.get_logger().warning("the clock has jumped back or changed: starting anew", once=False)
+        self.get_logger().warning("the clock has jumped back or changed: starting anew")
         self.logic.reset(self.now())
         self._timer.reset()
 
     def _on_second(self) -> None:
-        health = self.logic.health(self.now())
-        values = [KeyValue(key=key, value=value) for key, value in health.values.items()]
+        now = self.now()
+        if now < self._latest:  # the system's clock was set back: no jump callback tells of that
+            self._on_jump(None)
+        self._latest = now
+        health = self.logic.health(now)
+        shown = {**health.values, "computing and publishing [s]": f"{self._computing:.6f}"}
+        values = [KeyValue(key=key, value=value) for key, value in shown.items()]
         status = DiagnosticStatus(
             level=bytes([health.level]),
             name=f"{self.get_fully_qualified_name()}: linearization",
@@ -111,7 +115,7 @@ class LinearizerNode(ModelNode):
             hardware_id=self.model.plant.name,
             values=values,
         )
-        self._diagnostics.publish(DiagnosticArray(header=_header(self.now()), status=[status]))
+        self._diagnostics.publish(DiagnosticArray(header=Header(stamp=convert.stamp_of(now)), status=[status]))
         self._warn()
 
     def _warn(self) -> None:
@@ -127,9 +131,7 @@ class LinearizerNode(ModelNode):
         if self.get_parameter("use_sim_time").value and self.now() == 0:
             self._waited += 1.0
             if self._waited == CLOCK_PATIENCE:
-                self.get_logger().warning(
-                    "use_sim_time is set, but nobody publishes /clock: no model will come"
-                )
+                self.get_logger().warning("use_sim_time is set, but nobody publishes /clock: no model will come")
 
     # ---------------------------------------------------------------- parameters
 
@@ -144,12 +146,6 @@ class LinearizerNode(ModelNode):
             self.logic.restart(self.now())
             self._timer.timer_period_ns = round(self.model.update_period * NANO)
             self._timer.reset()
-
-
-def _header(nanosec: int) -> Any:
-    from std_msgs.msg import Header
-
-    return Header(stamp=convert.stamp_of(nanosec))
 
 
 def main() -> int:

@@ -20,6 +20,8 @@ from signlin_ros.model import Model
 Array = NDArray[np.float64]
 NANO = 1_000_000_000
 OK, WARN, ERROR = 0, 1, 2
+SHORTEST_PERIOD = 1e-4
+"""Seconds; a node cannot publish faster."""
 
 
 @dataclass(frozen=True)
@@ -50,10 +52,11 @@ class Health:
 
 @dataclass(frozen=True)
 class _State:
-    """The newest good state: x (n,) and its stamp in ns."""
+    """The newest good state: x (n,), its stamp, and when it came, in ns."""
 
     x: Array
     stamp: int
+    came: int
 
 
 class LinearizerLogic:
@@ -72,6 +75,7 @@ class LinearizerLogic:
         self.sequence = 0
         self.last_refusal: Refusal | None = None
         self.last: Update | None = None
+        self._latency = 0
         self.input_received = False
         self.state_timeout = state_timeout
         self.u = np.zeros(len(model.inputs))
@@ -149,7 +153,7 @@ class LinearizerLogic:
     def _accept(self, x: Array, stamp: int, now: int) -> None:
         if self._state is None:  # periods that passed without a state are not made up for
             self._periods = max(self._periods, (now - self.origin) // self.period)
-        self._state = _State(x, stamp)
+        self._state = _State(x, stamp, now)
         self.accepted += 1
 
     def _stamp_fault(self, stamp: int, now: int) -> Refusal | None:
@@ -166,7 +170,7 @@ class LinearizerLogic:
         return None
 
     def _missing(self, measured: Mapping[str, float]) -> Refusal | None:
-        """Position is needed where it is a state; velocity too, unless it can be derived from the position."""
+        """Position is needed where it is a state, else velocity; a velocity can be derived from positions."""
         states, position = self.model.states, self.model.plant.position
         needed = position if position in states else self.model.plant.velocity
         if needed in states and needed not in measured:
@@ -209,7 +213,7 @@ class LinearizerLogic:
             return self._no_result("the matrices at this state are not finite")
         made = [Update(state.stamp, self.sequence + i, result) for i in range(due)]
         self.sequence += due
-        self.last = made[-1]
+        self.last, self._latency = made[-1], now - state.came
         self._recent = [*self._recent[-20:], *[now] * due]
         return made
 
@@ -229,21 +233,18 @@ class LinearizerLogic:
             "sequence": str(self.sequence),
             "rate [Hz]": f"{self.rate(now):.3f}",
             "state age [s]": "no state" if self._state is None else f"{age / NANO:.6f}",
+            "latency from state to model [s]": "unknown" if self.last is None else f"{self._latency / NANO:.6f}",
             "states accepted": str(self.accepted),
             "messages refused": str(sum(self.refused.values())),
             "input received": str(self.input_received).lower(),
-            "in_valid_range": "unknown"
-            if self.last is None
-            else str(self.last.result.in_valid_range).lower(),
+            "in_valid_range": "unknown" if self.last is None else str(self.last.result.in_valid_range).lower(),
             "delay [s]": "unknown" if self.last is None else f"{self.last.result.delay:g}",
         }
         if self.last is not None:
             values["age of the last model [s]"] = f"{(now - self.last.stamp) / NANO:.6f}"
         if self.last_refusal is not None:
             values["last refused"] = f"{self.last_refusal.kind}: {self.last_refusal.detail}"
-        return Health(
-            level, message, values | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())}
-        )
+        return Health(level, message, values | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())})
 
     def _verdict(self, age: int) -> tuple[int, str]:
         if age > self.timeout:
@@ -265,6 +266,8 @@ class LinearizerLogic:
 
 def checked_linearizer(model: Model) -> Linearizer:
     """Return a linearizer that has done one point, so that all is compiled; may raise `InputError`."""
+    if model.update_period < SHORTEST_PERIOD:
+        raise InputError(f"update_period: found {model.update_period:g} s; a node needs {SHORTEST_PERIOD:g} s")
     linearizer = Linearizer(model)
     linearizer(model.x0, np.zeros(len(model.inputs)))
     return linearizer

@@ -7,10 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.srv import ListParameters
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from signlin_ros.errors import InputError
+from signlin_ros.errors import InputError, suggest
 from signlin_ros.nodes import overrides
 from signlin_ros.nodes.overrides import Entry
 
@@ -57,9 +59,7 @@ def descriptor(entry: Entry) -> ParameterDescriptor:
     if isinstance(entry.value, int):
         result.integer_range = [IntegerRange(from_value=int(entry.low), to_value=int(entry.high), step=1)]
     elif isinstance(entry.value, float):
-        result.floating_point_range = [
-            FloatingPointRange(from_value=entry.low, to_value=entry.high, step=0.0)
-        ]
+        result.floating_point_range = [FloatingPointRange(from_value=entry.low, to_value=entry.high, step=0.0)]
     return result
 
 
@@ -91,9 +91,11 @@ def on_change(
 
 
 def _as_declared(node: Node, parameter: Parameter) -> Parameter:
-    """Return a parameter, a whole number made a float where a float is declared."""
-    declared = node.get_parameter(parameter.name) if node.has_parameter(parameter.name) else None
-    whole = parameter.type_ == Parameter.Type.INTEGER
-    if whole and declared is not None and declared.type_ == Parameter.Type.DOUBLE:
+    """Return a parameter, a whole number made a float where a float is declared; refuse an unknown one."""
+    if not node.has_parameter(parameter.name):
+        known = node.list_parameters([], ListParameters.Request.DEPTH_RECURSIVE).names
+        raise ParameterNotDeclaredException([f"{parameter.name}{suggest(parameter.name, known)}"])
+    declared = node.get_parameter(parameter.name)
+    if parameter.type_ == Parameter.Type.INTEGER and declared.type_ == Parameter.Type.DOUBLE:
         return Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
     return parameter

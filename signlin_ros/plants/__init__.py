@@ -24,9 +24,7 @@ PLANTS: dict[str, type[Plant]] = {
 def find_plant(name: object, where: str) -> type[Plant]:
     """Return the plant called ``name``; raise `ModelError` naming the nearest."""
     if not isinstance(name, str) or name not in PLANTS:
-        raise ModelError(
-            f"{where}: unknown plant {name!r}; known: {choices(PLANTS)}{suggest(str(name), PLANTS)}"
-        )
+        raise ModelError(f"{where}: unknown plant {name!r}; known: {choices(PLANTS)}{suggest(str(name), PLANTS)}")
     return PLANTS[name]
 
 

@@ -17,10 +17,10 @@ class Acting(Protocol):
     def spring(self, k: Any) -> Any:
         """Return the restoring force of the plant's spring, ``k q`` unless an effect changes it."""
 
-    def torque_constant(self, K_t: Any) -> Any:  # noqa: N803
+    def torque_constant(self, K_t: Any) -> Any:
         """Return the torque constant as the effects leave it."""
 
-    def resistance(self, R_a: Any) -> Any:  # noqa: N803
+    def resistance(self, R_a: Any) -> Any:
         """Return the armature resistance as the effects leave it."""
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.plants.mass_spring_damper import MassSpringDamper
 
@@ -19,7 +21,7 @@ class BoucWen(MassSpringDamper):
         "h' = [lambda v - beta |v| |h|^(n-1) h - gamma v |h|^n] / D"
     )
     linearization = "optimal"
-    zero_matters = ()
+    zero_matters: ClassVar[tuple[str, ...]] = ()
     own_state_names = {"bouc_wen_hysteresis.h": "hysteresis"}
     built_in = {"bouc_wen_hysteresis": ("alpha", "D", "lambda", "beta", "gamma", "n")}
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from signlin_ros.par import Par
 from signlin_ros.plants.base import Acting, Plant
@@ -19,7 +19,7 @@ class MassSpringDamper(Plant):
     equation = "m q'' + c q' + k q = F + effects"
     force_unit, position_unit, input_unit = "N", "m", "N"
     inputs = {"force": "N"}
-    zero_matters = ("k",)
+    zero_matters: ClassVar[tuple[str, ...]] = ("k",)
 
     m = Par("kg", nominal=1.0, positive=True, doc="mass or inertia")
     c = Par("N·s/m", nominal=0.6, doc="viscous damping")

@@ -85,9 +85,7 @@ class Numbers:
 
     def parts(self) -> list[Part]:
         """All quantities of the topic."""
-        return [
-            Part(f"{self.topic}.data", np.array(self.values), key=self.topic.strip("/"), names=(self.topic,))
-        ]
+        return [Part(f"{self.topic}.data", np.array(self.values), key=self.topic.strip("/"), names=(self.topic,))]
 
 
 @dataclass
@@ -111,15 +109,11 @@ class Arrays:
         sizes = np.array([len(values) for values in self.values])
         if np.any(sizes != sizes[0]):
             i = int(np.argmax(sizes != sizes[0]))
-            raise RecordError(
-                f"{self.topic}: message {i + 1} has {sizes[i]} values, the first has {sizes[0]}"
-            )
+            raise RecordError(f"{self.topic}: message {i + 1} has {sizes[i]} values, the first has {sizes[0]}")
         table = np.array(self.values, dtype=np.float64)
         keys = self._keys(int(sizes[0]))
         whole = (f"{self.topic}.data", self.topic) if sizes[0] == 1 else ()
-        return [
-            Part(f"{self.topic}.data[{i}]", table[:, i], key=key, names=whole) for i, key in enumerate(keys)
-        ]
+        return [Part(f"{self.topic}.data[{i}]", table[:, i], key=key, names=whole) for i, key in enumerate(keys)]
 
     def _keys(self, size: int) -> list[str]:
         names = [name.strip() for name in self.label.split(",")]
@@ -167,9 +161,7 @@ class Joints:
                 raise RecordError(
                     f"{self.topic}: message {i + 1} has {len(joints)} joints but {len(row)} values of {name}"
                 )
-        return np.array([row if len(row) else empty for row in rows], dtype=np.float64).reshape(
-            len(rows), len(joints)
-        )
+        return np.array([row if len(row) else empty for row in rows], dtype=np.float64).reshape(len(rows), len(joints))
 
 
 @dataclass
@@ -210,9 +202,7 @@ def _below(value: Any, name: str, index: str) -> Any:
     return value[int(index)] if isinstance(value, (list, np.ndarray)) and int(index) < len(value) else None
 
 
-def read(
-    path: Path, source: str, signals: Mapping[str, str], wanted: Iterable[str], base: str | None
-) -> Record:
+def read(path: Path, source: str, signals: Mapping[str, str], wanted: Iterable[str], base: str | None) -> Record:
     """Read a bag; each signal keeps its own stamps in `Record.series` and is put on one time base in
     `Record.signals`.
 
@@ -328,9 +318,7 @@ def _series(bag: _Bag, asked: Iterable[str]) -> tuple[dict[str, Series], list[st
     stamps = {topic: ns for topic, ns in stamps.items() if ns.size}
     exact = _exact(bag, stamps.pop(TIME_TOPIC, None))
     seconds = _seconds(stamps, exact, notes)
-    found = [
-        pair for topic, t in seconds.items() for pair in _parts(bag, topic, t, notes, must=topic in asked)
-    ]
+    found = [pair for topic, t in seconds.items() for pair in _parts(bag, topic, t, notes, must=topic in asked)]
     count = Counter(key for key, _ in found)
     series = {key if key and count[key] == 1 else one.label: one for key, one in found}
     notes += [f"{topic}: no message" for topic in bag.topics if topic not in stamps and topic != TIME_TOPIC]
@@ -355,9 +343,7 @@ def _one(part: Part, t: Array, notes: list[str]) -> tuple[str, Series]:
         t = t[part.index]
     if np.isinf(values).any():
         i = int(np.argmax(np.isinf(values)))
-        raise RecordError(
-            f"{part.label}: message {i + 1}, t = {t[i]:.9g} s: {values[i]!r} is not a finite number"
-        )
+        raise RecordError(f"{part.label}: message {i + 1}, t = {t[i]:.9g} s: {values[i]!r} is not a finite number")
     if np.any(np.diff(t) < 0):
         order = np.argsort(t, kind="stable")
         notes.append(f"{part.label}: sorted by time, {int(np.sum(np.diff(t) < 0))} messages had come late")
@@ -389,18 +375,14 @@ def _clocks(bag: _Bag) -> tuple[dict[str, Integers], list[str]]:
     received = {topic: np.array(stamps, dtype=np.int64) for topic, stamps in bag.received.items()}
     headers = {topic: np.array(ns, dtype=np.int64) for topic, ns in bag.header.items() if ns}
     notes = [
-        f"{topic}: header stamps of 0; times of reception are used"
-        for topic, ns in headers.items()
-        if ns.min() <= 0
+        f"{topic}: header stamps of 0; times of reception are used" for topic, ns in headers.items() if ns.min() <= 0
     ]
     headers = {topic: ns for topic, ns in headers.items() if ns.min() > 0}
     if len(headers) < sum(1 for ns in received.values() if ns.size):
         for topic in list(headers):
             if abs(float(np.median(headers[topic] - received[topic]))) > _CLOCKS_AGREE:
                 del headers[topic]
-                notes.append(
-                    f"{topic}: header stamps of another clock than the bag's; times of reception are used"
-                )
+                notes.append(f"{topic}: header stamps of another clock than the bag's; times of reception are used")
     return {**received, **headers}, notes
 
 

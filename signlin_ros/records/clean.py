@@ -133,9 +133,7 @@ def spacing(t: Array, where: Callable[[int], str]) -> list[str]:
         )
     regular = np.delete(steps, gaps)
     if np.ptp(regular) > UNEVEN * median:
-        notes.append(
-            f"unevenly sampled: steps of {regular.min():.4g} to {regular.max():.4g} s, median {median:.4g} s"
-        )
+        notes.append(f"unevenly sampled: steps of {regular.min():.4g} to {regular.max():.4g} s, median {median:.4g} s")
     return notes
 
 
@@ -159,9 +157,7 @@ def _time_column(table: Table, signals: Mapping[str, str]) -> tuple[int, str]:
         spec = signals[key]
         found = [i for i, head in enumerate(table.headings) if head.matches(spec)]
         if len(found) != 1:
-            raise RecordError(
-                f"{table.source}: no time column {spec!r}; {listing(labels)}{nearest(spec, labels)}"
-            )
+            raise RecordError(f"{table.source}: no time column {spec!r}; {listing(labels)}{nearest(spec, labels)}")
         return found[0], table.headings[found[0]].unit
     best = clock(table.headings)
     if best is None or best.time is None:
@@ -178,9 +174,7 @@ def _increasing(table: Table, at: int, sort: bool) -> Table:
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         where = table.rows.name(bad[0])
-        raise RecordError(
-            f"{table.source}: {where}: the time stamp is {_shown(t[bad[0]])}, not a finite number"
-        )
+        raise RecordError(f"{table.source}: {where}: the time stamp is {_shown(t[bad[0]])}, not a finite number")
     back = np.flatnonzero(np.diff(t) < 0)
     if back.size and not sort:
         i = int(back[0])
@@ -209,9 +203,7 @@ def _without_repeats(table: Table, at: int) -> Table:
     keep = np.ones(table.rows.number.size, dtype=np.bool_)
     keep[again] = False
     count = "1 repeated row" if again.size == 1 else f"{again.size} repeated rows"
-    return table.take(
-        keep, f"{count} dropped (same stamp, same values), the first {table.rows.name(again[0])}"
-    )
+    return table.take(keep, f"{count} dropped (same stamp, same values), the first {table.rows.name(again[0])}")
 
 
 def _finite(table: Table, keep: Keep) -> Table:
@@ -233,9 +225,7 @@ def _seconds(table: Table, at: int, unit: str) -> Array:
     t, label = table.columns[at], table.headings[at].label
     how = units.conversion(unit, "s")
     if how is None:
-        raise RecordError(
-            f"{table.source}: the time column {label!r} is in {unit!r}; allowed: s, ms, us, ns, min, h"
-        )
+        raise RecordError(f"{table.source}: the time column {label!r} is in {unit!r}; allowed: s, ms, us, ns, min, h")
     if not unit and np.abs(t).max() > _LARGEST_SECONDS:
         hint = f"state its unit, e.g. '{label} [ns]'"
         raise RecordError(

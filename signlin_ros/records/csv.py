@@ -188,9 +188,7 @@ def _filled(body: list[str], separator: str) -> list[str]:
     joined = "\n" + "\n".join(body) + "\n"
     for _ in range(2):
         joined = joined.replace(2 * separator, f"{separator}nan{separator}")
-    joined = joined.replace(f"\n{separator}", f"\nnan{separator}").replace(
-        f"{separator}\n", f"{separator}nan\n"
-    )
+    joined = joined.replace(f"\n{separator}", f"\nnan{separator}").replace(f"{separator}\n", f"{separator}nan\n")
     return joined[1:-1].split("\n")
 
 
@@ -219,8 +217,7 @@ def _check_widths(text: _Text, rows: list[list[str]]) -> None:
     for i, row in enumerate(rows):
         if len(row) != len(text.header):
             raise RecordError(
-                f"{text.source}: {text.rows.name(i)} has {len(row)} cells, "
-                f"the header {len(text.header)} columns"
+                f"{text.source}: {text.rows.name(i)} has {len(row)} cells, the header {len(text.header)} columns"
             )
 
 
@@ -233,9 +230,7 @@ def _column(text: _Text, head: Heading, cells: tuple[str, ...], keep: bool | Non
     if keep is False or (keep is None and not any(_is_number(cell) for _, cell in given)):
         return None
     bad, cell = next((i, cell) for i, cell in given if not _is_number(cell) or "_" in cell or "," in cell)
-    raise RecordError(
-        f"{text.source}: {text.rows.name(bad)}, column {head.label!r}: {cell!r} is not a number"
-    )
+    raise RecordError(f"{text.source}: {text.rows.name(bad)}, column {head.label!r}: {cell!r} is not a number")
 
 
 def _number(cell: str) -> float:

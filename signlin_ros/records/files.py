@@ -84,9 +84,7 @@ def read_for_model(
     return record.for_model(model, signals, require=require, base=base)
 
 
-def _read_file(
-    file: Path, source: str, signals: Mapping[str, str], wanted: list[str] | None, sort: bool
-) -> Record:
+def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list[str] | None, sort: bool) -> Record:
     keep = keeper(signals, wanted)
     if file.suffix.lower() == ".mat":
         from . import mat
@@ -104,6 +102,4 @@ def _check_there(file: Path, source: str) -> None:
         raise RecordError(f"{source}: no such file or folder{hint}")
     known = (*TEXT, ".mat", *BAGS)
     if file.is_file() and file.suffix.lower() not in known:
-        raise RecordError(
-            f"{source}: unknown kind {file.suffix!r}; records are {', '.join(known)} or rosbag2 folders"
-        )
+        raise RecordError(f"{source}: unknown kind {file.suffix!r}; records are {', '.join(known)} or rosbag2 folders")

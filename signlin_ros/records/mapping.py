@@ -151,9 +151,7 @@ def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[d
             chosen[name] = key
         if name in own and (key is None or key != record.find(own[name])):
             instead = f"; {key!r} is used" if key else ""
-            notes.append(
-                f"the model's signals map {name} to {own[name]!r}, which is not in this record{instead}"
-            )
+            notes.append(f"the model's signals map {name} to {own[name]!r}, which is not in this record{instead}")
     for alias in ALIASES:
         target = _alias(model, alias)
         if target is None or target in chosen:
@@ -201,9 +199,7 @@ def _default(record: Record, model: Model, name: str, notes: list[str]) -> str |
         if name in names and names.index(name) < len(entries):
             if len(entries) != len(names) and name == names[0]:
                 taken = ", ".join(names[: len(entries)])
-                notes.append(
-                    f"/{role} has {len(entries)} values, the model {len(names)}: the first are {taken}"
-                )
+                notes.append(f"/{role} has {len(entries)} values, the model {len(names)}: the first are {taken}")
             return entries[names.index(name)]
     return None
 
@@ -288,9 +284,7 @@ def _aligned(record: Record, model: Model, chosen: Mapping[str, str], base: str 
         raise RecordError(f"{record.source}: {error}") from None
     kept = [note for note in record.notes if note not in record.alignment]
     others = {
-        key: Signal(np.full(t.shape, np.nan), label=one.label)
-        for key, one in record.series.items()
-        if key not in used
+        key: Signal(np.full(t.shape, np.nan), label=one.label) for key, one in record.series.items() if key not in used
     }
     return replace(record, t=t, signals={**signals, **others}, notes=(*kept, *notes), alignment=tuple(notes))
 
@@ -326,12 +320,8 @@ def _check_kinds(record: Record, chosen: Mapping[str, str], kinds: Mapping[str, 
     for name, kind in kinds.items():
         first.setdefault(kind, name)
     if len(first) > 1:
-        stated = " but ".join(
-            f"{name} is in {record.signals[chosen[name]].unit!r}" for name in first.values()
-        )
-        raise RecordError(
-            f"{record.source}: {stated}: either all is linear (m, N) or all is rotary (rad, N·m)"
-        )
+        stated = " but ".join(f"{name} is in {record.signals[chosen[name]].unit!r}" for name in first.values())
+        raise RecordError(f"{record.source}: {stated}: either all is linear (m, N) or all is rotary (rad, N·m)")
 
 
 def _with_inputs(
@@ -341,20 +331,13 @@ def _with_inputs(
     columns = [values.get(name, np.zeros(record.t.shape)) for name in model.inputs]
     start = max((_leading(column) for column in columns), default=0) if record.series else 0
     if start > record.t.size - 2:
-        raise RecordError(
-            f"{record.source}: the first message of an input comes after the measurements have ended"
-        )
+        raise RecordError(f"{record.source}: the first message of an input comes after the measurements have ended")
     if start:
-        notes.append(
-            f"starts with the inputs' first message, {record.t[start] - record.t[0]:.4g} s after the others'"
-        )
+        notes.append(f"starts with the inputs' first message, {record.t[start] - record.t[0]:.4g} s after the others'")
         record = replace(record, t=record.t[start:], signals=_cut(record.signals, start))
         measured = {name: frozen(column[start:]) for name, column in measured.items()}
         columns = [column[start:] for column in columns]
-    filled = [
-        _inputs_filled(record, name, column, notes)
-        for name, column in zip(model.inputs, columns, strict=True)
-    ]
+    filled = [_inputs_filled(record, name, column, notes) for name, column in zip(model.inputs, columns, strict=True)]
     u = np.stack(filled, axis=1) if filled else np.empty((record.t.size, 0))
     return record, frozen(u), measured
 
@@ -383,15 +366,11 @@ def _inputs_filled(record: Record, name: str, values: Array, notes: list[str]) -
         why = "before its first value" if first == 0 else f"more than {LONGEST_HOLD} times in a row"
         raise RecordError(f"{record.source}: {record.where(first)}: the input {name!r} is missing {why}")
     place = record.where(int(np.argmax(missing)))
-    notes.append(
-        f"input {name}: {int(missing.sum())} missing samples hold the value before them, the first at {place}"
-    )
+    notes.append(f"input {name}: {int(missing.sum())} missing samples hold the value before them, the first at {place}")
     return values[last]
 
 
 def _first_state(measured: Mapping[str, Array], states: tuple[str, ...]) -> Array | None:
-    if not all(
-        name in measured and measured[name].size and np.isfinite(measured[name][0]) for name in states
-    ):
+    if not all(name in measured and measured[name].size and np.isfinite(measured[name][0]) for name in states):
         return None
     return frozen(np.array([measured[name][0] for name in states]))

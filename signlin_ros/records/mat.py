@@ -76,9 +76,7 @@ def _headings(labels: list[str]) -> list[Heading]:
     """Short names for the fields of structs, where they are unique."""
     short = [label.rsplit(".", 1)[-1] for label in labels]
     count = Counter(short)
-    return [
-        Heading(label, name if count[name] == 1 else label) for label, name in zip(labels, short, strict=True)
-    ]
+    return [Heading(label, name if count[name] == 1 else label) for label, name in zip(labels, short, strict=True)]
 
 
 def _time(headings: list[Heading], signals: Mapping[str, str]) -> Heading | None:

@@ -154,9 +154,7 @@ def _stamps(record: Record) -> tuple[Integers, bool]:
     return stamps, not plain or bool(np.any(stamps / 1e9 != record.t))
 
 
-def _arrays(
-    record: Record, model: Model | None, store: Any
-) -> Iterator[tuple[str, str, Callable[[int], bytes]]]:
+def _arrays(record: Record, model: Model | None, store: Any) -> Iterator[tuple[str, str, Callable[[int], bytes]]]:
     """Topic, type and serializer of the array topics."""
     known = tuple(model.inputs) if model is not None else _INPUTS
     inputs = [name for name in known if name in record.signals]
@@ -189,9 +187,7 @@ def _numbers(values: Array, store: Any) -> Callable[[int], bytes]:
 
 def _joints(record: Record, stamps: Integers, joint_name: str, store: Any) -> Callable[[int], bytes]:
     kind = "sensor_msgs/msg/JointState"
-    joint, header, time = (
-        store.types[name] for name in (kind, "std_msgs/msg/Header", "builtin_interfaces/msg/Time")
-    )
+    joint, header, time = (store.types[name] for name in (kind, "std_msgs/msg/Header", "builtin_interfaces/msg/Time"))
     fields = {}
     for field, names in _JOINT_FIELDS:
         key = next((name for name in names if name in record.signals), None)
@@ -200,9 +196,7 @@ def _joints(record: Record, stamps: Integers, joint_name: str, store: Any) -> Ca
     def payload(i: int) -> bytes:
         sec, nanosec = divmod(int(stamps[i]), 1_000_000_000)
         head = header(stamp=time(sec=sec, nanosec=nanosec), frame_id="")
-        message = joint(
-            header=head, name=[joint_name], **{name: values[i] for name, values in fields.items()}
-        )
+        message = joint(header=head, name=[joint_name], **{name: values[i] for name, values in fields.items()})
         return bytes(store.serialize_cdr(message, kind))
 
     return payload

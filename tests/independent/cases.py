@@ -34,9 +34,7 @@ STOP = {"hard_stop": {"gap": 0.8, "k_s": 2.0}}
 LOAD_DEPENDENT = {"load_dependent_friction": {"kappa_d": 0.1, "kappa_e": 0.2}}
 SPRINGS = {"linear_stiffness": {"k": 0.05}, "cubic_stiffness": {"k3": 0.004}}
 HOT = {"thermal_resistance": {"a": 0.004, "C": 20.0, "R_th": 3.0}}
-LUGRE = {
-    "lugre_friction": {"sigma0": 20.0, "sigma1": 0.05, "sigma2": 1e-4, "F_c": 0.03, "F_s": 0.05, "v_s": 1.5}
-}
+LUGRE = {"lugre_friction": {"sigma0": 20.0, "sigma1": 0.05, "sigma2": 1e-4, "F_c": 0.03, "F_s": 0.05, "v_s": 1.5}}
 DAHL = {"dahl_presliding": {"F_c": 0.033, "sigma": 2.0}}
 COMPLIANT = {"k": 0.6, "c": 0.001, "J": 0.001}
 
@@ -86,9 +84,7 @@ CASES: dict[str, Content] = {
         sign_scale=0.0,
         operating_range={"speed": 30.0, "current": 3.0, "position": 4.0},
     ),
-    "motor_hot_and_saturated": case(
-        "dc_motor", MOTOR, HOT | COULOMB | {"torque_constant_saturation": {"kappa": 0.03}}
-    ),
+    "motor_hot_and_saturated": case("dc_motor", MOTOR, HOT | COULOMB | {"torque_constant_saturation": {"kappa": 0.03}}),
     "motor_hard_stop": case("dc_motor", MOTOR, STOP | COULOMB | SPRINGS, sign_scale=0.02),
     "motor_dahl": case("dc_motor", MOTOR, DAHL | LOAD),
     "motor_lugre": case("dc_motor", MOTOR, LUGRE | GRAVITY),
@@ -133,9 +129,7 @@ CASES: dict[str, Content] = {
         {"backlash": {"gap": 0.2, "k": 30.0, "c": 0.3, "J": 0.5}},
         sign_scale=0.05,
     ),
-    "oscillator_bouc_wen": case(
-        "mass_spring_damper", OSCILLATOR, {"bouc_wen_hysteresis": {**LOOP, "n": 3.0}}
-    ),
+    "oscillator_bouc_wen": case("mass_spring_damper", OSCILLATOR, {"bouc_wen_hysteresis": {**LOOP, "n": 3.0}}),
     "free_drive": case(
         "mass_spring_damper",
         FREE_DRIVE,
@@ -210,10 +204,6 @@ def sampled(seconds: float, period: float = 0.005) -> NDArray[np.float64]:
     return np.arange(round(seconds / period) + 1) * period
 
 
-def multisine(
-    t: NDArray[np.float64], amplitude: float, lines: tuple[float, ...], seed: int
-) -> NDArray[np.float64]:
+def multisine(t: NDArray[np.float64], amplitude: float, lines: tuple[float, ...], seed: int) -> NDArray[np.float64]:
     phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(lines))
-    return amplitude * np.sum(
-        [np.sin(2 * np.pi * f * t + p) for f, p in zip(lines, phase, strict=True)], axis=0
-    )
+    return amplitude * np.sum([np.sin(2 * np.pi * f * t + p) for f, p in zip(lines, phase, strict=True)], axis=0)

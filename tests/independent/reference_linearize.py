@@ -60,9 +60,7 @@ def derivative(value: Callable[[Point], Any], at: Point, name: str) -> Any:
     return (value(up) - value(down)) / (2 * STEP)
 
 
-def split(
-    value: Callable[[Point], Any], over: tuple[str, ...], x: Point, weight: dict[str, Any]
-) -> tuple[Point, Any]:
+def split(value: Callable[[Point], Any], over: tuple[str, ...], x: Point, weight: dict[str, Any]) -> tuple[Point, Any]:
     """Optimal linearization of one scalar: the row a and the constant c with a x + c = value(x).
 
     c = f(0), f~ = f - c, a = J + (f~ - J x) x^T W / (x^T W x), all over the coordinates `over` only.
@@ -89,9 +87,7 @@ class Reference:
         self.range = content.get("operating_range", {})
         self.surfaces: list[Any] = []  # every z = g / scale that was evaluated
         # (key, type, parameters) in the file's order
-        self.effects = [
-            (key, e.get("type", key), numbers(e)) for key, e in content.get("effects", {}).items()
-        ]
+        self.effects = [(key, e.get("type", key), numbers(e)) for key, e in content.get("effects", {}).items()]
         self.terms: list[Term] = []
         PLANTS[self.plant](self)
         for key, kind, p in self.effects:
@@ -524,9 +520,7 @@ def read_model(path: Path) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("model", type=Path)
     parser.add_argument("--at", default="")
     parser.add_argument("--input", default="")

@@ -110,9 +110,7 @@ def flat(content: dict[str, Any]) -> Array:
     return np.array([found[name] for name in NAMES])
 
 
-def simulate(
-    content: dict[str, Any], t: Array, u: dict[str, Array], step: float | None = None
-) -> dict[str, Array]:
+def simulate(content: dict[str, Any], t: Array, u: dict[str, Array], step: float | None = None) -> dict[str, Array]:
     """The states (T,) by name under the inputs (T,) by name, from the model's initial_state."""
     start, plant = content.get("initial_state", {}), content["plant"]
     if plant == "bouc_wen":

@@ -99,8 +99,7 @@ def test_the_command_line_prints_the_reference(name, tmp_path):
     method = METHODS[AT_THE_PROMPT.index(name) % 3]
     x, u = list(points(name))[(0, 5)[AT_THE_PROMPT.index(name) % 2]]  # an ordinary point, or one at 1e-14
     arguments = [
-        f"{option}={','.join(f'{n}={v!r}' for n, v in d.items())}"
-        for option, d in (("--at", x), ("--input", u))
+        f"{option}={','.join(f'{n}={v!r}' for n, v in d.items())}" for option, d in (("--at", x), ("--input", u))
     ]
     model = write_model(CASES[name], tmp_path / "model.yaml")
     out = json.loads(signlin("linearize", model, *arguments, "--method", method, "--json"))
@@ -118,9 +117,7 @@ def test_the_command_line_prints_the_reference(name, tmp_path):
 def test_the_command_line_takes_the_models_own_method_and_0_for_what_is_not_named(tmp_path):
     for name, method in (("motor", "termwise"), ("bouc_wen", "optimal")):
         out = json.loads(
-            signlin(
-                "linearize", write_model(CASES[name], tmp_path / "m.yaml"), "--at", "velocity=0.4", "--json"
-            )
+            signlin("linearize", write_model(CASES[name], tmp_path / "m.yaml"), "--at", "velocity=0.4", "--json")
         )
         expected = Reference(CASES[name]).linearize({Reference(CASES[name]).v_name: 0.4}, {})
         assert out["method"] == method
@@ -209,8 +206,6 @@ def test_simulate_is_the_reference(name, tmp_path):
     if content["plant"] == "bouc_wen":
         return
     v = "speed" if content["plant"] == "dc_motor" else "velocity"
-    still = (
-        np.convolve(expected[v] == 0, np.ones(3), mode="same") == 3
-    )  # still at this sample and its neighbours
+    still = np.convolve(expected[v] == 0, np.ones(3), mode="same") == 3  # still at this sample and its neighbours
     assert still.sum() >= 4
     assert np.all(found[v][still] == 0.0), "it must be exactly still while it sticks"

@@ -138,9 +138,7 @@ def test_the_effects_with_states_of_their_own_rest_where_they_must():
             assert float(at["speed"]) == pytest.approx(-way * 0.6 * 0.08 * 0.5 * h / MOTOR["J"])
 
 
-@pytest.mark.parametrize(
-    ("q", "T"), [(0.4, 0.0), (-0.3, 0.0), (0.7, 0.2 * 0.6 + 3e-3), (-0.7, -0.2 * 0.6 + 3e-3)]
-)
+@pytest.mark.parametrize(("q", "T"), [(0.4, 0.0), (-0.3, 0.0), (0.7, 0.2 * 0.6 + 3e-3), (-0.7, -0.2 * 0.6 + 3e-3)])
 def test_backlash_transmits_in_contact_only(q, T):
     """Half width 0.5, k = 0.6, c = 0.001, at v - v2 = 3: the damping is gated like the spring."""
     effects = {"backlash": {**cases.COMPLIANT, "gap": 0.5}}
@@ -169,10 +167,7 @@ def test_the_published_entries_of_the_optimal_method():
     assert round(float(motor.linearize(at, {}, "optimal").A[1][1]), 1) == -7.2
     assert round(float(motor.linearize({**at, "position": 100.0}, {}, "optimal").A[1][1]), 3) == -0.003
     # (33): the friction alone, K_f = mu sign_j(w) / w, in the speed's own entry, and mu j / J at rest
-    assert (
-        abs(motor.linearize(at, {}, "termwise").A[1][1] + mpf(0.033) * sign_j(mpf(2), 50) / 2 / mpf(0.0022))
-        < 1e-20
-    )
+    assert abs(motor.linearize(at, {}, "termwise").A[1][1] + mpf(0.033) * sign_j(mpf(2), 50) / 2 / mpf(0.0022)) < 1e-20
     assert abs(motor.linearize({}, {}, "termwise").A[1][1] + mpf(0.033) * 50 / mpf(0.0022)) < 1e-20
 
 
@@ -207,9 +202,7 @@ def test_a_block_breaks_away_at_the_level_on_the_surface():
     effects = {"stribeck_friction": {"mu": 1.0, "excess": 0.5, "v_s": 0.1}}
     t = sampled(1.0)
     for force, moves in ((1.499, False), (1.501, True)):
-        run = simulate(
-            case("mass_spring_damper", {"m": 1.0, "c": 0.0, "k": 0.0}, effects), t, {"force": force + 0 * t}
-        )
+        run = simulate(case("mass_spring_damper", {"m": 1.0, "c": 0.0, "k": 0.0}, effects), t, {"force": force + 0 * t})
         assert bool(run["velocity"].any()) is moves
 
 
@@ -235,9 +228,7 @@ def test_both_programs_have_the_same_forces():
         start = dict(zip(("current", "speed", "position"), x, strict=True))
         content = case("dc_motor", MOTOR, effects, initial_state=start, sign_order=400, with_load_torque=True)
         run = simulate(content, np.array([0, 1e-7]), {"voltage": np.ones(2), "load_torque": np.full(2, 0.01)})
-        f = Reference(content).f(
-            {n: mpf(v) for n, v in start.items()}, {"voltage": mpf(1), "load_torque": mpf(0.01)}
-        )
+        f = Reference(content).f({n: mpf(v) for n, v in start.items()}, {"voltage": mpf(1), "load_torque": mpf(0.01)})
         for name, rate in f.items():
             assert (run[name][1] - run[name][0]) / 1e-7 == pytest.approx(float(rate), rel=1e-4)
 

@@ -18,7 +18,7 @@ SHARE = PREFIX / "share" / "signlin_ros"
 CONFIG = SHARE / "config"
 BIN = PREFIX / "lib" / "signlin_ros"
 PATIENCE = 60.0
-"""Seconds to wait for what must happen; much more than it takes, so that a busy machine does not fail a test."""
+"""Seconds to wait for what must happen; much more than it takes, for the sake of busy machines."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -69,9 +69,7 @@ class Graph:
         }
         os.environ.update({k: self.env[k] for k in self.env if k.startswith(("ROS_", "FASTRTPS"))})
         self.context = Context()
-        rclpy.init(
-            context=self.context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO, args=[]
-        )
+        rclpy.init(context=self.context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO, args=[])
         self.executor = SingleThreadedExecutor(context=self.context)
         self.node = rclpy.create_node("peer", context=self.context, use_global_arguments=False)
         self.executor.add_node(self.node)
@@ -95,9 +93,7 @@ class Graph:
     ) -> Process:
         """Start an executable as ``ros2 run`` would: parameters are ``name:=value``."""
         remap = ["-r", f"__ns:={namespace}"] if namespace else []
-        options = [
-            part for p in (*parameters, f"use_sim_time:={str(sim_time).lower()}") for part in ("-p", p)
-        ]
+        options = [part for p in (*parameters, f"use_sim_time:={str(sim_time).lower()}") for part in ("-p", p)]
         command = [str(BIN / name), "--ros-args", "--params-file", str(CONFIG / model), *remap, *options]
         process = Process(command, self.folder / f"{name}_{len(self.processes)}.log", self.env)
         self.processes.append(process)
@@ -132,9 +128,7 @@ class Graph:
 
         durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
         messages: list[Any] = []
-        self.node.create_subscription(
-            kind, topic, messages.append, QoSProfile(depth=1000, durability=durability)
-        )
+        self.node.create_subscription(kind, topic, messages.append, QoSProfile(depth=1000, durability=durability))
         return messages
 
     def models(self, node: str = "/linearizer") -> list[Any]:
@@ -144,7 +138,7 @@ class Graph:
         return self.collect(Float64MultiArray, f"{node}/model", latched=True)
 
     def call(self, kind: Any, service: str, request: Any) -> Any:
-        """Call a service; again where the answer is lost, which happens right after a service has appeared."""
+        """Call a service; again where the answer is lost, which happens just after it has appeared."""
         client = self.node.create_client(kind, service)
         self.wait(client.service_is_ready, service)
         try:
@@ -166,7 +160,7 @@ class Graph:
         return self.call(SetParameters, f"{node}/set_parameters", request).results[0]
 
     def diagnostics(self, messages: list[Any], text: str, node: str = "/linearizer") -> Any:
-        """The first diagnostic status of a node, from now on, that holds a text in its message; waits for it."""
+        """The first diagnostic status of a node from now on that has a text in its message."""
         messages.clear()
 
         def found() -> Any:

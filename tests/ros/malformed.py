@@ -33,7 +33,7 @@ def layout(message: Float64MultiArray, kind: str) -> None:
 
 
 def malformed(count: int, seed: int = 2026) -> Iterator[Float64MultiArray]:
-    """Yield messages of every length, kind of value and layout, in a random order; a few happen to be good."""
+    """Yield messages of every length, kind of value and layout, in a random order; a few are good."""
     rng = np.random.default_rng(seed)
     cases = [(n, v, k) for n in LENGTHS for v in VALUES for k in LAYOUTS]
     order = np.concatenate([rng.permutation(len(cases)) for _ in range(count // len(cases) + 1)])[:count]

@@ -1,4 +1,4 @@
-"""What an installation brings: the files that `ros2 run`, `ros2 launch` and the index of packages look for."""
+"""What an installation brings: what `ros2 run`, `ros2 launch` and the index of packages look for."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import os
 import py_compile
 import subprocess
 import sys
-import xml.etree.ElementTree as ElementTree
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import pytest
@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_the_package_is_in_the_index() -> None:
     assert (PREFIX / "share/ament_index/resource_index/packages/signlin_ros").is_file()
-    package = ElementTree.parse(SHARE / "package.xml").getroot()
+    package = ET.parse(SHARE / "package.xml").getroot()
     assert package.findtext("name") == "signlin_ros"
     assert package.findtext("export/build_type") == "ament_cmake"
 
@@ -44,17 +44,16 @@ def test_launch_files(name: str, tmp_path: Path) -> None:
 def test_the_version_is_the_same_everywhere() -> None:
     from importlib.metadata import version
 
-    package = ElementTree.parse(ROOT / "package.xml").getroot()
+    package = ET.parse(ROOT / "package.xml").getroot()
     assert package.findtext("version") == version("signlin_ros")
 
 
 def test_without_ros_the_executable_names_the_extra(tmp_path: Path) -> None:
     (tmp_path / "rclpy.py").write_text("raise ModuleNotFoundError(\"No module named 'rclpy'\", name='rclpy')")
-    code = "import sys; sys.path.insert(0, sys.argv[1]); from signlin_ros.nodes.start import start; " + (
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1]); from signlin_ros.nodes.start import start; "
         "sys.exit(start('signlin_ros.nodes.linearizer'))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert 'pip install "signlin_ros[ros]"' in done.stderr

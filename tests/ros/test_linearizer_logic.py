@@ -134,6 +134,9 @@ def test_another_model_at_run_time(logic: LinearizerLogic, motor: Model) -> None
     assert before.result.A[1, 1] < after.result.A[1, 1] == 0.0
     with pytest.raises(InputError):
         logic.configure(motor.with_parameters({"coulomb_friction.mu": -1.0}))
+    with pytest.raises(InputError, match="update_period"):
+        logic.configure(motor.with_options(update_period=1e-10))
+    assert len(logic.updates(3 * PERIOD)) == 1
 
 
 def test_health_tells_what_was_refused_and_why(logic: LinearizerLogic) -> None:
@@ -149,6 +152,7 @@ def test_health_tells_what_was_refused_and_why(logic: LinearizerLogic) -> None:
     assert health.values["refused: length"] == health.values["refused: input_layout"] == "1"
     assert health.values["in_valid_range"] == "false"
     assert float(health.values["state age [s]"]) == pytest.approx(0.2)
+    assert float(health.values["latency from state to model [s]"]) == pytest.approx(0.2)
 
 
 def test_rate(logic: LinearizerLogic) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from pathlib import Path
@@ -29,6 +30,7 @@ from malformed import malformed
 sys.path.pop(0)
 
 NANO = 1_000_000_000
+DATA = Path(os.environ.get("SIGNLIN_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
 
 def state(*values: float) -> Float64MultiArray:
@@ -47,7 +49,7 @@ def feed(graph: Any, publisher: Any, message: Any, models: list[Any], count: int
 
 
 def assert_core_s(messages: list[Any], model: Model) -> None:
-    """Each A, B, c is what the core gives at the x_k and u_k beside it, to the last bit; all finite; no gap."""
+    """Each A, B, c is what the core gives at the x_k and u_k beside it, to the last bit; no gap, no NaN."""
     core = Linearizer(model)
     updates = [convert.read_model(message) for message in messages]
     for update in updates:
@@ -125,12 +127,12 @@ def test_1000_malformed_messages(graph: Any) -> None:
     status = graph.diagnostics(diagnostics, "")
     values = {item.key: item.value for item in status.values}
     for kind in ("layout", "length", "not_finite"):
-        assert int(values[f"refused: {kind}"]) > 20
+        assert int(values[f"refused: {kind}"]) >= 3
     assert linearizer.stop() == 0
 
 
 def test_joint_states(graph: Any) -> None:
-    """By name; extra joints, other orders and empty fields are fine; NaN, repeated and old stamps are not used."""
+    """By name; extra joints and other orders are fine; NaN, repeated and old stamps are not used."""
     graph.start("linearizer", "state_source:=joint_state", "joint_name:=wheel", "update_period:=0.02")
     models, diagnostics = graph.models(), graph.collect(DiagnosticArray, "/diagnostics")
     joints = graph.publisher(JointState, "/joint_states")
@@ -199,9 +201,10 @@ def test_parameters_at_run_time(graph: Any) -> None:
         ("parameters.L_a", 0.0, "restart"),
         ("linearization", "optimum", "optimal"),
         ("sign_scale", 0.0, "operating_range"),
+        ("update_period", 1e-10, "update_period"),
         ("plant", "bouc_wen", "read-only"),
-        ("parameters.K", 1.0, "parameters.K"),
-        ("effects.coulomb_friction.mu", "much", "mu"),
+        ("parameters.K", 1.0, "did you mean 'parameters.K_"),
+        ("effects.coulomb_friction.mu", "much", "DOUBLE"),
     ):
         result = graph.set_parameter(name, value)
         assert not result.successful, name
@@ -224,9 +227,7 @@ def test_parameters_say_what_they_are(graph: Any) -> None:
     graph.start("linearizer")
     names = ["effects.coulomb_friction.mu", "sign_order", "plant", "linearization"]
     request = DescribeParameters.Request(names=names)
-    mu, order, plant, method = graph.call(
-        DescribeParameters, "/linearizer/describe_parameters", request
-    ).descriptors
+    mu, order, plant, method = graph.call(DescribeParameters, "/linearizer/describe_parameters", request).descriptors
     declared = Model.load("dc_motor").par_declarations()["effects.coulomb_friction.mu"]
     assert declared.doc in mu.description
     assert "[N·m]" in mu.description
@@ -240,7 +241,7 @@ def test_parameters_say_what_they_are(graph: Any) -> None:
 @pytest.mark.parametrize(
     ("name", "parameters", "text"),
     [
-        ("linearizer", ["effects.coulomb_friction.nu:=1.0"], "did you mean 'mu'"),
+        ("linearizer", ["effects.coulomb_friction.nu:=1.0"], "known: mu"),
         ("linearizer", ["sign_ordr:=20"], "did you mean 'sign_order'"),
         ("linearizer", ["state_source:=arry"], "did you mean 'array'"),
         ("plant_simulator", ["publish_rate:=-3.0"], "publish_rate: found -3; allowed: [0.1, 10000]"),
@@ -264,7 +265,7 @@ def test_no_parameter_file(graph: Any) -> None:
 
 
 def test_stale_states_and_who_comes_late(graph: Any) -> None:
-    """Without states the diagnostics turn to ERROR, nothing more is published, and the last model stays latched."""
+    """Without states the diagnostics turn to ERROR, nothing more comes, and the last model stays latched."""
     graph.start("linearizer", "update_period:=0.02")
     diagnostics = graph.collect(DiagnosticArray, "/diagnostics")
     assert graph.diagnostics(diagnostics, "no valid state yet").level == b"\x02"
@@ -381,12 +382,32 @@ def test_replay_with_the_record_s_clock(graph: Any, tmp_path: Path) -> None:
     clock, models = graph.collect(Clock, "/clock"), graph.models()
     graph.start("linearizer", sim_time=True)
     graph.wait(lambda: graph.node.count_subscribers("/state") == 1, "the linearizer")
-    replay = graph.start(
-        "replay", f"record:={tmp_path / 'run.csv'}", "rate:=3", "publish_clock:=true", "loop:=true"
-    )
+    replay = graph.start("replay", f"record:={tmp_path / 'run.csv'}", "rate:=3", "publish_clock:=true", "loop:=true")
     graph.wait(lambda: clock and convert.nanoseconds(clock[-1].clock) > 4 * NANO, "the second round")
     assert replay.running
     times = [convert.nanoseconds(m.clock) for m in clock]
     assert times == sorted(times)
     assert len(models) >= 15
     assert replay.stop() == 0
+
+
+def test_the_linearizer_follows_a_measured_servo(graph: Any) -> None:
+    """XL-330: only positions were measured, velocity comes from the causal filter; each A_k is the core's."""
+    record = DATA / "xl330" / "xl330_kp400_sin_sin.csv"
+    if not record.exists():
+        pytest.skip(f"{record} is not there; SIGNLIN_DATA names the folder of the measured records")
+    models = graph.models()
+    graph.start("linearizer", model="xl330.yaml", sim_time=True)
+    graph.wait(lambda: graph.node.count_subscribers("/state") == 1, "the linearizer")
+    options = (f"record:={record}", "rate:=2", "publish_clock:=true")
+    replay = graph.start("replay", *options, model="xl330.yaml")
+    graph.wait(lambda: not replay.running, "the end of the record")
+    assert replay.popen.returncode == 0
+    assert "velocity from displacement by a causal filter, delay" in replay.output
+    assert len(models) > 100
+    updates = [convert.read_model(message).result for message in models]
+    assert all(np.isfinite(message.data).all() for message in models)
+    start = Linearizer(Model.load("xl330").with_options(operating_point="start"))
+    for update in updates:
+        np.testing.assert_allclose(update.A, start(update.x, update.u).A, rtol=1e-12)
+    assert max(abs(update.x[1]) for update in updates) > 1.0

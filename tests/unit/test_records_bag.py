@@ -28,11 +28,7 @@ Messages = list[tuple[str, int, Any]]
 
 def array(values: Iterable[float], label: str = "") -> Any:
     data = np.array(list(values), dtype=np.float64)
-    dim = (
-        [TYPES["std_msgs/msg/MultiArrayDimension"](label=label, size=data.size, stride=data.size)]
-        if label
-        else []
-    )
+    dim = [TYPES["std_msgs/msg/MultiArrayDimension"](label=label, size=data.size, stride=data.size)] if label else []
     return TYPES[ARRAY](layout=TYPES["std_msgs/msg/MultiArrayLayout"](dim=dim, data_offset=0), data=data)
 
 
@@ -47,9 +43,7 @@ def header(stamp: int) -> Any:
     )
 
 
-def joints(
-    stamp: int, names: list[str], position: Iterable[float] = (), velocity: Iterable[float] = ()
-) -> Any:
+def joints(stamp: int, names: list[str], position: Iterable[float] = (), velocity: Iterable[float] = ()) -> Any:
     q, v = (np.array(list(values), dtype=np.float64) for values in (position, velocity))
     return TYPES[JOINTS](header=header(stamp), name=names, position=q, velocity=v, effort=np.zeros(0))
 
@@ -138,9 +132,7 @@ def test_a_shorter_state_is_taken_from_the_front_with_a_note(bag: Callable[[Mess
 
 
 @pytest.mark.parametrize("label", ["", "input", "values"])
-def test_labels_that_name_nothing_of_the_model_do_no_harm(
-    bag: Callable[[Messages], Path], label: str
-) -> None:
+def test_labels_that_name_nothing_of_the_model_do_no_harm(bag: Callable[[Messages], Path], label: str) -> None:
     messages = [("/input", 5 * i * MS, array([1.0 * i], label)) for i in range(5)]
     np.testing.assert_array_equal(read_for_model(bag(messages), motor()).u[:, 0], np.arange(5))
 
@@ -207,9 +199,7 @@ def test_a_joint_state_alone_serves_by_aliases(bag: Callable[[Messages], Path]) 
     for i in range(10):
         messages.append(("/input", 10 * i * MS, array([1.0])))
         velocity = [] if i == 4 else [0.2 * i]
-        messages.append(
-            ("/joint_states", 10 * i * MS, joints(10 * i * MS + 1, ["slide"], [0.1 * i], velocity))
-        )
+        messages.append(("/joint_states", 10 * i * MS, joints(10 * i * MS + 1, ["slide"], [0.1 * i], velocity)))
     data = read_for_model(bag(messages), oscillator())
     np.testing.assert_array_equal(data.measured["displacement"], 0.1 * np.arange(10))
     assert np.flatnonzero(np.isnan(data.measured["velocity"])).tolist() == [4]

@@ -79,9 +79,7 @@ def test_dialects(read: Read, text: str | bytes) -> None:
 
 
 def test_units_and_notes_in_the_header(read: Read) -> None:
-    record = read(
-        "t [ms],force [N] (=gtau*u),torque_enable [0/1],x [mm]\n0,1,0,1000\n5,2,1,2000\n10,3,1,3000\n"
-    )
+    record = read("t [ms],force [N] (=gtau*u),torque_enable [0/1],x [mm]\n0,1,0,1000\n5,2,1,2000\n10,3,1,3000\n")
     np.testing.assert_array_equal(record.t, [0, 0.005, 0.01])
     assert {name: signal.unit for name, signal in record.signals.items()} == {
         "force": "N",

@@ -52,9 +52,7 @@ def csv(tmp_path: Path) -> Callable[[str], Path]:
 
 
 def test_everything_there() -> None:
-    data = record(speed=[3, 4, 5, 6], voltage=[1, 2, 3, 4], current=[5, 6, 7, 8], temperature=0).for_model(
-        motor()
-    )
+    data = record(speed=[3, 4, 5, 6], voltage=[1, 2, 3, 4], current=[5, 6, 7, 8], temperature=0).for_model(motor())
     np.testing.assert_array_equal(data.u, [[1], [2], [3], [4]])
     assert list(data.measured) == ["current", "speed"]
     assert data.x0 is not None
@@ -219,10 +217,7 @@ def test_missing_samples() -> None:
     assert np.isnan(data.measured["speed"][0])
     assert list(data.measured) == ["speed"]
     assert data.x0 is None
-    assert any(
-        "voltage: 2 missing samples hold the value before them, the first at t = 0.1 s" in n
-        for n in data.notes
-    )
+    assert any("voltage: 2 missing samples hold the value before them, the first at t = 0.1 s" in n for n in data.notes)
     assert any("current holds no sample" in note for note in data.notes)
 
 
@@ -236,9 +231,7 @@ def test_inputs_missing_too_often_are_refused_with_their_row(csv: Callable[[str]
         RecordError, match=r"run.csv: row 4 \(line 5\): the input 'voltage' is missing more than 5 times"
     ):
         read_for_model(csv(text(6)), motor())
-    with pytest.raises(
-        RecordError, match=r"row 1 \(line 2\): the input 'voltage' is missing before its first value"
-    ):
+    with pytest.raises(RecordError, match=r"row 1 \(line 2\): the input 'voltage' is missing before its first value"):
         read_for_model(csv("t,voltage\n0,\n1,2\n"), motor())
 
 

@@ -15,9 +15,7 @@ T = np.linspace(0, 1, 11)
 def test_vectors_matrices_and_scalars(tmp_path: Path) -> None:
     path = tmp_path / "run.mat"
     q = np.arange(22.0).reshape(11, 2)
-    savemat(
-        path, {"t": T[:, None], "u": T[None, :], "q": q, "gain": 3.0, "short": [1.0, 2.0], "name": "axis"}
-    )
+    savemat(path, {"t": T[:, None], "u": T[None, :], "q": q, "gain": 3.0, "short": [1.0, 2.0], "name": "axis"})
     record = read_record(path)
     assert list(record.signals) == ["u", "q[0]", "q[1]"]
     np.testing.assert_array_equal(record.signals["q[1]"].values, q[:, 1])

