@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signlin_ros.compiled import surface_scales, weights
 from signlin_ros.linearize import Linearization
@@ -134,18 +135,15 @@ def simulate_content(
         "initial_state": dict(zip(run.states, run.x[0].tolist(), strict=True)),
         "initial_state_from": "model" if data.x0 is None else "data",
         "final_state": dict(zip(run.states, run.x[-1].tolist(), strict=True)),
-        "channels": {
-            name: {
-                "unit": model.units[name],
-                "low": float(np.min(run[name])),
-                "high": float(np.max(run[name])),
-                "rms": float(np.sqrt(np.mean(run[name] ** 2))),
-            }
-            for name in names
-        },
+        "channels": {name: _channel(run[name], model.units[name]) for name in names},
         "events": [{"surface": s, "what": what, "count": n} for (s, what), n in sorted(counts.items())],
         "notes": list(data.notes),
     }
+
+
+def _channel(values: NDArray[np.float64], unit: str) -> dict[str, Any]:
+    rms = float(np.sqrt(np.mean(values**2)))
+    return {"unit": unit, "low": float(np.min(values)), "high": float(np.max(values)), "rms": rms}
 
 
 def simulate_text(content: dict[str, Any]) -> str:
@@ -156,7 +154,7 @@ def simulate_text(content: dict[str, Any]) -> str:
         [name, c["unit"], *(_number(c[key]) for key in ("low", "high", "rms"))]
         for name, c in content["channels"].items()
     ]
-    events = [[e["surface"], e["what"], f"{e['count']} times"] for e in content["events"]]
+    events = [[e["surface"], e["what"], f"{e['count']}x"] for e in content["events"]]
     head = (
         f"{content['output']}: {content['samples']} samples, {content['start']:g} s to {content['end']:g} s,"
         f" as {content['as']}, from {origin[content['initial_state_from']]}"

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from signlin_ros import kernels
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.simulate import Stepper
@@ -45,24 +46,17 @@ class CausalDerivative:
         count = len(self._samples)
         if count < 2:
             return 0.0
-        data = np.array(self._samples)
-        return float(_slope_at_end(data[:, 0] - t, data[:, 1] - value, min(self.degree, count - 1)))
+        data = np.array(self._samples).T.copy()
+        return float(kernels.slope_at_end(data[0], data[1], min(self.degree, count - 1)))
 
     def all(self, t: ArrayLike, values: ArrayLike) -> Array:
         """Return the derivative (T,) at every time of a whole record, each from the past alone; NaN values skipped."""
-        self.reset()
-        out = np.zeros(np.size(t))
-        for k, (when, value) in enumerate(zip(np.asarray(t, float), np.asarray(values, float), strict=True)):
-            out[k] = self.update(when, value) if np.isfinite(value) else (out[k - 1] if k else 0.0)
-        return out
-
-
-def _slope_at_end(age: Array, value: Array, degree: int) -> float:
-    """Return the slope at age 0 of the least-squares polynomial through (age, value)."""
-    scale = -age[0]
-    powers = np.vander(age / scale, degree + 1, increasing=True)
-    coefficients = np.linalg.lstsq(powers, value, rcond=None)[0]
-    return float(coefficients[1] / scale)
+        times, samples = np.asarray(t, dtype=float), np.asarray(values, dtype=float)
+        good = np.isfinite(samples)
+        slopes = np.zeros(int(good.sum()))
+        kernels.causal_slopes(times[good], samples[good], self.window, self.degree, self.least, slopes)
+        latest = np.maximum.accumulate(np.where(good, np.cumsum(good) - 1, -1))
+        return np.where(latest >= 0, slopes[latest], 0.0) if slopes.size else np.zeros(times.size)
 
 
 class StateEstimator:
@@ -94,6 +88,18 @@ class StateEstimator:
         self._filter.reset()
         self._stepper = Stepper(self.model)
         self._last = None
+
+    def all(self, t: Array, measured: Mapping[str, Array], u: Array) -> Array:
+        """Return the states (T, n) over a whole record: measured values (T,) by name, inputs (T, m)."""
+        if self.carried:
+            self.reset()
+            names = list(measured)
+            rows = zip(t, np.array([measured[name] for name in names]).T, u, strict=True)
+            return np.array([self.update(when, dict(zip(names, row, strict=True)), held) for when, row, held in rows])
+        values = {self.model.canonical(name): np.asarray(v, dtype=float) for name, v in measured.items()}
+        if self._derive:
+            values[self.model.plant.velocity] = self._filter.all(t, values[self.model.plant.position])
+        return np.column_stack([values[name] for name in self.model.states])
 
     def update(self, t: float, measured: Mapping[str, float], u: ArrayLike) -> Array:
         """Return the state (n,) at time t (s) from measured values by name and the input u (m,) from t on."""

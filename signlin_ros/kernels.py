@@ -112,6 +112,32 @@ def _new_step(h, norm, order):
     return h * min(5.0, max(0.2, 0.9 * (norm + 1e-20) ** (-1.0 / order)))
 
 
+@njit(cache=True, error_model="numpy")
+def slope_at_end(t, values, degree):
+    """Return the slope at the last sample of the least-squares polynomial (degree 1 or 2) through all samples."""
+    size = t[-1] - t[0]
+    normal, right = np.zeros((degree + 1, degree + 1)), np.zeros(degree + 1)
+    for k in range(t.size):
+        age, value = (t[k] - t[-1]) / size, values[k] - values[-1]
+        for i in range(degree + 1):
+            right[i] += age**i * value
+            for j in range(degree + 1):
+                normal[i, j] += age ** (i + j)
+    solve_in_place(normal, right)
+    return right[1] / size
+
+
+@njit(cache=True, error_model="numpy")
+def causal_slopes(t, values, window, degree, least, slopes):
+    """Fill ``slopes`` (T,) with `slope_at_end` of the last ``window`` seconds, at least ``least`` samples."""
+    first = 0
+    for k in range(t.size):
+        while k - first >= least and t[first] < t[k] - window:
+            first += 1
+        if k > first:
+            slopes[k] = slope_at_end(t[first : k + 1], values[first : k + 1], min(degree, k - first))
+
+
 # --------------------------------------------------------------------------- exact: set-valued signs
 
 
@@ -339,10 +365,12 @@ def run_exact(tape, sizes, n_work, n_res, times, breaks, inputs, x0, p, rtol, X,
                 next_break += 1
                 fresh = True
             if fresh or sample == 0:
-                at[:] = False
                 z[:n] = x
-                _resolve(tape, sizes, z, work, res, s, mode, at)
                 _state_of(tape, sizes, z, work, res, s, mode)
+                if sample == 0 or np.any(mode != 1) or _violated(sizes, res, s, mode, g_tol):
+                    at[:] = False
+                    _resolve(tape, sizes, z, work, res, s, mode, at)
+                    _state_of(tape, sizes, z, work, res, s, mode)
                 K[0, :] = res[:n]
             target = times[sample]
             if next_break < breaks.size and breaks[next_break] < target:
@@ -358,6 +386,7 @@ def run_exact(tape, sizes, n_work, n_res, times, breaks, inputs, x0, p, rtol, X,
                 if target - t <= 1e-14 * abs(target):
                     t = target
                     break
+                wanted = h
                 h = min(h, target - t)
                 if h <= 1e-15 * max(abs(t), abs(target)) and t + h < target:
                     return DIVERGED, t, n_events
@@ -373,6 +402,8 @@ def run_exact(tape, sizes, n_work, n_res, times, breaks, inputs, x0, p, rtol, X,
                     res[i_rate : i_rate + q] = rates
                     continue
                 taken, grown = h, _new_step(h, norm, 5.0)
+                if h < wanted:
+                    grown = max(wanted, grown)
                 for j in range(q):
                     g_tol[j] = max(g_tol[j], 1e-3 * rtol * abs(res[i_g + j]))
                 theta = 2.0

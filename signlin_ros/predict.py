@@ -31,8 +31,7 @@ def causal_states(
 ) -> Array:
     """Return the causal estimate (T, n) of the state over a record (see `StateEstimator`)."""
     estimator = StateEstimator(model, measured, rate=1.0 / float(np.median(np.diff(t))), window=window)
-    rows = [estimator.update(t[k], {n: float(v[k]) for n, v in measured.items()}, u[k]) for k in range(t.size)]
-    return np.array(rows)
+    return estimator.all(t, measured, u)
 
 
 def zero_phase_velocity(t: Array, position: Array, cutoff: float) -> Array:

@@ -11,7 +11,7 @@ from signlin_ros.par import Par
 class CompliantLoad(Effect):
     """A second inertia behind an elastic coupling.
 
-    F = -T, T = k (q - q2) + c (v - v2), J v2' = T.
+    F = -T, T = k (q - q2) + c (v - v2), J v2' = T.   [Leonhard, Control of Electrical Drives, 2001, ch. 2]
     """
 
     name = "compliant_load"

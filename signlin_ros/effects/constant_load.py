@@ -11,7 +11,7 @@ from signlin_ros.par import Par
 class ConstantLoad(Effect):
     """A constant force or torque, such as a weight on a vertical axis.
 
-    F = F0 (a load torque T_L is -F0).
+    F = F0 (a load torque T_L is -F0).   [paper eq. (28)]
     """
 
     name = "constant_load"

@@ -11,7 +11,7 @@ from signlin_ros.par import Par
 class GravityLoad(Effect):
     """The weight of an arm or pendulum.
 
-    F = -A sin(q - q0); q = q0 hangs down.
+    F = -A sin(q - q0); q = q0 hangs down.   [Spong, Hutchinson and Vidyasagar, Robot Modeling and Control, 2006, ch. 7]
     """
 
     name = "gravity_load"

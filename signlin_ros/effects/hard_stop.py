@@ -11,7 +11,7 @@ from signlin_ros.par import Par
 class HardStop(Effect):
     """Elastic stops at both ends of the travel.
 
-    F = -k_s [max(q - gap, 0) - max(-q - gap, 0)].
+    F = -k_s [max(q - gap, 0) - max(-q - gap, 0)].   [Brogliato, Nonsmooth Mechanics, 2016, ch. 2]
     """
 
     name = "hard_stop"

@@ -11,7 +11,8 @@ from signlin_ros.par import Par
 class InputDeadzone(Effect):
     """An input that does nothing until it exceeds a threshold.
 
-    u -> max(u - d, 0) - max(-u - d, 0).
+    u -> max(u - d, 0) - max(-u - d, 0).   [Tao and Kokotovic, Adaptive Control of Systems with Actuator and Sensor
+    Nonlinearities, 1996]
     """
 
     name = "input_deadzone"

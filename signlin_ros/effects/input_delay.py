@@ -11,7 +11,7 @@ from signlin_ros.par import Par
 class InputDelay(Effect):
     """An input that arrives late.
 
-    u(t) -> u(t - T).
+    u(t) -> u(t - T).   [Astrom and Wittenmark, Computer-Controlled Systems, 1997, sec. 2.3]
     """
 
     name = "input_delay"

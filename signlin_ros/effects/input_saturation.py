@@ -11,7 +11,7 @@ from signlin_ros.par import Par
 class InputSaturation(Effect):
     """An input that is limited in size.
 
-    u -> clip(u, -u_max, u_max).
+    u -> clip(u, -u_max, u_max).   [Khalil, Nonlinear Systems, 2002, sec. 1.2]
     """
 
     name = "input_saturation"

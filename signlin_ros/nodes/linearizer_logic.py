@@ -22,6 +22,8 @@ NANO = 1_000_000_000
 OK, WARN, ERROR = 0, 1, 2
 SHORTEST_PERIOD = 1e-4
 """Seconds; a node cannot publish faster."""
+MOST_LATE = 10
+"""Periods that are made up for when the node was late itself; more were a jump of the clock."""
 
 
 @dataclass(frozen=True)
@@ -192,14 +194,15 @@ class LinearizerLogic:
     def updates(self, now: int) -> list[Update]:
         """Return the models that have fallen due by ``now``: one per period, none without a fresh state.
 
-        Periods are counted, so that none is lost or doubled where a fast simulated clock, or a busy machine,
-        calls late.
+        Periods are counted, so that none is lost or doubled where a fast simulated clock, or a busy machine, calls
+        late. A period that passed without a fresh state while this was called in time is gone.
         """
         first, self._periods = self._periods + 1, max(self._periods, (now - self.origin) // self.period)
         state = self._state
         if state is None or self._periods < first:
             return []
-        oldest = -((self.origin - state.stamp + self.timeout) // self.period)
+        late = max(self.timeout, MOST_LATE * self.period)
+        oldest = -((self.origin - state.stamp + late) // self.period)
         newest = (state.stamp + self.timeout - self.origin) // self.period
         due = min(self._periods, newest) - max(first, oldest) + 1
         return self._results(state, due, now) if due > 0 else []

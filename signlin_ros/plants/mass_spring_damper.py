@@ -12,7 +12,7 @@ from signlin_ros.plants.base import Acting, Plant
 class MassSpringDamper(Plant):
     """A mass on a spring and a damper; with k = 0 a free drive, rotary or linear.
 
-    m q'' + c q' + k q = F + effects.
+    m q'' + c q' + k q = F + effects.   [Newton 1687; paper eq. (34) without hysteresis]
     """
 
     name = "mass_spring_damper"

@@ -56,7 +56,7 @@ FUNCTIONS = {
     "sin": (ca.sin, mpmath.sin),
     "cos": (ca.cos, mpmath.cos),
     "exp": (ca.exp, mpmath.exp),
-    "log": (lambda x: ca.log(x), mpmath.log),
+    "log": (ca.log, mpmath.log),
     "sqrt": (ca.sqrt, mpmath.sqrt),
     "square": (lambda x: x**2, lambda x: x**2),
     "cube": (lambda x: x**3, lambda x: x**3),

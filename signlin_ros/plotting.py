@@ -1,0 +1,70 @@
+"""The look of every picture: one style, colours that colour-blind readers tell apart, no display needed.
+
+Colours: Okabe and Ito, Color Universal Design (2008). matplotlib is imported when the first picture is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from signlin_ros.errors import InputError, MissingExtraError
+
+EXACT, START, MIDPOINT, BARE, JACOBIAN = "#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7"
+"""The plant itself; the models built at the start and at the midpoint; without dry friction; the affine Jacobian."""
+SEQUENCE = ("#56B4E9", "#E69F00", "#009E73", "#0072B2")
+"""For curves that only count, e.g. several orders j."""
+SHADE = "#E69F00"
+_STYLE: Mapping[str, Any] = {
+    "font.size": 9.0,
+    "font.family": "DejaVu Sans",
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.4,
+    "legend.frameon": False,
+    "legend.handlelength": 2.4,
+    "savefig.dpi": 120,
+}
+
+
+@contextmanager
+def canvas(path: Path, width: float, height: float) -> Iterator[Any]:
+    """Yield an empty figure of that size in inches, in the house style; write it to ``path`` as PNG at the end.
+
+    Raises `MissingExtraError` without matplotlib, `InputError` where the file cannot be written.
+    """
+    try:
+        import matplotlib
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise MissingExtraError("Drawing figures", "plot") from error
+    with matplotlib.rc_context(dict(_STYLE)):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure
+        try:
+            figure.savefig(path, metadata={"Software": None})
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def legend_above(figure: Any, axes: Any, columns: int) -> None:
+    """Put the legend of one plot above the whole figure, where it covers nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper left", ncols=columns)
+
+
+def shade(axes: Any, t: Any, where: Any, label: str) -> None:
+    """Shade the stretches of time t (T,) where ``where`` (T,) is true, over the whole height."""
+    axes.fill_between(
+        t, 0, 1, where=where, transform=axes.get_xaxis_transform(), color=SHADE, alpha=0.18, lw=0, label=label
+    )

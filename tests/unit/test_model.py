@@ -1,0 +1,444 @@
+"""Model files: what is read, what is refused and how, what comes out again; effects of one's own."""
+
+import importlib.metadata
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import yaml
+
+from signlin_ros import effects as registry
+from signlin_ros.effects import EFFECTS
+from signlin_ros.errors import InputError, ModelError
+from signlin_ros.linearize import linearize
+from signlin_ros.model import Model, shipped_models
+
+MOTOR = {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}
+BASE = {"plant": "dc_motor", "parameters": MOTOR, "effects": {"coulomb_friction": {"mu": 0.033}}}
+MASS = {"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.6, "k": 40.0}}
+LOOP = {"alpha": 0.5, "D": 1.0, "lambda": 1.0, "beta": 0.5, "gamma": -0.7, "n": 1.0}
+
+
+def write(folder, content, text=None):
+    file = folder / "model.yaml"
+    file.write_text(text if text is not None else yaml.safe_dump({"/**": {"ros__parameters": content}}))
+    return file
+
+
+def motor(**changes):
+    return {**BASE, **changes}
+
+
+def parameters(**changes):
+    return motor(parameters={k: v for k, v in {**MOTOR, **changes}.items() if v is not None})
+
+
+def effect(name, **values):
+    return motor(effects={name: values})
+
+
+NAN, INF = float("nan"), float("inf")
+# what is wrong -> (content, what the line must say: the key, what was found, what is allowed, the nearest name)
+BAD = {
+    "unknown key": (motor(sign_ordre=50), ["sign_ordre", "unknown key", "did you mean 'sign_order'"]),
+    "unknown plant": (motor(plant="dc_moter"), ["plant", "'dc_moter'", "did you mean 'dc_motor'"]),
+    "plant is a number": (motor(plant=3), ["plant", "3", "bouc_wen"]),
+    "no plant": ({"parameters": MOTOR}, ["plant", "missing"]),
+    "no parameters": ({"plant": "dc_motor"}, ["parameters.R_a", "missing", "(0, 1e+09] Ohm", "armature"]),
+    "parameters are a list": (motor(parameters=[1, 2]), ["parameters", "[1, 2]", "a mapping"]),
+    "parameter missing": (parameters(J=None), ["parameters.J", "missing", "kg·m²"]),
+    "parameter misspelt": (parameters(K_tt=1.0), ["parameters.K_tt", "unknown", "did you mean 'K_t'"]),
+    "parameter is text": (parameters(J="big"), ["parameters.J", "'big'", "a number in (0, 1e+09]"]),
+    "parameter is a boolean": (parameters(J=True), ["parameters.J", "True", "a number"]),
+    "parameter is null": (motor(parameters={**MOTOR, "J": None}), ["parameters.J", "None", "a number"]),
+    "parameter is NaN": (parameters(J=NAN), ["parameters.J", "nan", "(0, 1e+09]"]),
+    "parameter is infinite": (parameters(J=INF), ["parameters.J", "inf", "(0, 1e+09]"]),
+    "parameter is zero": (parameters(J=0.0), ["parameters.J", "found 0", "(0, 1e+09] kg·m²"]),
+    "parameter is negative": (parameters(L_a=-1e-3), ["parameters.L_a", "-0.001", "[0, 1e+09] H"]),
+    "unknown effect": (effect("coulomb_frictoin"), ["effects.coulomb_frictoin", "did you mean 'coulomb_friction'"]),
+    "effects are a list": (motor(effects=["coulomb_friction"]), ["effects", "['coulomb_friction']", "a mapping"]),
+    "effect is a number": (motor(effects={"coulomb_friction": 0.03}), ["effects.coulomb_friction", "0.03"]),
+    "effect's parameter missing": (effect("coulomb_friction"), ["coulomb_friction.mu", "missing", "N·m"]),
+    "effect's parameter misspelt": (
+        effect("stribeck_friction", mu=0.03, exces=0.1, v_s=1.0),
+        ["stribeck_friction.exces", "did you mean 'excess'"],
+    ),
+    "effect's parameter out of range": (
+        effect("coulomb_friction", mu=-0.1),
+        ["effects.coulomb_friction.mu", "-0.1", "[0, 1e+09]", "N·m"],
+    ),
+    "effect's type unknown": (effect("second", type="cogging", A=0.1), ["effects.second", "cogging"]),
+    "effect for another plant": (
+        {**MASS, "effects": {"thermal_resistance": {"a": 0.004, "C": 20.0, "R_th": 3.0}}},
+        ["thermal_resistance", "does not apply to mass_spring_damper", "dc_motor"],
+    ),
+    "effect that needs a driving force": (
+        {
+            "plant": "force_element",
+            "parameters": {"c": 1.0, "k": 0.0},
+            "effects": {"load_dependent_friction": {"kappa_d": 0.1, "kappa_e": 0.1}},
+        },
+        ["load_dependent_friction", "force_element", "drive_force"],
+    ),
+    "effect that the plant has already": (
+        {
+            "plant": "bouc_wen",
+            "parameters": MASS["parameters"] | LOOP,
+            "effects": {"bouc_wen_hysteresis": LOOP},
+        },
+        ["bouc_wen_hysteresis", "is part of the plant"],
+    ),
+    "stiffness beside the plant's own": (
+        {**MASS, "effects": {"bouc_wen_hysteresis": {**LOOP, "k": 3.0}}},
+        ["bouc_wen_hysteresis.k", "spring of its own"],
+    ),
+    "lambda with an underscore": (
+        {"plant": "bouc_wen", "parameters": MASS["parameters"] | {"lambda_": 1.0} | LOOP},
+        ["parameters.lambda_", "did you mean 'lambda'"],
+    ),
+    "order too high": (motor(sign_order=10_001), ["sign_order", "10001", "1 to 10000"]),
+    "order is a fraction": (motor(sign_order=2.5), ["sign_order", "2.5", "a whole number"]),
+    "order is a boolean": (motor(sign_order=True), ["sign_order", "True", "a whole number"]),
+    "order is text": (motor(sign_order="50"), ["sign_order", "'50'", "a whole number"]),
+    "order is NaN": (motor(sign_order=NAN), ["sign_order", "nan", "a whole number"]),
+    "scale is negative": (motor(sign_scale=-1.0), ["sign_scale", "-1", "[0, 1e+12]"]),
+    "scale 0 without a range": (motor(sign_scale=0.0), ["operating_range", "missing", "sign_scale 0.0"]),
+    "range of an unknown state": (motor(operating_range={"sped": 3.0}), ["operating_range", "did you mean 'speed'"]),
+    "range is zero": (motor(operating_range={"speed": 0.0}), ["operating_range.speed", "found 0", "(0, inf]"]),
+    "unknown method": (motor(linearization="optimum"), ["linearization", "did you mean 'optimal'", "termwise"]),
+    "unknown operating point": (motor(operating_point="middle"), ["operating_point", "'middle'", "start, midpoint"]),
+    "period is zero": (motor(update_period=0.0), ["update_period", "found 0", "(0, 3600] s"]),
+    "weight of an unknown state": (motor(state_weights={"position": 0.0}), ["state_weights", "position", "speed"]),
+    "weight is negative": (motor(state_weights={"speed": -1.0}), ["state_weights.speed", "-1"]),
+    "initial state of an unknown name": (motor(initial_state={"spede": 1.0}), ["initial_state", "'speed'"]),
+    "initial state of an input": (motor(initial_state={"voltage": 1.0}), ["initial_state", "voltage", "no state"]),
+    "initial state is text": (motor(initial_state={"speed": "fast"}), ["initial_state.speed", "'fast'"]),
+    "tolerance is negative": (motor(tolerance=-0.1), ["tolerance", "-0.1", "[0, 10]"]),
+    "tolerance of an unknown parameter": (motor(tolerance={"mass": 0.1}), ["tolerance", "'mass'", "K_t"]),
+    "frozen is a word": (motor(frozen="K_m"), ["frozen", "'K_m'", "a list of names"]),
+    "frozen is unknown": (motor(frozen=["K_x"]), ["frozen", "'K_x'", "K_m"]),
+    "signal is a number": (motor(signals={"voltage": 3}), ["signals.voltage", "3", "a column's name"]),
+    "signal of an unknown name": (motor(signals={"volts": "u"}), ["signals", "volts"]),
+    "effect file is not there": (motor(effect_files=["nowhere.py"]), ["effect_files", "nowhere.py", "does not exist"]),
+    "with_position is a word": (motor(with_position="yes"), ["with_position", "'yes'", "true or false"]),
+    "with_load_torque is a number": (motor(with_load_torque=1), ["with_load_torque", "1", "true or false"]),
+}
+BAD_TEXTS = {
+    "empty": ("", ["empty", "ROS 2 parameter file"]),
+    "a list": ("- 1\n- 2\n", ["not a ROS 2 parameter file"]),
+    "YAML syntax": ("/**:\n  ros__parameters: {plant: dc_motor\n", ["not a YAML file", "line 3"]),
+    "tabs": ("/**:\n\tros__parameters:\n", ["not a YAML file", "line 2"]),
+    "no ros__parameters": ("plant: dc_motor\n", ["plant", "ros__parameters"]),
+    "two nodes": (
+        "a: {ros__parameters: {plant: dc_motor}}\nb: {ros__parameters: {plant: bouc_wen}}\n",
+        ["a, b", "one node"],
+    ),
+    "parameters below are a list": ("/**: {ros__parameters: [1]}\n", ["ros__parameters"]),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_file_is_refused_in_one_line(name, tmp_path):
+    content, wanted = BAD[name]
+    file = write(tmp_path, content)
+    with pytest.raises(ModelError) as caught:
+        Model.load(file)
+    line = str(caught.value)
+    assert "\n" not in line
+    assert line.startswith(str(file))
+    for word in wanted:
+        assert word in line, line
+
+
+@pytest.mark.parametrize("name", BAD_TEXTS)
+def test_a_file_of_another_kind_is_refused_in_one_line(name, tmp_path):
+    text, wanted = BAD_TEXTS[name]
+    file = write(tmp_path, None, text)
+    with pytest.raises(ModelError) as caught:
+        Model.load(file)
+    line = str(caught.value)
+    assert "\n" not in line
+    assert line.startswith(str(file))
+    for word in wanted:
+        assert word in line, line
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path):
+    file = tmp_path / "model.yaml"
+    file.write_bytes(b"\xff\xfe\x00plant")
+    with pytest.raises(ModelError, match="not a YAML file"):
+        Model.load(file)
+
+
+def test_a_file_that_is_not_there_names_the_shipped_models(tmp_path):
+    with pytest.raises(ModelError, match=r"dc_moter: no such model file; .*did you mean 'dc_motor'"):
+        Model.load("dc_moter")
+    with pytest.raises(ModelError, match="is a folder"):
+        Model.load(tmp_path)
+
+
+# -------------------------------------------------------------------- reading
+
+
+@pytest.mark.parametrize("name", sorted(shipped_models()))
+def test_every_shipped_model_loads_and_linearizes(name):
+    model = Model.load(name)
+    result = linearize(model, np.full(len(model.states), 0.1))
+    assert np.isfinite(result.A).all()
+
+
+def test_the_papers_motor_is_shipped():
+    model = Model.load("dc_motor")
+    assert model.parameters == MOTOR
+    assert model.effects["coulomb_friction"].parameters == {"mu": 0.033}
+    options = (model.sign_order, model.sign_scale, model.linearization, model.operating_point, model.update_period)
+    assert options == (50, 1.0, "termwise", "start", 0.2)
+
+
+def test_defaults(tmp_path):
+    model = Model.load(write(tmp_path, {"plant": "dc_motor", "parameters": MOTOR}))
+    assert (model.sign_order, model.sign_scale, model.linearization) == (50, 1.0, "termwise")
+    assert (model.operating_point, model.update_period, model.tolerance) == ("start", 0.2, 0.05)
+    assert model.effects == {}
+    np.testing.assert_array_equal(model.x0, 0.0)
+
+
+def test_whole_numbers_are_numbers_and_optional_parameters_have_defaults(tmp_path):
+    model = Model.load(write(tmp_path, motor(parameters=MOTOR | {"J": 1}, effects={"gravity_load": {"A": 1}})))
+    assert model.parameters["J"] == 1.0
+    assert model.effects["gravity_load"].parameters == {"A": 1.0, "q0": 0.0}
+
+
+def test_keys_of_ros_and_of_the_nodes_are_taken_by_every_verb(tmp_path):
+    extra = {"use_sim_time": True, "qos_overrides": {"/a": 1}, "publish_rate": 100.0, "state_source": "array"}
+    model = Model.load(write(tmp_path, motor(**extra)))
+    assert model.node_options == extra
+    assert Model.from_dict(model.to_dict()) == model
+
+
+def test_one_node_beside_others_that_are_no_models(tmp_path):
+    text = "linearizer: {ros__parameters: {plant: force_element, parameters: {c: 1.0, k: 0.0}}}\nrviz: {}\n"
+    assert Model.load(write(tmp_path, None, text)).plant.name == "force_element"
+
+
+def test_aliases_and_own_states_in_options():
+    model = Model.from_dict(
+        motor(
+            effects={"dahl_presliding": {"F_c": 0.03, "sigma": 1.0}},
+            initial_state={"velocity": 2.0, "dahl_presliding": {"z": 0.01}},
+        )
+    )
+    np.testing.assert_array_equal(model.x0, [0.0, 2.0, 0.01])
+
+
+def test_lambda_is_an_attribute_with_an_underscore_and_a_key_without():
+    model = Model.from_dict({"plant": "bouc_wen", "parameters": MASS["parameters"] | LOOP})
+    assert model.value("lambda") == 1.0
+    assert model.with_parameters(lambda_=1.5).value("lambda") == 1.5
+    assert "parameters.lambda" in model.par_declarations()
+    assert "lambda: 1.0" in model.to_yaml()
+
+
+# -------------------------------------------------------------------- writing
+
+
+def test_yaml_without_loss_for_every_option(tmp_path):
+    model = Model.from_dict(
+        motor(
+            parameters=MOTOR | {"B": 1e-7, "J": 0.1 + 0.2},
+            effects={
+                "coulomb_friction": {"mu": 1 / 3},
+                "cogging_2": {"type": "cogging_torque", "A": 1e-5, "N": 14.0, "phi": -1e-300},
+            },
+            sign_order=51,
+            sign_scale=0.0,
+            operating_range={"speed": 30.0, "position": 3.0},
+            linearization="optimal",
+            operating_point="midpoint",
+            update_period=1 / 7,
+            state_weights={"position": 0.0},
+            initial_state={"speed": -1e22},
+            tolerance={"J": 0.1},
+            frozen=["K_m"],
+            signals={"voltage": "u [V]"},
+            with_position=True,
+            with_load_torque=True,
+            publish_rate=100.0,
+        )
+    )
+    model.save(tmp_path / "out.yaml")
+    again = Model.load(tmp_path / "out.yaml")
+    assert again == model
+    assert again.to_yaml() == model.to_yaml()
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_numbers_stay_floats_for_ros():
+    """ROS 2 tells 1 from 1.0, and YAML 1.1 reads 1e-06 as text."""
+    text = Model.from_dict(parameters(B=1e-7, J=2)).to_yaml()
+    tree = yaml.safe_load(text)["/**"]["ros__parameters"]
+    assert all(type(value) is float for value in tree["parameters"].values())
+    assert re.search(r"B: 1\.0e-07", text)
+
+
+def test_writing_where_there_is_no_folder_is_refused(tmp_path):
+    with pytest.raises(InputError, match="cannot write"):
+        Model.from_dict(BASE).save(tmp_path / "nowhere" / "m.yaml")
+
+
+# -------------------------------------------------------------------- changing
+
+
+def test_changes_return_new_models():
+    model = Model.from_dict(BASE)
+    more = model.with_effect("stribeck_friction", excess=0.5)
+    assert list(model.effects) == ["coulomb_friction"]
+    assert more.effects["stribeck_friction"].parameters["excess"] == 0.5
+    assert more.without_effect("stribeck_friction") == model
+    other = model.with_parameters({"J": 0.003, "coulomb_friction.mu": 0.05, "parameters.B": 1e-4})
+    assert (other.value("J"), other.value("coulomb_friction.mu"), other.value("B")) == (0.003, 0.05, 1e-4)
+    assert model.value("J") == 0.0022
+    assert model.with_options(sign_order=20).sign_order == 20
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda m: m.with_effect("coulomb_friction"), "another key"),
+        (lambda m: m.with_effect("coulomb"), "did you mean"),
+        (lambda m: m.without_effect("drag"), "there are: coulomb_friction"),
+        (lambda m: m.with_parameters(JJ=1.0), "unknown parameter"),
+        (lambda m: m.with_parameters({"coulomb_friction.nu": 1.0}), "did you mean 'coulomb_friction.mu'"),
+        (lambda m: m.with_parameters(J=-1.0), "parameters.J"),
+        (lambda m: m.with_options(sign_order=0), "sign_order"),
+        (lambda m: m.with_options(nonsense=0), "unknown key"),
+        (lambda m: m.value("nonsense"), "unknown parameter"),
+        (lambda m: m.state_vector({"voltage": 1.0}), "no state"),
+        (lambda m: m.input_vector({"speed": 1.0}), "no input"),
+    ],
+)
+def test_bad_changes_are_refused(change, word):
+    with pytest.raises(ModelError, match=re.escape(word)):
+        change(Model.from_dict(BASE))
+
+
+# -------------------------------------------------------------------- effects of one's own
+
+OWN = '''
+from signlin_ros.effects import Effect
+from signlin_ros.par import Par
+
+class Fan(Effect):
+    """A fan.
+
+    F = -b v |v|.
+    """
+
+    name = "my_fan"
+    equation = "-b v |v|"
+    dissipative = True
+    b = Par("F·s²/Q²", nominal=1e-4, doc="drag per squared velocity")
+
+    def force(self, m, x, p):
+        return -p.b * x.velocity * m.abs(x.velocity)
+'''
+
+
+@pytest.fixture
+def catalogue(monkeypatch):
+    """The registry, put back afterwards."""
+    monkeypatch.setattr(registry, "EFFECTS", EFFECTS)
+    kept = dict(EFFECTS)
+    yield EFFECTS
+    EFFECTS.clear()
+    EFFECTS.update(kept)
+
+
+def test_an_effect_file_of_ones_own(tmp_path, catalogue):
+    (tmp_path / "fan.py").write_text(OWN)
+    own = motor(effects={"my_fan": {"b": 6e-5}}, effect_files=["fan.py"])
+    model = Model.load(write(tmp_path, own))
+    drag = Model.from_dict(motor(effects={"quadratic_drag": {"c2": 6e-5}}))
+    for method in ("termwise", "optimal", "jacobian"):
+        a, b = linearize(model, [0.4, 5.0], method=method), linearize(drag, [0.4, 5.0], method=method)
+        np.testing.assert_allclose(a.A, b.A, rtol=1e-14)
+    assert model.par_declarations()["effects.my_fan.b"].unit == "N·m·s²/rad²"
+    assert Model.from_dict(model.to_dict(), folder=tmp_path) == model
+
+
+def test_an_effect_file_is_run_once_so_that_a_changed_model_keeps_its_equations(tmp_path, catalogue):
+    (tmp_path / "fan.py").write_text(OWN)
+    model = Model.load(write(tmp_path, motor(effects={"my_fan": {"b": 6e-5}}, effect_files=["fan.py"])))
+    assert model.with_parameters({"my_fan.b": 1e-4}).structure == model.structure
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("raise RuntimeError('no')", "RuntimeError: no"),
+        ("def f(:\n", "SyntaxError"),
+        ("x = 3\n", "no subclass of signlin_ros.effects.Effect"),
+        ("from signlin_ros.effects import Effect\nclass A(Effect):\n    '''A.'''\n", "class A lacks name"),
+    ],
+)
+def test_a_bad_effect_file_is_refused(text, word, tmp_path, catalogue):
+    (tmp_path / "fan.py").write_text(text)
+    with pytest.raises(ModelError, match=re.escape(word)) as caught:
+        Model.load(write(tmp_path, motor(effect_files=["fan.py"])))
+    assert "fan.py" in str(caught.value)
+
+
+class _Entry:
+    """An entry point as an installed package would offer it."""
+
+    name, value = "my_fan", "my_package.fan:Fan"
+
+    def __init__(self, load):
+        self.load = load
+
+
+def offer(monkeypatch, load):
+    def entry_points(**_):
+        return [_Entry(load)]
+
+    monkeypatch.setattr(importlib.metadata, "entry_points", entry_points)
+
+
+def test_an_effect_of_an_installed_package(monkeypatch, catalogue):
+    scope = {"__name__": "my_package.fan"}
+    exec(OWN, scope)
+    offer(monkeypatch, lambda: scope["Fan"])
+    model = Model.from_dict(motor(effects={"my_fan": {"b": 6e-5}}))
+    assert np.isfinite(linearize(model, [0.4, 5.0]).A).all()
+    assert "my_fan" in catalogue
+
+
+@pytest.mark.parametrize("load", [lambda: 1 / 0, lambda: int, lambda: 3])
+def test_a_bad_entry_point_is_named(load, monkeypatch, catalogue):
+    offer(monkeypatch, load)
+    with pytest.raises(ModelError, match=r"my_package\.fan:Fan"):
+        Model.from_dict(motor(effects={"my_fan": {"b": 6e-5}}))
+
+
+# -------------------------------------------------------------------- imports
+
+
+@pytest.mark.parametrize(
+    ("modules", "heavy"),
+    [
+        ("signlin_ros", "casadi numpy numba scipy yaml rclpy matplotlib sympy rosbags click"),
+        ("signlin_ros.cli", "casadi numpy numba scipy yaml rclpy matplotlib sympy rosbags"),
+        ("signlin_ros.effects signlin_ros.plants", "casadi numpy numba rclpy matplotlib sympy"),
+        (
+            "signlin_ros.linearize signlin_ros.simulate signlin_ros.records signlin_ros.catalogue signlin_ros.console",
+            "rclpy matplotlib sympy std_msgs",
+        ),
+    ],
+)
+def test_imports_load_no_more_than_they_need(modules, heavy):
+    check = f"import sys\nfor m in {modules.split()!r}: __import__(m)\n"
+    check += f"print([m for m in {heavy.split()!r} if m in sys.modules])"
+    run = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
