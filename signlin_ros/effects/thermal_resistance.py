@@ -11,7 +11,8 @@ from signlin_ros.par import Par
 class ThermalResistance(Effect):
     """A winding whose resistance grows as it warms up.
 
-    R_a -> R = R_a (1 + a Theta), C Theta' = R i^2 - Theta / R_th.   [Hendershot and Miller, Design of Brushless PM Machines, 2010]
+    R_a -> R = R_a (1 + a Theta), C Theta' = R i^2 - Theta / R_th.
+    [Hendershot and Miller, Design of Brushless PM Machines, 2010]
     """
 
     name = "thermal_resistance"

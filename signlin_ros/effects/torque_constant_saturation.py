@@ -11,7 +11,8 @@ from signlin_ros.par import Par
 class TorqueConstantSaturation(Effect):
     """A torque constant that falls with current, as the iron saturates.
 
-    K_t -> K_t / (1 + kappa i^2); the back-EMF constant K_m is unchanged.   [Krause et al., Analysis of Electric Machinery, 2013]
+    K_t -> K_t / (1 + kappa i^2); the back-EMF constant K_m is unchanged.
+    [Krause et al., Analysis of Electric Machinery, 2013]
     """
 
     name = "torque_constant_saturation"

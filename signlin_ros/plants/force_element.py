@@ -12,7 +12,8 @@ from signlin_ros.plants.base import Acting, Plant
 class ForceElement(Plant):
     """A damper or joint whose motion is imposed and whose force is measured.
 
-    q' = v (the input), force = c v + k q - (sum of effects): the force that is needed to move it.   [Spencer et al. 1997, doi:10.1061/(ASCE)0733-9399(1997)123:3(230)]
+    q' = v (the input), force = c v + k q - (sum of effects): the force that is needed to move it.
+    [Spencer et al. 1997, doi:10.1061/(ASCE)0733-9399(1997)123:3(230)]
     """
 
     name = "force_element"
