@@ -96,11 +96,11 @@ def _draw_gain(axes: Any) -> None:
     v = np.logspace(-3, 1.2, 400)
     axes.loglog(v, 1 / v, color=plotting.EXACT, lw=1.0, ls="--", label="sign(v) / v")
     for order, colour in zip((10, 50), (plotting.SEQUENCE[2], plotting.SEQUENCE[3]), strict=True):
-        axes.loglog(v, sign_j(v, order) / v, color=colour, label=f"sign$_j$(v) / v, j = {order}")
-        axes.loglog(v, sign_j_slope(v, order), color=colour, ls=":", label=f"slope of sign$_j$, j = {order}")
-    axes.set(xlabel="|v|  [scale]", ylabel="[1 / scale]", title="What enters A: secant and slope")
-    axes.set(ylim=(0.03, 300), xlim=(1e-3, 16))
-    axes.legend(loc="lower left", fontsize=8)
+        axes.loglog(v, sign_j(v, order) / v, color=colour, label=f"secant, j = {order}")
+        axes.loglog(v, sign_j_slope(v, order), color=colour, ls=":", label=f"slope, j = {order}")
+    axes.set(xlabel="|v|  [scale]", ylabel="sign$_j$(v)/v and d sign$_j$/dv  [1/scale]", title="What enters A")
+    axes.set(ylim=(0.03, 3000), xlim=(1e-3, 16))
+    axes.legend(loc="upper right", fontsize=8)
 
 
 def _draw_reach(axes: Any) -> None:
@@ -133,7 +133,7 @@ class MotorRuns:
 def run_motor() -> MotorRuns:
     """Simulate the motor: exact, f_j, A_k from the start and from the midpoint of each period, and no friction."""
     model = Model.load("dc_motor")
-    t = MOTOR_STEP * np.arange(round(2 * MOTOR_HALF / MOTOR_STEP) + 1)
+    t: Array = MOTOR_STEP * np.arange(round(2 * MOTOR_HALF / MOTOR_STEP) + 1, dtype=float)
     u = np.where(t < MOTOR_HALF - MOTOR_STEP / 2, MOTOR_VOLTAGE, -MOTOR_VOLTAGE)[:, None]
     runs = {
         "exact": simulate(model, t, u),
@@ -233,7 +233,7 @@ def restoring_force(model: Model, run: Trajectory) -> Array:
 def run_oscillator() -> OscillatorRuns:
     """Simulate the Bouc-Wen oscillator under a sine: exact, f_j, and A_k from start and midpoint of each period."""
     model = Model.load("bouc_wen")
-    t = OSCILLATOR_STEP * np.arange(round(OSCILLATOR_SPAN / OSCILLATOR_STEP) + 1)
+    t: Array = OSCILLATOR_STEP * np.arange(round(OSCILLATOR_SPAN / OSCILLATOR_STEP) + 1, dtype=float)
     u = FORCE * np.sin(FORCE_RATE * t)[:, None]
     runs = {"exact": simulate(model, t, u), "smooth": simulate(model, t, u, kind="smooth")}
     for point in ("start", "midpoint"):
@@ -303,6 +303,7 @@ def draw_oscillator(path: Path, oscillator: OscillatorRuns, errors: Mapping[str,
         force.set(ylabel="restoring force  [N]", title=f"Bouc-Wen oscillator, update every {period:g} s")
         error.set(ylabel="error  [N]", xlabel="time  [s]", xlim=(0, oscillator.t[-1]))
         _draw_order(right.subplots(), errors)
+        left.align_ylabels()
         plotting.legend_above(figure, force, 3)
 
 
@@ -318,11 +319,15 @@ def _draw_order(axes: Any, errors: Mapping[str, list[float]]) -> None:
 
 
 def draw_loop(path: Path, oscillator: OscillatorRuns) -> None:
-    """Draw Fig. 6: the restoring force against the displacement."""
-    with plotting.canvas(path, 6.4, 4.6) as figure:
-        axes = figure.subplots()
+    """Draw Fig. 6: the restoring force against the displacement, and what of it is not the spring k q."""
+    k = oscillator.model.value("k")
+    with plotting.canvas(path, 9.0, 4.2) as figure:
+        loop, rest = figure.subplots(1, 2)
         for name, (label, colour, dash) in FORCE_CURVES.items():
             q, force = oscillator.runs[name]["displacement"], oscillator.force(name)
-            axes.plot(q, force, color=colour, ls=dash, label=label, lw=2.0 if name == "exact" else 1.0)
-        axes.set(xlabel="displacement  [m]", ylabel="restoring force  [N]", title="Hysteresis loop")
-        plotting.legend_above(figure, axes, 2)
+            width = 2.0 if name == "exact" else 1.0
+            loop.plot(q, force, color=colour, ls=dash, label=label, lw=width)
+            rest.plot(q, force - k * q, color=colour, ls=dash, lw=width)
+        loop.set(xlabel="displacement q  [m]", ylabel="restoring force  [N]", title="Hysteresis loop")
+        rest.set(xlabel="displacement q  [m]", ylabel="restoring force - k q  [N]", title="The same less the spring")
+        plotting.legend_above(figure, loop, 3)

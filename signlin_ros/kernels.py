@@ -342,108 +342,158 @@ def _land(tape, sizes, z, work, res, s, mode, x, h, K, at, g_tol):
 
 
 @njit(cache=True, error_model="numpy")
+def _memory(sizes, n_work, n_res, x0, p):
+    """Return the arrays that a run works in: z (x, u, p, s), tape work, results, signs, modes and the step's own."""
+    n, m, n_p, q, k, coordinate, switch_of = sizes
+    z = np.zeros(n + m + n_p + q)
+    z[:n], z[n + m : n + m + n_p] = x0, p
+    signs = (np.ones(q), np.ones(q, np.int64), np.zeros(q, np.bool_), np.zeros(q))
+    step = (x0.copy(), np.abs(x0), np.zeros((7, n)), np.zeros(n), np.zeros(n), np.zeros(q), np.zeros(q))
+    return z, np.zeros(n_work), np.zeros(n_res), signs, step
+
+
+@njit(cache=True, error_model="numpy")
+def _begin(tape, sizes, memory, anew):
+    """Set signs, branches and the slope for a new input; choose them afresh if something may have changed."""
+    z, work, res, (s, mode, at, g_tol), step = memory
+    n = step[0].size
+    z[:n] = step[0]
+    _state_of(tape, sizes, z, work, res, s, mode)
+    if anew or np.any(mode != 1) or _violated(sizes, res, s, mode, g_tol):
+        at[:] = False
+        _resolve(tape, sizes, z, work, res, s, mode, at)
+        _state_of(tape, sizes, z, work, res, s, mode)
+    step[2][0, :] = res[:n]
+
+
+@njit(cache=True, error_model="numpy")
+def _try_step(tape, sizes, memory, h, rtol):
+    """Take a step of h; returns its error norm, with the new state in z and the slopes in K."""
+    z, work, res, (s, mode, at, g_tol), (x, peak, K, error, x_new, rates, s_before) = memory
+    n, m, n_p, q, k, coordinate, switch_of = sizes
+    i_rate = n + n * k + q
+    rates[:] = res[i_rate : i_rate + q]
+    s_before[:] = s
+    _stages(tape, sizes, z, work, res, s, mode, x, h, K)
+    for i in range(n):
+        total = 0.0
+        for j in range(7):
+            total += _E[j] * K[j, i]
+        error[i] = h * total
+    norm = _error_norm(error, x, z[:n], peak, rtol)
+    if norm > 1.0:
+        res[i_rate : i_rate + q] = rates
+    return norm
+
+
+@njit(cache=True, error_model="numpy")
+def _shorten(tape, sizes, memory, h, rtol):
+    """Cut an accepted step of h at the first surface that it passes; returns (step taken, whether one was)."""
+    z, work, res, (s, mode, at, g_tol), (x, peak, K, error, x_new, rates, s_before) = memory
+    n, m, n_p, q, k, coordinate, switch_of = sizes
+    i_g = n + n * k
+    for j in range(q):
+        g_tol[j] = max(g_tol[j], 1e-3 * rtol * abs(res[i_g + j]))
+    if q == 0:
+        return h, False
+    x_new[:] = z[:n]
+    dip = _may_dip(sizes, res, s, mode, rates, s_before)
+    theta = _first_violation(tape, sizes, z, work, res, s, mode, x, h, K, g_tol, dip)
+    if theta > 1.0:
+        z[:n] = x_new
+        return h, False
+    return _land(tape, sizes, z, work, res, s, mode, x, theta * h, K, at, g_tol), True
+
+
+@njit(cache=True, error_model="numpy")
+def _note(sizes, mode, at, t, events, count):
+    """Append the surfaces just reached to the events; returns how many there are."""
+    switch_of = sizes[6]
+    for j in range(at.size):
+        if at[j] and count < events.shape[0]:
+            events[count, 0], events[count, 1] = t, j
+            events[count, 2] = 0 if switch_of[j] < 0 else (1 if mode[j] == 0 else 2)
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+def _march(tape, sizes, memory, t, target, h, rtol, events, count):  # one integrator loop: its parts are above
+    """Integrate to ``target`` with the input held; returns (status, time, next step, number of events)."""
+    z, work, res, (s, mode, at, g_tol), (x, peak, K, error, x_new, rates, s_before) = memory
+    n, idle = x.size, 0
+    for _ in range(MAX_STEPS):
+        if target - t <= 1e-14 * abs(target):
+            return OK, target, h, count
+        step = min(h, target - t)
+        if step <= 1e-15 * max(abs(t), abs(target)):
+            return DIVERGED, t, h, count
+        norm = _try_step(tape, sizes, memory, step, rtol)
+        wanted = _new_step(step, norm, 5.0)
+        if norm > 1.0 and (norm == np.inf or step > 1e-12 * max(abs(t), 1e-3)):
+            h = wanted
+            continue
+        h = max(h, wanted) if step < h else wanted
+        taken, reached = _shorten(tape, sizes, memory, step, rtol)
+        idle = idle + 1 if taken <= 1e-13 * max(abs(t), 1e-3) else 0
+        t = target if taken == target - t else t + taken
+        for i in range(n):
+            x[i] = z[i]
+            peak[i] = max(peak[i], abs(x[i]))
+        if not np.max(np.abs(x)) < 1e150:
+            return DIVERGED, t, h, count
+        if idle > 200:
+            return CHATTER, t, h, count
+        if reached:
+            _resolve(tape, sizes, z, work, res, s, mode, at)
+            count = _note(sizes, mode, at, t, events, count)
+            _state_of(tape, sizes, z, work, res, s, mode)
+            K[0, :] = res[:n]
+        else:
+            K[0, :] = K[6, :]
+    return TOO_STIFF, t, h, count
+
+
+@njit(cache=True, error_model="numpy")
+def _output(tape, sizes, memory, y):
+    """Write the outputs at the present state and signs to y."""
+    z, work, res, (s, mode, at, g_tol), step = memory
+    n, q = step[0].size, s.size
+    z[:n], z[z.size - q :] = step[0], s
+    evaluate(tape, z, work, res)
+    y[:] = res[res.size - y.size :]
+
+
+@njit(cache=True, error_model="numpy")
 def run_exact(tape, sizes, n_work, n_res, times, breaks, inputs, x0, p, rtol, X, Y, events):
     """Integrate with set-valued signs; inputs (K, m) hold from breaks (K,) on; states to X (T, n), outputs to Y.
 
-    ``events`` (E, 3) takes time, surface and kind (0 crossed, 1 stuck, 2 slips); the last row's first entry counts.
-    Returns (status, time).
+    ``events`` (E, 3) takes time, surface and kind (0 crossed, 1 stuck, 2 slips). Returns (status, time, events).
     """
-    n, m, n_p, q, k, coordinate, switch_of = sizes
-    z, work, res = np.zeros(n + m + n_p + q), np.zeros(n_work), np.zeros(n_res)
-    z[:n], z[n + m : n + m + n_p] = x0, p
-    s, mode, at, g_tol = np.ones(q), np.ones(q, np.int64), np.zeros(q, np.bool_), np.zeros(q)
-    x, peak, K, error = x0.copy(), np.abs(x0), np.zeros((7, n)), np.zeros(n)
-    rates, s_before, x_new = np.zeros(q), np.zeros(q), np.zeros(n)
-    i_g, i_rate, n_y = n + n * k, n + n * k + q, Y.shape[1]
-    n_events, steps, idle = 0, 0, 0
-    t, h, next_break = times[0], np.inf, 0
+    n, m, count, next_break, status = x0.size, inputs.shape[1], 0, 0, OK
+    memory = _memory(sizes, n_work, n_res, x0, p)
+    t, h = times[0], np.inf
     for sample in range(times.size):
         while True:
-            fresh = False
+            fresh = sample == 0
             while next_break < breaks.size and breaks[next_break] <= t:
-                z[n : n + m] = inputs[next_break]
+                memory[0][n : n + m] = inputs[next_break]
                 next_break += 1
                 fresh = True
-            if fresh or sample == 0:
-                z[:n] = x
-                _state_of(tape, sizes, z, work, res, s, mode)
-                if sample == 0 or np.any(mode != 1) or _violated(sizes, res, s, mode, g_tol):
-                    at[:] = False
-                    _resolve(tape, sizes, z, work, res, s, mode, at)
-                    _state_of(tape, sizes, z, work, res, s, mode)
-                K[0, :] = res[:n]
+            if fresh:
+                _begin(tape, sizes, memory, sample == 0)
             target = times[sample]
-            if next_break < breaks.size and breaks[next_break] < target:
-                target = breaks[next_break]
+            if next_break < breaks.size:
+                target = min(target, breaks[next_break])
             if t >= target:
                 break
-            while t < target:
-                steps += 1
-                rates[:] = res[i_rate : i_rate + q]
-                s_before[:] = s
-                if steps > MAX_STEPS:
-                    return TOO_STIFF, t, n_events
-                if target - t <= 1e-14 * abs(target):
-                    t = target
-                    break
-                wanted = h
-                h = min(h, target - t)
-                if h <= 1e-15 * max(abs(t), abs(target)) and t + h < target:
-                    return DIVERGED, t, n_events
-                _stages(tape, sizes, z, work, res, s, mode, x, h, K)
-                for i in range(n):
-                    total = 0.0
-                    for j in range(7):
-                        total += _E[j] * K[j, i]
-                    error[i] = h * total
-                norm = _error_norm(error, x, z[:n], peak, rtol)
-                if norm > 1.0 and (norm == np.inf or h > 1e-12 * max(abs(t), 1e-3)):
-                    h = _new_step(h, norm, 5.0)
-                    res[i_rate : i_rate + q] = rates
-                    continue
-                taken, grown = h, _new_step(h, norm, 5.0)
-                if h < wanted:
-                    grown = max(wanted, grown)
-                for j in range(q):
-                    g_tol[j] = max(g_tol[j], 1e-3 * rtol * abs(res[i_g + j]))
-                theta = 2.0
-                if q > 0:
-                    x_new[:] = z[:n]
-                    dip = _may_dip(sizes, res, s, mode, rates, s_before)
-                    theta = _first_violation(tape, sizes, z, work, res, s, mode, x, h, K, g_tol, dip)
-                    z[:n] = x_new
-                if theta <= 1.0:
-                    taken = _land(tape, sizes, z, work, res, s, mode, x, theta * h, K, at, g_tol)
-                last = t
-                t = target if taken == target - t else t + taken
-                for i in range(n):
-                    x[i] = z[i]
-                    peak[i] = max(peak[i], abs(x[i]))
-                    if not abs(x[i]) < 1e150:
-                        return DIVERGED, t, n_events
-                h = grown
-                if theta > 1.0:
-                    K[0, :] = K[6, :]
-                    continue
-                idle = idle + 1 if t - last <= 1e-13 * max(abs(t), 1e-3) else 0
-                if idle > 200:
-                    return CHATTER, t, n_events
-                _resolve(tape, sizes, z, work, res, s, mode, at)
-                for j in range(q):
-                    if at[j] and n_events < events.shape[0]:
-                        events[n_events, 0], events[n_events, 1] = t, j
-                        events[n_events, 2] = 0 if switch_of[j] < 0 else (1 if mode[j] == 0 else 2)
-                        n_events += 1
-                _state_of(tape, sizes, z, work, res, s, mode)
-                K[0, :] = res[:n]
-        X[sample] = x
-        if n_y:
-            z[:n] = x
-            for j in range(q):
-                z[n + m + n_p + j] = s[j]
-            evaluate(tape, z, work, res)
-            Y[sample] = res[n_res - n_y :]
-    return OK, t, n_events
+            status, t, h, count = _march(tape, sizes, memory, t, target, h, rtol, events, count)
+            if status != OK:
+                return status, t, count
+        X[sample] = memory[4][0]
+        if Y.shape[1]:
+            _output(tape, sizes, memory, Y[sample])
+    return OK, t, count
 
 
 # --------------------------------------------------------------------------- smooth: RODAS

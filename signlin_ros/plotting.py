@@ -5,7 +5,7 @@ Colours: Okabe and Ito, Color Universal Design (2008). matplotlib is imported wh
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ EXACT, START, MIDPOINT, BARE, JACOBIAN = "#000000", "#D55E00", "#0072B2", "#009E
 SEQUENCE = ("#56B4E9", "#E69F00", "#009E73", "#0072B2")
 """For curves that only count, e.g. several orders j."""
 SHADE = "#E69F00"
-_STYLE: Mapping[str, Any] = {
+_STYLE: Any = {
     "font.size": 9.0,
     "font.family": "DejaVu Sans",
     "axes.titlesize": 9.5,
@@ -42,12 +42,12 @@ def canvas(path: Path, width: float, height: float) -> Iterator[Any]:
     Raises `MissingExtraError` without matplotlib, `InputError` where the file cannot be written.
     """
     try:
-        import matplotlib
+        import matplotlib as mpl
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
     except ImportError as error:
         raise MissingExtraError("Drawing figures", "plot") from error
-    with matplotlib.rc_context(dict(_STYLE)):
+    with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         yield figure

@@ -15,6 +15,7 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 
+from signlin_ros.estimate import StateEstimator
 from signlin_ros.nodes import convert, overrides
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.linearizer_logic import NANO, LinearizerLogic, Refusal, Update, checked_linearizer
@@ -52,6 +53,8 @@ class LinearizerNode(ModelNode):
         if self.options["state_source"] == "array":
             self.create_subscription(Float64MultiArray, "state", self._on_state, SENSORS)
         else:
+            if self.model.plant.position in self.model.states:
+                StateEstimator(self.model, [self.model.plant.position]).warm_up()
             self.create_subscription(JointState, "joint_states", self._on_joint_state, SENSORS)
         self._timer = self.create_timer(self.model.update_period, self._on_period)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on where a simulated clock stands still

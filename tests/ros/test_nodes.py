@@ -61,6 +61,14 @@ def assert_core_s(messages: list[Any], model: Model) -> None:
     assert [update.sequence for update in updates] == list(range(first, first + len(updates)))
 
 
+def _value(diagnostics: list[Any], key: str) -> float:
+    """The newest value of a key in the diagnostics; 0 before the first."""
+    values = [
+        v.value for message in diagnostics[-1:] for status in message.status for v in status.values if v.key == key
+    ]
+    return float(values[0]) if values else 0.0
+
+
 def test_two_processes_publish_and_receive(graph: Any) -> None:
     plant = graph.start("plant_simulator", "input_signal:=square", "amplitude:=2", "input_period:=1")
     models, matrices = graph.models(), graph.collect(Float64MultiArray, "/linearizer/A", latched=True)
@@ -75,7 +83,8 @@ def test_two_processes_publish_and_receive(graph: Any) -> None:
         ("rows", 2, 4),
         ("columns", 2, 2),
     ]
-    assert list(matrices[-1].data) == convert.read_model(models[-1]).result.A.ravel().tolist()
+    A = {tuple(convert.read_model(message).result.A.ravel()) for message in models}
+    assert sum(tuple(message.data) in A for message in matrices) >= 20
     assert (plant.stop(signal.SIGINT), linearizer.stop(signal.SIGTERM)) == (0, 0)
     for process in (plant, linearizer):
         assert "Traceback" not in process.output
@@ -85,6 +94,7 @@ def test_exactly_300_updates_in_60_s_of_simulated_time(graph: Any) -> None:
     graph.start("plant_simulator", "input_signal:=sine", "input_period:=7.3", sim_time=True)
     graph.start("linearizer", sim_time=True)
     models, states = graph.models(), graph.collect(Float64MultiArray, "/state")
+    diagnostics = graph.collect(DiagnosticArray, "/diagnostics")
     clock = graph.publisher(Clock, "/clock", depth=1)
     graph.wait(lambda: clock.get_subscription_count() == 2, "two followers of the clock")
     inputs = graph.node.count_subscribers
@@ -94,17 +104,20 @@ def test_exactly_300_updates_in_60_s_of_simulated_time(graph: Any) -> None:
         clock.publish(Clock(clock=convert.stamp_of(now)))
         graph.executor.spin_once(timeout_sec=0.002)
 
-    def catch_up(now: int) -> None:
-        """The machine may be slower than this clock."""
-        graph.wait(lambda: tick(now) or len(models) >= now * 5 // NANO, f"the models until {now} ns")
+    def wait_for_both(now: int) -> None:
+        """This clock may be faster than the machine: the plant must have stepped, the linearizer published."""
+        count = len(states)
+        graph.wait(
+            lambda: tick(now) or (len(states) > count and len(models) >= now // (NANO // 5)), f"what is due by {now} ns"
+        )
 
     now = NANO // 50
-    graph.wait(lambda: tick(now) or states, "the first state")
+    graph.wait(lambda: tick(now) or _value(diagnostics, "states accepted") > 0, "the first state")
     while now < 60 * NANO:
         now += NANO // 50
         tick(now)
-        if now % NANO == 0:
-            catch_up(now)
+        if now % (NANO // 5) == 0:
+            wait_for_both(now)
     graph.spin(0.5)
     assert [convert.read_model(m).sequence for m in models] == list(range(300))
     stamps = [convert.read_model(m).stamp for m in models]

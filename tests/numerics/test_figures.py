@@ -1,0 +1,169 @@
+"""The paper's figures against independently computed values, and against the method's theory."""
+
+from __future__ import annotations
+
+import builtins
+import json
+import struct
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from signlin_ros import figures
+from signlin_ros.errors import InputError, MissingExtraError
+from signlin_ros.figures import MotorRuns, OscillatorRuns
+from signlin_ros.linearize import Linearizer
+from signlin_ros.model import Model
+from signlin_ros.simulate import simulate
+
+
+@pytest.fixture(scope="module")
+def motor() -> MotorRuns:
+    return figures.run_motor()
+
+
+@pytest.fixture(scope="module")
+def oscillator() -> OscillatorRuns:
+    return figures.run_oscillator()
+
+
+@pytest.fixture(scope="module")
+def errors(oscillator: OscillatorRuns) -> dict[str, list[float]]:
+    return figures.errors_by_period(oscillator)
+
+
+# Computed beforehand by another program; as many digits as it printed.
+
+
+@pytest.mark.parametrize(
+    ("name", "speed", "digits"), [("start", 21.015, 3), ("exact", 20.954, 3), ("no_friction", 24.844, 3)]
+)
+def test_the_motor_is_as_fast_at_the_reversal(motor: MotorRuns, name: str, speed: float, digits: int) -> None:
+    found = figures.motor_numbers(motor)["speed_at_reversal"]
+    assert found["unit"] == "rad/s"
+    assert found[name] == pytest.approx(speed, abs=10**-digits)
+
+
+@pytest.mark.parametrize(
+    ("name", "error"), [("start", 4.60), ("no_friction", 3.59), ("midpoint", 0.26), ("smooth", 0.05)]
+)
+def test_the_motor_s_speed_is_off_by_as_much(motor: MotorRuns, name: str, error: float) -> None:
+    found = figures.motor_numbers(motor)["speed_rmse"]
+    assert found["unit"] == "rad/s"
+    assert found[name] == pytest.approx(error, abs=0.005)
+
+
+def test_the_motor_leaves_the_valid_range_at_j_over_3(motor: MotorRuns) -> None:
+    exact = np.abs(motor.runs["exact"]["speed"])
+    assert np.array_equal(motor.valid, exact <= 50 / 3)
+
+
+def test_the_lag_of_start_is_the_damping_at_standstill(motor: MotorRuns) -> None:
+    """K_f = mu j at rest: from there the first linear model hardly moves in a period; the exact motor does."""
+    model = motor.model
+    at_rest = Linearizer(model)([0.0, 0.0], [figures.MOTOR_VOLTAGE])
+    mu, J = model.value("coulomb_friction.mu"), model.value("J")
+    assert at_rest.A[1, 1] == pytest.approx(-(mu * model.sign_order + model.value("B")) / J)
+    first = int(round(model.update_period / figures.MOTOR_STEP))
+    assert motor.runs["start"]["speed"][first] < 0.05 * motor.runs["exact"]["speed"][first]
+
+
+def test_the_midpoint_costs_nothing_at_the_reversal(motor: MotorRuns) -> None:
+    """Both operating points settle on the speed of f_j, not on that of the motor: the order j is what is left."""
+    found = figures.motor_numbers(motor)["speed_at_reversal"]
+    assert found["midpoint"] == pytest.approx(found["smooth"], abs=1e-3)
+    assert found["start"] == pytest.approx(found["smooth"], abs=0.01)
+
+
+def test_the_motor_follows_f_j_at_the_order_of_its_operating_point() -> None:
+    """Order in the update period against f_j: 1 for start, more for midpoint; in motion, away from the reversal."""
+    model = Model.load("dc_motor").with_parameters({"coulomb_friction.mu": 0.033})
+    t = np.arange(0, 0.8 + 1e-9, 0.0025)
+    u, x0 = np.full((t.size, 1), 2.0), [0.5, 2.0]
+    truth = simulate(model, t, u, x0, kind="smooth", rtol=1e-11)["speed"]
+    periods = (0.04, 0.02, 0.01)
+    orders = {}
+    for point in ("start", "midpoint"):
+        found = []
+        for period in periods:
+            held = model.with_options(operating_point=point, update_period=period)
+            error = simulate(held, t, u, x0, kind="piecewise")["speed"] - truth
+            found.append(np.sqrt(np.mean(error**2)))
+        orders[point] = np.polyfit(np.log(periods), np.log(found), 1)[0]
+    assert orders["start"] == pytest.approx(1.0, abs=0.2)
+    assert orders["midpoint"] == pytest.approx(2.0, abs=0.3)
+
+
+# ---------------------------------------------------------------- hysteresis: theory only, whatever the parameters
+
+
+def test_the_error_of_the_oscillator_falls_with_the_period(errors: Mapping[str, list[float]]) -> None:
+    """Against f_j: order 1 for start; about 1.7 or better for midpoint."""
+    orders = {name: figures.observed_orders(values) for name, values in errors.items()}
+    assert orders["start"][-1] == pytest.approx(1.0, abs=0.35)
+    overall = np.polyfit(np.log(figures.PERIODS), np.log(errors["midpoint"]), 1)[0]
+    assert 1.5 <= overall <= 2.5
+
+
+def test_the_midpoint_is_better_on_the_oscillator(errors: Mapping[str, list[float]], oscillator: Any) -> None:
+    assert all(m < s for m, s in zip(errors["midpoint"], errors["start"], strict=True))
+    found = figures.oscillator_numbers(oscillator, errors)["force_rmse_against_exact"]
+    assert found["midpoint"] < found["start"]
+
+
+def test_the_restoring_force_is_what_accelerates_the_mass(oscillator: OscillatorRuns) -> None:
+    """m v' = F - c v - restoring force, by central differences: the force is not a formula of its own."""
+    model, run, dt = oscillator.model, oscillator.runs["exact"], figures.OSCILLATOR_STEP
+    v = run["velocity"]
+    acceleration = (v[2:] - v[:-2]) / (2 * dt)
+    held = (oscillator.u[1:-1, 0] + oscillator.u[:-2, 0]) / 2  # the input before and after the sample
+    expected = held - model.value("c") * v[1:-1] - model.value("m") * acceleration
+    force = oscillator.force("exact")
+    assert np.sqrt(np.mean((force[1:-1] - expected) ** 2)) < 1e-3 * force.std()
+
+
+# ---------------------------------------------------------------- the files
+
+
+def test_all_is_written_and_the_files_hold_the_numbers(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib", reason="needs the extra plot")
+    written = figures.make_figures(tmp_path / "new" / "folder")
+    names = [Path(file).name for file in written["files"]]
+    assert names == [
+        *("figure_1.png", "figure_2.png", "figure_4.json", "figure_4.png"),
+        *("figure_5.json", "figure_5.png", "figure_6.png"),
+    ]
+    for file in map(Path, written["files"]):
+        if file.suffix == ".json":
+            assert json.loads(file.read_text(encoding="utf-8")) == json.loads(json.dumps(written[file.stem]))
+        else:
+            assert size_of_png(file) > (500, 300)
+
+
+def size_of_png(file: Path) -> tuple[int, int]:
+    data = file.read_bytes()
+    assert data[:8] == b"\x89PNG\r\n\x1a\n"
+    width, height = struct.unpack(">II", data[16:24])
+    return width, height
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file"):
+        figures.make_figures(tmp_path / "file")
+
+
+def test_without_matplotlib_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = builtins.__import__
+
+    def no_matplotlib(name: str, *rest: Any, **more: Any) -> Any:
+        if name.split(".")[0] == "matplotlib":
+            raise ModuleNotFoundError(name=name)
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", no_matplotlib)
+    with pytest.raises(MissingExtraError, match=r"signlin_ros\[plot\]"):
+        figures.make_figures(tmp_path)
