@@ -48,10 +48,10 @@ format: install  ## let ruff repair what it can
 	$(BIN)/ruff format .
 
 demo: install    ## the main job for real: simulator and linearizer over ROS 2, a figure and a table
-	$(BIN)/python demo/demo.py --output $(OUT)
+	$(BIN)/python -m signlin_ros.demo --output $(OUT)
 
 bench: install   ## speed and latency, as ratios against other tools
-	$(BIN)/python bench/bench.py --output $(OUT)
+	$(BIN)/python benchmarks/bench.py
 
 clean:           ## all that make has made, but not $(VENV)
 	rm -rf $(OUT) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache dist build

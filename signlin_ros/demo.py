@@ -135,12 +135,17 @@ def _listener(namespace: str) -> Listener:
     return Listener(namespace, POINTS.values())
 
 
-def listen(seconds: float, say: Callable[[str], None]) -> Heard:
-    """Run plant and linearizers for some seconds after the plant's first state; return what they published."""
-    place = prefix()
+def _stay_on_this_machine(place: Path) -> None:
+    """Set discovery for this process and its children: quick, and local unless the user says otherwise."""
     profile = place / "share" / "signlin_ros" / "config" / "fastdds_profile.xml"
     os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(profile))
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+
+
+def listen(seconds: float, say: Callable[[str], None]) -> Heard:
+    """Run plant and linearizers for some seconds after the plant's first state; return what they published."""
+    place = prefix()
+    _stay_on_this_machine(place)
     namespace = f"/signlin_demo_{os.getpid()}"
     with _listener(namespace) as listener, _processes(place, namespace) as processes:
 
@@ -316,7 +321,7 @@ RMS error of the speed predicted over the next {period:g} s, in rad/s:
 published    A_k, B_k, c as received; here c = 0: x' = A_k x + B_k u
 no friction  the same motor without its dry friction
 Jacobian     affine, at the same state: its friction stands in c, not in A
-exact model  the non-smooth motor itself: no linear model can beat it
+exact model  the non-smooth motor itself, which no linear model can beat; above 0 only by lost timing
 all: over every sample; median: of the predictions, one for each published model
 In valid range: {limit} (sign_j, j = {order}). {heard}.
 Largest difference between a published A_k, B_k, c and the library's own: {difference:g}."""
