@@ -76,18 +76,23 @@ class StickSlipMotor:
         found = self._solve(rates, breaks, t, end, [i], voltage)
         return found.t[-1], np.array([found.y[0, -1], 0.0])
 
+    def _direction(self, x: Array, voltage: float) -> float:
+        """Return the way it slips, 1 or -1, or 0 if it sticks."""
+        i, w = x.tolist()
+        if w != 0.0:
+            return math.copysign(1.0, w)
+        beyond = abs(self.motor["K_t"] * i) / self.level - 1.0
+        grows = i * (voltage - self.motor["R_a"] * i) > 0.0
+        return math.copysign(1.0, i) if beyond > 1e-12 or (beyond > -1e-12 and grows) else 0.0
+
     def _sample(self, t: float, end: float, x: Array, voltage: float) -> Array:
         """Carry (i, w) from t to end with the voltage held, mode by mode."""
-        drive, R, K_t = self.motor["K_t"], self.motor["R_a"], self.motor["K_t"]
         while t < end:
-            if x[1] == 0.0 and abs(drive * x[0]) < self.level * (1 - 1e-12):
+            direction = self._direction(x, voltage)
+            if direction == 0.0:
                 t, x = self._stick(t, end, x[0], voltage)
                 continue
-            towards = x[1] if x[1] != 0.0 else x[0]
-            if x[1] == 0.0 and abs(K_t * voltage / R) < self.level and x[0] * (voltage - R * x[0]) < 0:
-                t, x = self._stick(t, end, x[0] * (1 - 1e-12), voltage)  # at the level and falling: it stays
-                continue
-            rates, stops = self._slips[math.copysign(1.0, towards)]
+            rates, stops = self._slips[direction]
             found = self._solve(rates, stops, t, end, x, voltage)
             t, x = found.t[-1], found.y[:, -1]
             if found.status == 1:

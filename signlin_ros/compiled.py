@@ -49,7 +49,8 @@ def linear_terms(form: SmoothForm, weights: ca.SX, method: str) -> tuple[ca.SX, 
         for members, term in _terms(form, i, method):
             slopes = form.jacobian(term, t.x)
             change = form.smooth(form.change.of(term))
-            rest, coefficients = _absorb(change - ca.mtimes(slopes, t.x), t.x, weights, members, method)
+            rest = ca.SX(0) if form.is_linear(term) else change - ca.mtimes(slopes, t.x)
+            rest, coefficients = _absorb(rest, t.x, weights, members, method)
             at_zero = form.smooth(form.change.at_reference(term))
             A[i, :] += slopes + coefficients
             c[i] += at_zero + rest

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import sysconfig
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from signlin_ros import sign
 from signlin_ros.effects import Effect, find_effect, load_effect_file
 from signlin_ros.errors import InputError, ModelError, choices, suggest
-from signlin_ros.par import Namespace, Par, check_values
+from signlin_ros.par import Par, check_values
 from signlin_ros.plants import Plant, find_plant
 from signlin_ros.trace import EffectSlot, Structure, Trace, resolve_unit, trace
 
@@ -285,22 +286,13 @@ class Model:
 def shipped_models() -> dict[str, Path]:
     """Return the model files that come with the package, by name."""
     here = Path(__file__).parent
-    places = (
-        here.parent / "config",
-        here / "config",
-        Path(_data_prefix()) / "share" / "signlin_ros" / "config",
-    )
+    prefixes = (*here.parents, Path(sysconfig.get_path("data")))  # of a ROS 2 workspace, of a virtual environment
+    places = (here.parent / "config", *(prefix / "share" / "signlin_ros" / "config" for prefix in prefixes))
     for place in places:
         files = {f.stem: f for f in sorted(place.glob("*.yaml"))}
         if "dc_motor" in files:
             return files
     return {}
-
-
-def _data_prefix() -> str:
-    import sysconfig
-
-    return sysconfig.get_path("data")
 
 
 def find_model_file(path: str | Path) -> Path:
@@ -542,4 +534,4 @@ def _state_name(model: Model, option: str, name: str, allowed: tuple[str, ...] |
     return plain
 
 
-__all__ = ["EffectUse", "Model", "Namespace", "find_model_file", "shipped_models"]
+__all__ = ["EffectUse", "Model", "find_model_file", "shipped_models"]

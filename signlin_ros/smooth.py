@@ -70,6 +70,10 @@ class SmoothForm:
         """Whether F_j is affine in the inputs."""
         return not any(ca.which_depends(self.smooth(self.trace.f), self.trace.u, 2, True))
 
+    def is_linear(self, e: ca.SX) -> bool:
+        """Tell whether an expression is affine in the states and holds no sign that depends on them."""
+        return not any(ca.which_depends(self.smooth(e), self.trace.x, 2, True))
+
     @functools.cached_property
     def change(self) -> Change:
         """Differences from x = 0, signs included; built sign by sign, because later ones may hold earlier ones."""

@@ -101,7 +101,9 @@ class Listener:
 
     def forget(self) -> None:
         """Begin anew with what is heard from now on."""
-        for found in (self._states, self._inputs, *self._models.values()):
+        self._states.clear()
+        self._inputs.clear()
+        for found in self._models.values():
             found.clear()
 
     def heard(self) -> Heard:
