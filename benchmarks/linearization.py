@@ -44,7 +44,8 @@ def run(report: Report) -> None:
     faster = found["control"].median / found["call"].median
     report.ratio("python-control / one call", "python-control / one call", faster)
     report.ratio("by hand / one call", "NumPy by hand / one call", found["hand"].median / found["call"].median)
-    report.ratio("by hand / batch", "NumPy by hand on arrays / batch", found["hand batch"].median / found["batch"].median)
+    arrays = found["hand batch"].median / found["batch"].median
+    report.ratio("by hand / batch", "NumPy by hand on arrays / batch", arrays)
     report.target("one call, times faster than python-control", faster, low=20)
     report.target("one call", found["call"].median * 1e6, high=5, unit="µs")
     report.target("batch, per point", found["batch"].median / POINTS * 1e6, high=0.5, unit="µs")

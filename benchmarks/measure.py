@@ -27,9 +27,7 @@ class Timing:
         return f"{self.median * factor:10.4g} {unit}   (best {self.best * factor:.4g}, {counts})"
 
 
-def timed(
-    calls: dict[str, tuple[Callable[[], object], int]], repeats: int = 9, warm: bool = True
-) -> dict[str, Timing]:
+def timed(calls: dict[str, tuple[Callable[[], object], int]], repeats: int = 9, warm: bool = True) -> dict[str, Timing]:
     """Time several functions against each other: in every round each is called its number of times.
 
     The rounds interleave, so that a machine that is busy for a while slows all of them and leaves their ratios.

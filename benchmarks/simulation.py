@@ -26,8 +26,9 @@ def motor() -> Model:
 
 def voltage() -> tuple[Array, Array]:
     """16 s of a slow sine and a faster one beside it, held for 5 ms each: the motor sticks at every reversal."""
-    t = np.arange(3201) * 0.005
-    return t, 1.2 * np.sin(2 * np.pi * 0.25 * t) + 0.4 * np.sin(2 * np.pi * 0.9 * t + 0.5)
+    t = np.linspace(0.0, 16.0, 3201)
+    u = 1.2 * np.sin(2 * np.pi * 0.25 * t) + 0.4 * np.sin(2 * np.pi * 0.9 * t + 0.5)
+    return t, u
 
 
 def tuned(run: Run, reference: Array, accuracy: float) -> tuple[float, float]:

@@ -12,17 +12,20 @@ from measure import Report, timed
 
 HELP = [str(Path(sys.executable).parent / "signlin"), "--help"]
 IMPORT = [sys.executable, "-c", "import signlin_ros.linearize"]
-LINEARIZE = [
-    *(sys.executable, "-c"),
-    "from signlin_ros.model import Model; from signlin_ros.linearize import linearize\n"
-    "linearize(Model.load('dc_motor'), [0.4, 20.0])",
-]
-SIMULATE = [
-    *(sys.executable, "-c"),
-    "import sys, numpy as np; from signlin_ros.model import Model; from signlin_ros.simulate import simulate\n"
-    "model = Model.load('dc_motor').with_options(operating_point='midpoint')\n"
-    "simulate(model, np.arange(10) * 0.1, np.ones((10, 1)), kind=sys.argv[1])",
-]
+LINEARIZE_CODE = """
+from signlin_ros.model import Model
+from signlin_ros.linearize import linearize
+linearize(Model.load("dc_motor"), [0.4, 20.0])
+"""
+SIMULATE_CODE = """
+import sys, numpy as np
+from signlin_ros.model import Model
+from signlin_ros.simulate import simulate
+model = Model.load("dc_motor").with_options(operating_point="midpoint")
+simulate(model, np.arange(10) * 0.1, np.ones((10, 1)), kind=sys.argv[1])
+"""
+LINEARIZE = [sys.executable, "-c", LINEARIZE_CODE]
+SIMULATE = [sys.executable, "-c", SIMULATE_CODE]
 KINDS = ("exact", "smooth", "piecewise")
 
 

@@ -53,9 +53,15 @@ class StickSlipMotor:
     def _solve(self, rates: Any, event: Any, t: float, end: float, x: Any, voltage: float) -> Any:
         first = min(self._step, end - t)
         found = solve_ivp(
-            *(rates, (t, end), x),
-            **{"method": self.method, "events": event, "args": (voltage,), "first_step": first},
-            **{"rtol": self.rtol, "atol": self.atol},
+            rates,
+            (t, end),
+            x,
+            method=self.method,
+            events=event,
+            args=(voltage,),
+            first_step=first,
+            rtol=self.rtol,
+            atol=self.atol,
         )
         if len(found.t) > 2:  # the last step is cut at the end of the segment
             self._step = found.t[-2] - found.t[-3] if len(found.t) > 3 else found.t[1] - found.t[0]

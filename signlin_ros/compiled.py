@@ -140,7 +140,7 @@ def smooth_function(structure: Structure, order: int) -> ca.Function:
 def exact_function(structure: Structure) -> ca.Function:
     """Return the function (x, u, p, s) -> what the set-valued simulation needs, flat.
 
-    F at s (n), dF/ds for the switches (n x k, row-major), all surfaces g (q), dg_k/dt at s for all surfaces (q),
+    F at s (n), all surfaces g (q), dg_k/dt at s for all surfaces (q), dF/ds for the switches (n x k, row-major),
     d(dg_k/dt)/ds for the switches (k x k, row-major), outputs y.
     """
     t = trace(structure)
@@ -150,7 +150,7 @@ def exact_function(structure: Structure) -> ca.Function:
     g_switch = _stack([s.g for s in t.surfaces if s.kind == "switch"])
     rates = ca.mtimes(ca.jacobian(g, t.x), t.f)
     coupling = ca.jacobian(ca.mtimes(ca.jacobian(g_switch, t.x), t.f), switches)
-    flat = ca.vertcat(t.f, _row_major(ca.jacobian(t.f, switches)), g, rates, _row_major(coupling), t.y)
+    flat = ca.vertcat(t.f, g, rates, _row_major(ca.jacobian(t.f, switches)), _row_major(coupling), t.y)
     return ca.Function("exact", [t.x, t.u, t.p, symbols], [ca.densify(ca.cse(flat))])
 
 
@@ -160,14 +160,15 @@ def _stack(items: list[ca.SX]) -> ca.SX:
 
 @functools.lru_cache(maxsize=256)
 def exact_tape(structure: Structure) -> Tape:
-    """Return `exact_function` as a tape."""
-    return Tape.of(exact_function(structure))
+    """Return `exact_function` as a tape whose head is F, g and dg/dt: what a step without stuck surfaces needs."""
+    t = trace(structure)
+    return Tape.of(exact_function(structure), t.x.numel() + 2 * len(t.surfaces))
 
 
 @functools.lru_cache(maxsize=256)
 def smooth_tape(structure: Structure, order: int) -> Tape:
-    """Return `smooth_function` as a tape."""
-    return Tape.of(smooth_function(structure, order))
+    """Return `smooth_function` as a tape whose head is f_j."""
+    return Tape.of(smooth_function(structure, order), trace(structure).x.numel())
 
 
 @functools.lru_cache(maxsize=256)

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numba import njit
 from scipy.integrate import RK45
@@ -45,26 +44,39 @@ def _operation_source() -> str:
     return "\n".join([*lines, "    return np.nan"]).replace("np.where(a != 0.0, b, 0.0)", "b if a != 0.0 else 0.0")
 
 
+_inlined: Any = njit(cache=True, error_model="numpy", forceinline=True)
+"""For the small parts of an inner loop: passing a tuple of arrays costs more than what they do."""
+
 _scope: dict[str, Any] = {"np": np}
 exec(_operation_source(), _scope)
-operate: Any = njit(error_model="numpy")(_scope["operate"])
-_INPUT, _OUTPUT, _CONST = ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST
+operate: Any = njit(error_model="numpy", forceinline=True)(_scope["operate"])
+
+
+@_inlined
+def _evaluate(tape, inputs, work, result, k_end, n_out):
+    op, a, b, constants, picks, ends = tape
+    n_in = ends[0]
+    base = n_in + constants.size
+    for i in range(n_in):
+        work[i] = inputs[i]
+    for i in range(constants.size):
+        work[n_in + i] = constants[i]
+    for k in range(k_end):
+        work[base + k] = operate(op[k], work[a[k]], work[b[k]])
+    for i in range(n_out):
+        result[i] = work[picks[i]]
 
 
 @njit(cache=True, error_model="numpy")
 def evaluate(tape, inputs, work, result):
     """Run a tape: ``inputs`` (n_in) to ``result`` (n_out)."""
-    op, a, b, out, constant = tape
-    for k in range(op.size):
-        kind = op[k]
-        if kind == _INPUT:
-            work[out[k]] = inputs[a[k]]
-        elif kind == _OUTPUT:
-            result[out[k]] = work[a[k]]
-        elif kind == _CONST:
-            work[out[k]] = constant[k]
-        else:
-            work[out[k]] = operate(kind, work[a[k]], work[b[k]])
+    _evaluate(tape, inputs, work, result, tape[0].size, tape[4].size)
+
+
+@_inlined
+def evaluate_head(tape, inputs, work, result):
+    """Run only the head of a tape: the first ``n_head`` outputs."""
+    _evaluate(tape, inputs, work, result, tape[5][2], tape[5][1])
 
 
 @njit(cache=True, error_model="numpy")
@@ -89,7 +101,7 @@ def solve_in_place(matrix, right):
         right[i] /= matrix[i, i]
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def _error_norm(error, x, x_new, peak, rtol):
     """Largest component of an error relative to rtol times the largest |x| seen so far; inf if not finite.
 
@@ -105,7 +117,7 @@ def _error_norm(error, x, x_new, peak, rtol):
     return worst
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def _new_step(h, norm, order):
     if norm == np.inf:
         return 0.1 * h
@@ -142,24 +154,12 @@ def causal_slopes(t, values, window, degree, least, slopes):
 
 
 @njit(cache=True, error_model="numpy")
-def _state_of(tape, sizes, z, work, res, s, mode):
-    """Evaluate the tape with stuck signs at zero, then solve for them: dg/dt = 0 on every stuck surface.
-
-    ``z`` holds x, u, p, s. Returns nothing; ``res`` holds F (n), dF/ds (n, k), g (q), dg/dt (q), coupling (k, k), y,
-    with F corrected for the stuck signs, which are written to ``s``.
-    """
+def _stuck_state(tape, sizes, z, work, res, s, mode, stuck):
+    """Evaluate with stuck signs at zero, then solve for them: dg/dt = 0 on every stuck surface; see `_state_of`."""
     n, m, n_p, q, k, coordinate, switch_of = sizes
-    base = n + m + n_p
-    stuck = 0
-    for j in range(q):
-        z[base + j] = 0.0 if mode[j] == 0 else s[j]
-        stuck += mode[j] == 0
+    i_rate, i_slope, i_m = n + q, n + 2 * q, n + 2 * q + n * k
     evaluate(tape, z, work, res)
-    if stuck == 0:
-        return
     matrix, right, members = np.empty((stuck, stuck)), np.empty(stuck), np.empty(stuck, np.int64)
-    i_rate = n + n * k + q
-    i_m = i_rate + q
     row = 0
     for j in range(q):
         if mode[j] == 0:
@@ -174,10 +174,28 @@ def _state_of(tape, sizes, z, work, res, s, mode):
         j = members[r]
         s[j] = right[r]
         for i in range(n):
-            res[i] += res[n + i * k + switch_of[j]] * right[r]
+            res[i] += res[i_slope + i * k + switch_of[j]] * right[r]
     for r in range(stuck):
         if coordinate[members[r]] >= 0:
             res[coordinate[members[r]]] = 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _state_of(tape, sizes, z, work, res, s, mode):
+    """Evaluate the tape at z (x, u, p, s): ``res`` gets F (n), g (q) and dg/dt (q).
+
+    Where something is stuck, ``res`` also gets dF/ds (n, k), the coupling (k, k) and y, and F holds the stuck signs,
+    which are written to ``s``.
+    """
+    base = z.size - s.size
+    stuck = 0
+    for j in range(s.size):
+        z[base + j] = 0.0 if mode[j] == 0 else s[j]
+        stuck += mode[j] == 0
+    if stuck == 0:
+        evaluate_head(tape, z, work, res)
+    else:
+        _stuck_state(tape, sizes, z, work, res, s, mode, stuck)
 
 
 @njit(cache=True, error_model="numpy")
@@ -186,8 +204,7 @@ def _resolve(tape, sizes, z, work, res, s, mode, at):
     stuck, or g = 0) sticks if the set-valued law allows it, else slips the way that it is pushed.
     """
     n, m, n_p, q, k, coordinate, switch_of = sizes
-    base, i_g = n + m + n_p, n + n * k
-    i_rate, i_m = i_g + q, i_g + 2 * q
+    base, i_g, i_rate, i_m = n + m + n_p, n, n + q, n + 2 * q + n * k
     on = np.zeros(q, np.bool_)
     for _ in range(2):
         for j in range(q):
@@ -229,11 +246,11 @@ def _resolve(tape, sizes, z, work, res, s, mode, at):
             mode[j] = 0 if (diagonal < 0.0 and abs(s[j]) < 1.0) else (1 if s[j] != 0.0 else 2)
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def _violated(sizes, res, s, mode, g_tol):
     """Tell whether the present point lies beyond what the signs and branches assume."""
     n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_g = n + n * k
+    i_g = n
     for j in range(q):
         if mode[j] == 0:
             if abs(s[j]) > 1.0 + BREAKAWAY:
@@ -266,11 +283,11 @@ def _interpolate(x, h, K, theta, z):
         z[i] = x[i] + h * total
 
 
-@njit(cache=True, error_model="numpy")
+@_inlined
 def _may_dip(sizes, res, s, mode, rates, s_before):
     """Tell whether a surface may be passed and passed back inside the step, judged from both ends."""
     n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_rate = n + n * k + q
+    i_rate = n + q
     for j in range(q):
         if mode[j] == 0:
             if max(abs(s[j]), abs(s_before[j])) > 0.9:
@@ -322,7 +339,7 @@ def _land(tape, sizes, z, work, res, s, mode, x, h, K, at, g_tol):
     Returns the step taken. A surface that is a coordinate is hit exactly.
     """
     n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_g, i_rate = n + n * k, n + n * k + q
+    i_g, i_rate = n, n + q
     _stages(tape, sizes, z, work, res, s, mode, x, h, K)
     for j in range(q):
         at[j] = mode[j] != 0 and res[i_g + j] * s[j] < g_tol[j] and res[i_rate + j] * s[j] < 0.0
@@ -371,7 +388,7 @@ def _try_step(tape, sizes, memory, h, rtol):
     """Take a step of h; returns its error norm, with the new state in z and the slopes in K."""
     z, work, res, (s, mode, at, g_tol), (x, peak, K, error, x_new, rates, s_before) = memory
     n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_rate = n + n * k + q
+    i_rate = n + q
     rates[:] = res[i_rate : i_rate + q]
     s_before[:] = s
     _stages(tape, sizes, z, work, res, s, mode, x, h, K)
@@ -391,7 +408,7 @@ def _shorten(tape, sizes, memory, h, rtol):
     """Cut an accepted step of h at the first surface that it passes; returns (step taken, whether one was)."""
     z, work, res, (s, mode, at, g_tol), (x, peak, K, error, x_new, rates, s_before) = memory
     n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_g = n + n * k
+    i_g = n
     for j in range(q):
         g_tol[j] = max(g_tol[j], 1e-3 * rtol * abs(res[i_g + j]))
     if q == 0:
@@ -534,7 +551,7 @@ def _rodas_step(tape, z, work, res, x, h, U, error):
                 for j in range(stage):
                     total += (_RA[stage, j] if stage < 5 else (_RA[4, j] if j < 4 else 1.0)) * U[j, i]
                 z[i] = total
-            evaluate(tape, z, work, res)
+            evaluate_head(tape, z, work, res)
         matrix, right = -jacobian, np.empty(n)
         for i in range(n):
             matrix[i, i] += 1.0 / (_GAMMA * h)

@@ -1,14 +1,15 @@
 """A CasADi function as a flat list of instructions, and what each instruction means.
 
 One table of operations serves three uses: blocks of points with NumPy (`Tape.batch`), scalar evaluation inside
-compiled kernels (`signlin_ros.kernels`), and generated source. Instruction and work layout follow CasADi's virtual
-machine, see ``Function.instruction_id``.
+compiled kernels (`signlin_ros.kernels`), and generated source. Instructions are read from CasADi's virtual machine,
+see ``Function.instruction_id``.
 """
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,36 +73,50 @@ BLOCK = 512
 
 @dataclass(frozen=True)
 class Tape:
-    """Instructions (K,) of a function of one input vector with one output vector.
+    """Instructions of a function of one input vector with one output vector, in single-assignment form.
 
-    ``op``, ``a``, ``b``, ``out``: operation and work indices; ``constant``: the value of OP_CONST.
-    For OP_INPUT ``a`` is the index in the input, for OP_OUTPUT ``out`` the index in the output.
+    A work slot is written once: first come the inputs, then the constants, then one result for each instruction,
+    ``op``, ``a``, ``b`` (K,) being the operation and its two slots. ``picks`` (n_out,) says which slots are the
+    outputs. The first ``n_head`` outputs need only the first ``k_head`` instructions.
     """
 
     op: NDArray[np.int64]
     a: NDArray[np.int64]
     b: NDArray[np.int64]
-    out: NDArray[np.int64]
-    constant: NDArray[np.float64]
-    n_work: int
+    constants: NDArray[np.float64]
+    picks: NDArray[np.int64]
     n_in: int
-    n_out: int
+    n_head: int
+    k_head: int
 
     @classmethod
-    def of(cls, function: ca.Function) -> Tape:
+    def of(cls, function: ca.Function, n_head: int | None = None) -> Tape:
         """Read the instructions of an SX function with dense arguments; several are stacked in order."""
-        offsets_in = np.concatenate([[0], np.cumsum([function.numel_in(i) for i in range(function.n_in())])])
-        offsets_out = np.concatenate([[0], np.cumsum([function.numel_out(i) for i in range(function.n_out())])])
-        rows = [_instruction(function, k, offsets_in, offsets_out) for k in range(function.n_instructions())]
-        op, a, b, out, constant = zip(*rows, strict=True)
-        index = functools.partial(np.array, dtype=np.int64)
-        sizes = (function.sz_w(), int(offsets_in[-1]), int(offsets_out[-1]))
-        return cls(index(op), index(a), index(b), index(out), np.array(constant, dtype=float), *sizes)
+        rows, constants, picks = _read(function)
+        head = len(picks) if n_head is None else n_head
+        n_in, base = sum(function.numel_in(i) for i in range(function.n_in())), len(constants)
+        order, k_head = _head_first(rows, picks[:head], n_in + base)
+        moved = {n_in + base + old: n_in + base + new for new, old in enumerate(order)}
+        table = [(op, moved.get(a, a), moved.get(b, b)) for op, a, b in (rows[k] for k in order)]
+        columns = np.array(table, dtype=np.int64).reshape(-1, 3).T.copy()
+        places = np.array([moved.get(slot, slot) for slot in picks], dtype=np.int64)
+        return cls(columns[0], columns[1], columns[2], np.array(constants, dtype=float), places, n_in, head, k_head)
+
+    @property
+    def n_out(self) -> int:
+        """Number of outputs."""
+        return self.picks.size
+
+    @property
+    def n_work(self) -> int:
+        """Number of work slots."""
+        return self.n_in + self.constants.size + self.op.size
 
     @property
     def arrays(self) -> tuple[NDArray[Any], ...]:
         """What a compiled kernel needs."""
-        return self.op, self.a, self.b, self.out, self.constant
+        ends = np.array([self.n_in, self.n_head, self.k_head], dtype=np.int64)
+        return self.op, self.a, self.b, self.constants, self.picks, ends
 
     def batch(self, columns: list[Any]) -> NDArray[np.float64]:
         """Evaluate at many points: ``columns`` (n_in) of scalars or arrays (T,); returns (n_out, T)."""
@@ -114,40 +129,71 @@ class Tape:
         return result
 
     def _run(self, inputs: list[Any], result: NDArray[np.float64]) -> None:
-        work: list[Any] = [0.0] * self.n_work
-        for call, kind, a, b, out, constant in self._program:
-            if kind == ca.OP_INPUT:
-                work[out] = inputs[a]
-            elif kind == ca.OP_CONST:
-                work[out] = constant
-            elif kind == ca.OP_OUTPUT:
-                result[out] = work[a]
-            else:
-                work[out] = call(work[a], work[b])
+        work = [*inputs, *self.constants]
+        for call, a, b, done in self._program:
+            work.append(call(work[a], work[b]))
+            for slot in done:  # memory still in the cache is used again at once
+                work[slot] = None
+        for row, slot in enumerate(self.picks):
+            result[row] = work[slot]
 
     @functools.cached_property
-    def _program(self) -> list[tuple[Any, ...]]:
-        rows = zip(self.op, self.a, self.b, self.out, self.constant, strict=True)
-        return [(_array_operation(int(o)), int(o), int(a), int(b), int(t), np.float64(c)) for o, a, b, t, c in rows]
+    def _program(self) -> list[tuple[Callable[[Any, Any], Any], int, int, list[int]]]:
+        """Return the instructions with the slots that nothing needs after each."""
+        last = {int(slot): k for k in range(self.op.size) for slot in (self.a[k], self.b[k])}
+        done: list[list[int]] = [[] for _ in range(self.op.size)]
+        for slot, k in last.items():
+            if slot not in self.picks:
+                done[k].append(slot)
+        rows = zip(self.op, self.a, self.b, done, strict=True)
+        return [(_array_operation(int(op)), int(a), int(b), slots) for op, a, b, slots in rows]
 
 
-def _instruction(
-    function: ca.Function, k: int, offsets_in: NDArray[Any], offsets_out: NDArray[Any]
-) -> tuple[int, int, int, int, float]:
-    op = function.instruction_id(k)
-    inputs, outputs = function.instruction_input(k), function.instruction_output(k)
-    if op == ca.OP_CONST:
-        return op, 0, 0, outputs[0], function.instruction_constant(k)
-    if op == ca.OP_INPUT:
-        return op, int(offsets_in[inputs[0]]) + inputs[1], 0, outputs[0], 0.0
-    if op == ca.OP_OUTPUT:
-        return op, inputs[0], 0, int(offsets_out[outputs[0]]) + outputs[1], 0.0
-    if op not in OPERATIONS:
-        raise NotImplementedError(f"CasADi operation {op} is not in signlin_ros.tape.OPERATIONS")
-    return op, inputs[0], inputs[-1], outputs[0], 0.0
+def _offsets(sizes: Iterable[int]) -> list[int]:
+    return [0, *itertools.accumulate(sizes)]
+
+
+def _read(function: ca.Function) -> tuple[list[tuple[int, int, int]], list[float], list[int]]:
+    """Return instructions (op, slot, slot), constants and the outputs' slots, renaming CasADi's re-used work.
+
+    Slots: inputs, then constants, then one for each instruction.
+    """
+    into = _offsets(function.numel_in(i) for i in range(function.n_in()))
+    out = _offsets(function.numel_out(i) for i in range(function.n_out()))
+    count = range(function.n_instructions())
+    constants = [function.instruction_constant(k) for k in count if function.instruction_id(k) == ca.OP_CONST]
+    holds, rows, picks, seen = {}, [], [0] * out[-1], 0
+    for k in count:
+        op, inputs, outputs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if op == ca.OP_INPUT:
+            holds[outputs[0]] = into[inputs[0]] + inputs[1]
+        elif op == ca.OP_CONST:
+            holds[outputs[0]] = into[-1] + seen
+            seen += 1
+        elif op == ca.OP_OUTPUT:
+            picks[out[outputs[0]] + outputs[1]] = holds[inputs[0]]
+        elif op in OPERATIONS:
+            rows.append((op, holds[inputs[0]], holds[inputs[-1]]))
+            holds[outputs[0]] = into[-1] + len(constants) + len(rows) - 1
+        else:
+            raise NotImplementedError(f"CasADi operation {op} is not in signlin_ros.tape.OPERATIONS")
+    return rows, constants, picks
+
+
+def _head_first(rows: list[tuple[int, int, int]], wanted: list[int], base: int) -> tuple[list[int], int]:
+    """Return an order of the instructions in which those that ``wanted`` slots need come first, and their number."""
+    needed, stack = set(), [slot - base for slot in wanted if slot >= base]
+    while stack:
+        k = stack.pop()
+        if k not in needed:
+            needed.add(k)
+            stack += [slot - base for slot in rows[k][1:] if slot >= base]
+    head = sorted(needed)
+    return head + [k for k in range(len(rows)) if k not in needed], len(head)
 
 
 @functools.cache
-def _array_operation(op: int) -> Callable[[Any, Any], Any] | None:
-    text = OPERATIONS.get(op)
-    return eval(f"lambda a, b: {text}", {"np": np}) if text else None
+def _array_operation(op: int) -> Callable[[Any, Any], Any]:
+    """Return an operation on arrays; the text is of the table above."""
+    function: Callable[[Any, Any], Any] = eval(f"lambda a, b: {OPERATIONS[op]}", {"np": np})
+    return function

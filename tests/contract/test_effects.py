@@ -120,11 +120,10 @@ def by_casadi(model, x, u):
     """The exact right-hand side and outputs from the trace, every sign chosen as the sign of its own surface."""
     t = model.trace
     n, k = len(t.states), len(t.surfaces)
-    switches = sum(s.kind == "switch" for s in t.surfaces)
     s = np.zeros(k)
     for _ in range(k + 1):  # nested surfaces need one pass for each level
         out = exact_tape(model.structure).batch([*x, *u, *model.p, *s])[:, 0]
-        g = out[n + n * switches : n + n * switches + k]
+        g = out[n : n + k]
         s = np.sign(g)
     outputs = out[len(out) - t.y.numel() :]
     return np.concatenate([out[:n], outputs])
