@@ -318,8 +318,10 @@ def test_restart_in_any_order(graph: Any) -> None:
     assert linearizer.stop(signal.SIGTERM) == 0
     graph.start("linearizer", "update_period:=0.02")
 
+    sequences: list[int] = []
+
     def started_anew() -> bool:
-        sequences = [convert.read_model(message).sequence for message in models]
+        sequences.extend(convert.read_model(message).sequence for message in models[len(sequences) :])
         return any(later < earlier for earlier, later in pairwise(sequences))
 
     graph.wait(started_anew, "models of the second linearizer")
