@@ -36,7 +36,7 @@ def _row_major(e: ca.SX) -> ca.SX:
 
 
 def linear_terms(form: SmoothForm, weights: ca.SX, method: str) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-    """Return A, B, c and F_j at (x, u) as expressions, by one of the three methods of the contract, section 2.
+    """Return A, B, c and F_j at (x, u) as expressions, by one of the three methods of docs/theory.md.
 
     F_j is summed from f(0) and the changes too: near x = 0 that is more accurate than the formula as written.
     """
@@ -91,7 +91,7 @@ def _absorb(rest: ca.SX, x: ca.SX, weights: ca.SX, members: frozenset[int], meth
 
 
 def _valid(form: SmoothForm) -> ca.SX:
-    """Return 1 where every surface lies in the valid range of sign_j (contract section 2), else 0."""
+    """Return 1 where every surface lies in the valid range of sign_j (docs/theory.md), else 0."""
     good = ca.SX(1)
     for s in form.signs:
         z = ca.fabs(s.z)

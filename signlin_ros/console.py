@@ -36,7 +36,7 @@ def _number(value: float) -> str:
 
 
 def linearize_content(model: Model, result: Linearization) -> dict[str, Any]:
-    """Return a linearization as the contract's JSON object (section 4)."""
+    """Return a linearization as the JSON object of schemas/linearize.json."""
     arrays = {name: getattr(result, name).tolist() for name in ("A", "B", "c", "x", "u", "f")}
     return arrays | {
         "states": list(model.states),

@@ -29,7 +29,7 @@ NODE_KEYS = (
     *("publish_rate", "noise", "seed", "input_signal", "amplitude", "input_period", "joint_name"),
     *("state_source", "state_timeout", "record", "rate", "loop", "publish_clock"),
 )
-"""Keys of the nodes (contract section 5), accepted by every verb."""
+"""Keys of the nodes (docs/nodes), accepted by every verb."""
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ class Trace:
     """Equations of a model as CasADi expressions of x (n), u (m), p and the surfaces' symbols.
 
     ``f`` (n) state derivatives; ``y`` outputs beside the states; ``delay`` of the input in s, a function of p.
-    Names are plain contract names; ``units`` covers states, inputs and outputs.
+    Names are plain public names; ``units`` covers states, inputs and outputs.
     """
 
     states: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""Quality of service of the topics (contract section 5)."""
+"""Quality of service of the topics (docs/nodes)."""
 
 from __future__ import annotations
 
