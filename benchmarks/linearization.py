@@ -5,7 +5,7 @@ from __future__ import annotations
 import control
 import numpy as np
 from bouc_wen import BoucWenByHand
-from measure import Report, timed
+from measure import Report, Timing, timed
 
 from signlin_ros.linearize import Linearizer
 from signlin_ros.model import Model
@@ -35,6 +35,10 @@ def run(report: Report) -> None:
         },
         repeats=15,
     )
+    show(report, found)
+
+
+def show(report: Report, found: dict[str, Timing]) -> None:
     report.timing("one call", "Linearizer(model)(x, u), A_k, B_k, c", found["call"])
     report.timing("one call, jacobian", "the same, method jacobian", found["jacobian"])
     report.timing("python-control", "python-control linearize, Jacobian only", found["control"])
