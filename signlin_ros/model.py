@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 import sysconfig
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -75,7 +76,7 @@ class Model:
         """Read a model file, or a shipped model by its name (``dc_motor``); raise `ModelError` on any fault."""
         file = find_model_file(path)
         try:
-            content = yaml.safe_load(file.read_text(encoding="utf-8"))
+            content = yaml.load(file.read_text(encoding="utf-8"), Loader=_Loader)
         except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise ModelError(f"{file}: not a YAML file: {' '.join(str(error).split())}") from error
         except OSError as error:
@@ -320,6 +321,15 @@ def _parameters_of(content: Any, file: str) -> Mapping[str, Any]:
             f"{file}: found top-level key(s) {found}; allowed: one node or /** with ros__parameters below it"
         )
     return blocks[0]
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads ``1e5`` and ``1.0e5`` as numbers, as ROS 2 does; YAML 1.1 takes them for text."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+)
 
 
 class _Dumper(yaml.SafeDumper):

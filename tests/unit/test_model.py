@@ -442,3 +442,12 @@ def test_imports_load_no_more_than_they_need(modules, heavy):
     check += f"print([m for m in {heavy.split()!r} if m in sys.modules])"
     run = subprocess.run([sys.executable, "-c", check], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+def test_numbers_are_read_as_ros_2_reads_them(tmp_path):
+    """YAML 1.1 takes 1.0e5 for text; ROS 2 does not."""
+    file = tmp_path / "m.yaml"
+    file.write_text(
+        "/**:\n  ros__parameters:\n    plant: mass_spring_damper\n    parameters: {m: 1e0, c: 1.0e-3, k: 1.0e5}\n"
+    )
+    assert Model.load(file).parameters == {"m": 1.0, "c": 0.001, "k": 1e5}
