@@ -23,8 +23,6 @@ from signlin_ros.tape import OPERATIONS, Tape
 
 OK, DIVERGED, TOO_STIFF, CHATTER = 0, 1, 2, 3
 """How a run ended."""
-SWITCH, KINK, CONTACT = 0, 1, 2
-"""Kinds of surfaces."""
 MAX_STEPS = 20_000_000
 SMALLEST = 1e-5
 """States smaller than this are resolved absolutely, to rtol times this."""
@@ -594,7 +592,7 @@ def flow_smooth(tape, z, work, res, x, peak, t, target, h, rtol, U, error):
 
 
 @njit(cache=True, error_model="numpy")
-def run_smooth(tape, n_work, n_res, n_scale, times, breaks, inputs, x0, constants, rtol, X, Y):
+def run_smooth(tape, n_work, n_res, times, breaks, inputs, x0, constants, rtol, X, Y):
     """Integrate f_j; inputs (K, m) hold from breaks (K,) on. ``constants``: p and scales. Returns (status, time)."""
     n, m, n_y = x0.size, inputs.shape[1], Y.shape[1]
     z, work, res = np.zeros(n + m + constants.size), np.zeros(n_work), np.zeros(n_res)

@@ -22,7 +22,6 @@ from signlin_ros.trace import Structure, trace
 
 Array = NDArray[np.float64]
 KINDS = ("exact", "smooth", "piecewise")
-_KIND_NUMBER = {"switch": kernels.SWITCH, "kink": kernels.KINK, "contact": kernels.CONTACT}
 _EVENT_NAMES = ("crossed", "stuck", "slips")
 _WHY = {
     kernels.DIVERGED: "it diverges",
@@ -137,7 +136,7 @@ def _run_smooth(
     tape = smooth_tape(model.structure, model.sign_order)
     constants = _smooth_constants(model)
     status, when = kernels.run_smooth(
-        tape.arrays, tape.n_work, tape.n_out, 0, times, breaks, inputs, x0, constants, rtol, X, Y
+        tape.arrays, tape.n_work, tape.n_out, times, breaks, inputs, x0, constants, rtol, X, Y
     )
     return status, when, ()
 

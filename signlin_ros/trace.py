@@ -15,7 +15,7 @@ import casadi as ca
 from signlin_ros.effects import Effect
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
-from signlin_ros.par import Namespace, Par
+from signlin_ros.par import Namespace
 from signlin_ros.plants import Plant
 
 
@@ -238,12 +238,3 @@ def trace(structure: Structure) -> Trace:
     )
     _check_switches(result)
     return result
-
-
-def declared(structure: Structure) -> dict[str, Par]:
-    """Return the declarations of all parameters of a structure by dotted name, units resolved by the caller."""
-    found = dict(structure.plant.pars())
-    for slot in structure.slots:
-        if not slot.built_in:
-            found |= {f"{slot.key}.{n}": par for n, par in slot.effect.pars().items() if n in slot.parameters}
-    return found
