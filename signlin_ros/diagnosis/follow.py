@@ -1,0 +1,412 @@
+"""The compiled loop of the diagnosis: follow a record with a model that an observer corrects, with sensitivities.
+
+Between samples the model is integrated with Runge and Kutta's method of order 4 in as many substeps as its
+eigenvalues ask for; the crossing of the switching surface is located inside the substep, then the set-valued law
+decides between sticking and slipping. At a sample the innovation e = y - h(x) corrects x by K e. The sensitivities
+of e to the parameters follow the same path: trapezoidal rule between events, jump (saltation) at events
+[Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7].
+
+What a model's machine code (`signlin_ros.diagnosis.equations`) returns at (x, u, p, s), in this order:
+F (n), g, dg/dt, dF/ds (n), d(dg/dt)/ds, then h (ny), dF/dx (n, n), dF/dp (n, np), d(dg/dt)/dx (n), d(dg/dt)/dp (np),
+dg/dx (n), dh/dx (ny, n), dh/dp (ny, np).
+"""
+
+# Numba infers the types in here; mypy cannot see through its decorators.
+# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="misc"
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from signlin_ros.native import call
+
+SUBSTEPS = 2
+"""Least number of substeps between two samples."""
+MOST = 64
+"""Most substeps between two samples."""
+REACH = 0.8
+"""Largest product of a substep and the fastest rate of the model."""
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _slope(address, sizes, z, out, mode, s):
+    """Evaluate F at z under the mode (0 stuck, else slipping with s); returns the sign in force (1: no surface)."""
+    n, switched = sizes[0], sizes[5]
+    if not switched:
+        call(address, z, out)
+        return 1.0
+    last = z.size - 1
+    if mode != 0:
+        z[last] = s
+        call(address, z, out)
+        return s
+    z[last] = 0.0
+    call(address, z, out)
+    stuck = -out[n + 1] / out[2 * n + 2]
+    for i in range(n):
+        out[i] += out[n + 2 + i] * stuck
+    out[n + 1] = 0.0
+    return stuck
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _rk4(head, sizes, z, out, x, k, h, mode, s):
+    """Step from x (slope in k[0]) by h; the new state is left in z."""
+    n = x.size
+    for stage in range(1, 4):
+        part = h if stage == 3 else 0.5 * h
+        for i in range(n):
+            z[i] = x[i] + part * k[stage - 1, i]
+        _slope(head, sizes, z, out, mode, s)
+        for i in range(n):
+            k[stage, i] = out[i]
+    for i in range(n):
+        z[i] = x[i] + h / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
+    if mode == 0 and sizes[6] >= 0:
+        z[sizes[6]] = 0.0
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _crossing(g0, r0, g1, r1, h):
+    """Return the fraction of a step at which the cubic through (g0, slope r0) and (g1, slope r1) is zero."""
+    low, high, theta = 0.0, 1.0, g0 / (g0 - g1)
+    for _ in range(12):
+        a, b = theta, 1.0 - theta
+        value = (1 + 2 * a) * b * b * g0 + a * b * b * h * r0 + a * a * (3 - 2 * a) * g1 - a * a * b * h * r1
+        if value * g1 > 0.0:
+            high = theta
+        else:
+            low = theta
+        slope = 6 * a * b * (g1 - g0) + b * (1 - 3 * a) * h * r0 + a * (3 * a - 2) * h * r1
+        new = theta - value / slope if slope != 0.0 else 0.5 * (low + high)
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        if abs(new - theta) < 1e-12:
+            return new
+        theta = new
+    return theta
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _choose(head, sizes, z, out):
+    """Decide at a surface by the set-valued law: returns (mode, s)."""
+    n = sizes[0]
+    z[z.size - 1] = 0.0
+    call(head, z, out)
+    rate, coupling = out[n + 1], out[2 * n + 2]
+    if coupling < 0.0 and abs(rate) <= -coupling:
+        return 0, 0.0
+    return 1, (1.0 if rate > 0.0 else -1.0)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _linearized(whole, sizes, z, out, mode, s, J, P):
+    """Fill J (n, n) and P (n, np), the derivatives of F in force at z, and leave F itself in out."""
+    n, m, ny, count = sizes[0], sizes[1], sizes[2], sizes[3]
+    stuck = _slope(whole, sizes, z, out, mode, s)
+    if mode == 0 and sizes[5]:
+        z[z.size - 1] = stuck
+        call(whole, z, out)
+    at = 2 * n + 3 + ny
+    for i in range(n):
+        for j in range(n):
+            J[i, j] = out[at + i * n + j]
+    at += n * n
+    for i in range(n):
+        for j in range(count):
+            P[i, j] = out[at + i * count + j]
+    if mode == 0 and sizes[5]:
+        at += n * count
+        coupling = out[2 * n + 2]
+        for i in range(n):
+            gain = out[n + 2 + i] / coupling
+            if gain != 0.0:
+                for j in range(n):
+                    J[i, j] -= gain * out[at + j]
+                for j in range(count):
+                    P[i, j] -= gain * out[at + n + j]
+        out[n + 1] = 0.0
+    return stuck
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _carry(S, J0, P0, J1, P1, h, M, R):
+    """Carry the sensitivities S (n, np) over h by the trapezoidal rule; in place."""
+    n, count = S.shape
+    for i in range(n):
+        for j in range(n):
+            M[i, j] = (1.0 if i == j else 0.0) - 0.5 * h * J1[i, j]
+        for c in range(count):
+            total = S[i, c] + 0.5 * h * (P0[i, c] + P1[i, c])
+            for j in range(n):
+                total += 0.5 * h * J0[i, j] * S[j, c]
+            R[i, c] = total
+    for k in range(n):
+        for i in range(k + 1, n):
+            factor = M[i, k] / M[k, k]
+            if factor != 0.0:
+                for j in range(k + 1, n):
+                    M[i, j] -= factor * M[k, j]
+                for c in range(count):
+                    R[i, c] -= factor * R[k, c]
+    for i in range(n - 1, -1, -1):
+        for c in range(count):
+            total = R[i, c]
+            for j in range(i + 1, n):
+                total -= M[i, j] * S[j, c]
+            S[i, c] = total / M[i, i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _jump(sizes, out, before, S, at_g):
+    """Saltation: out holds F after the event, ``before`` F before it; dt* = -(dg/dx S) / (dg/dt before)."""
+    n, count = sizes[0], sizes[3]
+    rate = 0.0
+    for i in range(n):
+        rate += out[at_g + i] * before[i]
+    if rate == 0.0:
+        return
+    for c in range(count):
+        shift = 0.0
+        for i in range(n):
+            shift -= out[at_g + i] * S[i, c]
+        shift /= rate
+        for i in range(n):
+            S[i, c] += (before[i] - out[i]) * shift
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _fastest(J, scale):
+    """Estimate the fastest rate of J (n, n) in scaled coordinates: sqrt of the norm of its square."""
+    n, worst = J.shape[0], 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            square = 0.0
+            for k in range(n):
+                square += J[i, k] * J[k, j]
+            total += abs(square) * scale[j] / scale[i]
+        worst = max(worst, total)
+    return np.sqrt(worst)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_s):
+    """Integrate x over ``span`` seconds in ``count`` substeps with the input held; returns (mode, s).
+
+    ``out`` must hold what belongs to x (and ``work`` J and P there, if ``with_s``).
+    """
+    n, switched, coordinate = sizes[0], sizes[5], sizes[6]
+    J0, P0, J1, P1, M, R, k, before = work
+    at_g = 2 * n + 3 + sizes[2] + n * n + n * sizes[3] + n + sizes[3]
+    left, step, events = span, span / count, 0
+    while left > 1e-13 * span:
+        h = left if left < 1.5 * step else step
+        g0, r0, s0 = out[n], out[n + 1], s
+        for i in range(n):
+            k[0, i] = out[i]
+        if switched and mode == 0:
+            s0 = _slope(head, sizes, z, out, mode, s)
+        _rk4(head, sizes, z, out, x, k, h, mode, s)
+        s1 = _slope(head, sizes, z, out, mode, s)
+        event = False
+        if switched and events < 50:
+            theta = 2.0
+            if mode != 0:
+                if out[n] * s < 0.0:
+                    theta = _crossing(g0, r0, out[n], out[n + 1], h) if g0 * s > 0.0 else 1.0
+            elif abs(s1) > 1.0:
+                theta = 0.0 if abs(s0) >= 1.0 else min(1.0, max(0.0, (1.0 - abs(s0)) / max(abs(s1) - abs(s0), 1e-300)))
+            if theta <= 1.0:
+                event = True
+                events += 1
+                h *= theta
+                _rk4(head, sizes, z, out, x, k, h, mode, s)
+                if mode != 0:
+                    _slope(head, sizes, z, out, mode, s)
+                    if out[n + 1] != 0.0:
+                        shift = -out[n] / out[n + 1]
+                        if abs(shift) < 0.1 * step:
+                            for i in range(n):
+                                z[i] += shift * out[i]
+                            h += shift
+                    if coordinate >= 0:
+                        z[coordinate] = 0.0
+        if with_s:
+            _linearized(whole, sizes, z, out, mode, s, J1, P1)
+            _carry(S, J0, P0, J1, P1, h, M, R)
+        elif event:
+            _slope(head, sizes, z, out, mode, s)
+        left -= h
+        for i in range(n):
+            x[i] = z[i]
+        if event:
+            if mode == 0:
+                mode, s = 1, (1.0 if s1 > 0.0 else -1.0)
+                if with_s:
+                    _linearized(whole, sizes, z, out, mode, s, J0, P0)
+                else:
+                    _slope(head, sizes, z, out, mode, s)
+            else:
+                for i in range(n):
+                    before[i] = out[i]
+                mode, s = _choose(head, sizes, z, out)
+                if with_s:
+                    _linearized(whole, sizes, z, out, mode, s, J0, P0)
+                    _jump(sizes, out, before, S, at_g)
+                else:
+                    _slope(head, sizes, z, out, mode, s)
+                if mode != 0:
+                    out[n] = 0.0
+        elif with_s:
+            for i in range(n):
+                for j in range(n):
+                    J0[i, j] = J1[i, j]
+                for j in range(sizes[3]):
+                    P0[i, j] = P1[i, j]
+        if not np.abs(x[0]) < 1e100:
+            break
+    return mode, s
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _settle(head, sizes, z, out, mode, s, moved):
+    """Choose mode and sign anew after the input or, if ``moved``, the state has jumped; returns (mode, s)."""
+    if not sizes[5]:
+        return 1, 1.0
+    n = sizes[0]
+    if mode == 0 and not moved:
+        return _choose(head, sizes, z, out)
+    z[z.size - 1] = s
+    call(head, z, out)
+    g = out[n]
+    if g == 0.0:
+        return _choose(head, sizes, z, out)
+    return 1, (1.0 if g > 0.0 else -1.0)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, E, D, X):
+    """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
+
+    ``sizes``: n, m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is
+    the switching surface (-1), whether derivatives are wanted. ``u`` (T, m) held, ``y`` (T, ny) with NaN for missing,
+    ``gains`` (G, n, ny): those of the first G samples, the last one for all others. X (T, n) gets the state before
+    the correction, if it is not empty. Returns how many samples were followed before the run left all bounds.
+    """
+    n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
+    with_s = sizes[7] != 0
+    total = t.size
+    n_out = 2 * n + 3 + ny + n * n + n * count + n + count + n + ny * n + ny * count
+    at_h = 2 * n + 3
+    at_hx = at_h + ny + n * n + n * count + n + count + n
+    at_hp = at_hx + ny * n
+    z, out, x, S = np.zeros(n + m + p.size + 1), np.zeros(n_out), x0.copy(), np.zeros((n, count))
+    z[n + m : n + m + p.size] = p
+    z[n : n + m] = u[0]
+    J0, J1, M = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    P0, P1, R = np.zeros((n, count)), np.zeros((n, count)), np.zeros((n, count))
+    work = (J0, P0, J1, P1, M, R, np.zeros((4, n)), np.zeros(n))
+    d = np.zeros((ny, count))
+    mode, s, active = 1, 1.0, 0
+    for k in range(total):
+        for i in range(n):
+            z[i] = x[i]
+        while active + 1 < total and t[active + 1] + delay <= t[k]:
+            if with_s and i_delay >= 0:
+                _slope(head, sizes, z, out, mode, s)
+                for i in range(n):
+                    work[7][i] = out[i]
+            active += 1
+            for i in range(m):
+                z[n + i] = u[active, i]
+            if with_s and i_delay >= 0:
+                _slope(head, sizes, z, out, mode, s)
+                for i in range(n):
+                    S[i, i_delay] += work[7][i] - out[i]
+        mode, s = _settle(head, sizes, z, out, mode, s, k == 0)
+        if mode == 0:
+            z[z.size - 1] = _slope(head, sizes, z, out, mode, s)
+        else:
+            z[z.size - 1] = s
+        call(whole, z, out)
+        if X.shape[0]:
+            X[k] = x
+        gain = gains[min(k, gains.shape[0] - 1)]
+        corrected = False
+        for c in range(ny):
+            E[k, c] = y[k, c] - out[at_h + c]
+            if with_s:
+                for j in range(count):
+                    value = out[at_hp + c * count + j]
+                    for i in range(n):
+                        value += out[at_hx + c * n + i] * S[i, j]
+                    d[c, j] = -value
+                    D[k, c, j] = -value
+        for c in range(ny):
+            if E[k, c] == E[k, c]:
+                for i in range(n):
+                    if gain[i, c] != 0.0:
+                        corrected = True
+                        x[i] += gain[i, c] * E[k, c]
+                        if with_s:
+                            for j in range(count):
+                                S[i, j] += gain[i, c] * d[c, j]
+        if k + 1 == total:
+            break
+        for i in range(n):
+            z[i] = x[i]
+        if corrected:
+            mode, s = _settle(head, sizes, z, out, mode, s, True)
+        begin = t[k]
+        while True:
+            end = t[k + 1]
+            if active + 1 < total and t[active + 1] + delay < end - 1e-12:
+                end = t[active + 1] + delay
+            _linearized(whole, sizes, z, out, mode, s, J0, P0)
+            substeps = int(np.ceil((end - begin) * _fastest(J0, scale) / REACH))
+            substeps = min(MOST, max(SUBSTEPS, substeps))
+            mode, s = _advance(head, whole, sizes, z, out, x, end - begin, substeps, mode, s, S, work, with_s)
+            for i in range(n):
+                if not abs(x[i]) < 1e6 * scale[i]:
+                    return k + 1
+            if end == t[k + 1]:
+                break
+            begin = end
+            for i in range(n):
+                z[i] = x[i]
+                work[7][i] = out[i]
+            active += 1
+            for i in range(m):
+                z[n + i] = u[active, i]
+            mode, s = _settle(head, sizes, z, out, mode, s, False)
+            if with_s and i_delay >= 0:
+                _slope(head, sizes, z, out, mode, s)
+                for i in range(n):
+                    S[i, i_delay] += work[7][i] - out[i]
+    return total
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def kalman_gains(A, C, Q, R, P0, gains):
+    """Fill ``gains`` (G, n, ny) with the gains of the Kalman filter from P0 on; returns how many are needed."""
+    n, ny = A.shape[0], C.shape[0]
+    P = P0.copy()
+    for k in range(gains.shape[0]):
+        PC = P @ C.T
+        K = np.ascontiguousarray(np.linalg.solve(C @ PC + R, PC.T).T)
+        gains[k] = K
+        P = A @ (P - K @ PC.T) @ A.T + Q
+        P = 0.5 * (P + P.T)
+        if k > 0:
+            moved = 0.0
+            for i in range(n):
+                for j in range(ny):
+                    moved = max(moved, abs(K[i, j] - gains[k - 1, i, j]) - 1e-4 * abs(K[i, j]))
+            if moved <= 0.0 and k > 5:
+                return k + 1
+    return gains.shape[0]
+
+
+__all__ = ["follow", "kalman_gains"]
