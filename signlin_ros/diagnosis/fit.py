@@ -1,0 +1,346 @@
+"""Output error fit, corrected by an observer: base parameters with priors, effects from their starts.
+
+The objective is -2 log likelihood of the innovations with an unknown variance for each channel,
+sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method with analytic sensitivities
+[Ljung, System Identification, 1999, ch. 7 and 10; Nocedal and Wright, Numerical Optimization, 2006, ch. 10].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.equations import Equations, equations
+from signlin_ros.diagnosis.follow import follow
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment, _twin
+from signlin_ros.model import Model
+from signlin_ros.par import Par
+
+Array = NDArray[np.float64]
+
+KNOWN_EFFECT = 0.5
+"""Relative standard deviation of the prior on the parameters of effects that the model already has."""
+SHAPE = 3.0
+"""Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A free parameter as the search sees it: its logarithm, or itself divided by ``unit``."""
+
+    name: str
+    log: bool
+    unit: float
+    low: float
+    high: float
+    prior: float
+    spread: float
+
+    def value(self, theta: float) -> float:
+        """Return the parameter for a coordinate."""
+        return float(np.exp(theta) * self.unit) if self.log else theta * self.unit
+
+    def theta(self, value: float) -> float:
+        """Return the coordinate for a parameter."""
+        return float(np.log(max(value, 1e-300) / self.unit)) if self.log else value / self.unit
+
+    def slope(self, theta: float) -> float:
+        """Return d parameter / d coordinate."""
+        return self.value(theta) if self.log else self.unit
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model to be fitted: its free parameters as coordinates, its values elsewhere."""
+
+    model: Model
+    equations: Equations
+    coordinates: tuple[Coordinate, ...]
+    values: dict[str, float]
+    label: tuple[str, ...] = ()
+
+    def p(self, theta: Array) -> Array:
+        """Return all parameters in the order of the equations."""
+        values = dict(self.values)
+        for c, x in zip(self.coordinates, theta, strict=True):
+            values[c.name] = c.value(float(x))
+        return np.array([values[name] for name in self.equations.parameters])
+
+    def start(self) -> Array:
+        """Return the coordinates of the values that the candidate starts from."""
+        return np.array([c.theta(self.values[c.name]) for c in self.coordinates])
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted candidate: coordinates, objective, innovations of every record, and the objective's curvature."""
+
+    candidate: Candidate
+    theta: Array
+    cost: float
+    rss: Array
+    count: Array
+    innovations: tuple[Array, ...]
+    hessian: Array
+    steps: int = 0
+
+    def parameters(self) -> dict[str, float]:
+        """Return the free parameters by name."""
+        return {c.name: c.value(float(x)) for c, x in zip(self.candidate.coordinates, self.theta, strict=True)}
+
+    @property
+    def rms(self) -> Array:
+        """RMS innovation of every channel."""
+        return np.sqrt(self.rss / np.maximum(self.count, 1))
+
+
+def base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
+    """Return the base parameters that may move: those that are neither frozen nor exactly 0, with their priors."""
+    result = []
+    for name, par in model.plant.pars().items():
+        nominal = problem.base.parameters[name]
+        spread = model.tolerance.get(name, 0.05) if isinstance(model.tolerance, dict) else model.tolerance
+        if name in model.frozen or nominal == 0.0 or par.structural or name not in model.trace.parameters or not spread:
+            continue
+        result.append(_coordinate(name, par, nominal, spread))
+    for key, use in problem.base.effects.items():
+        pars = model._pars_of(key)
+        for name, value in use.parameters.items():
+            full = f"{key}.{name}"
+            if value != 0.0 and full in model.trace.parameters:
+                result.append(_coordinate(full, pars[name], value, KNOWN_EFFECT))
+    return result
+
+
+def _coordinate(name: str, par: Par, nominal: float, spread: float) -> Coordinate:
+    if nominal > 0 and par.low >= 0:
+        return Coordinate(name, True, nominal, -20.0, 20.0, 0.0, spread)
+    return Coordinate(name, False, abs(nominal), par.low / abs(nominal), par.high / abs(nominal), np.sign(nominal), spread)
+
+
+def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordinate]:
+    """Return the parameters of a new effect that a fit moves; positive ones by their logarithm."""
+    effect_pars = model._pars_of(key)
+    use = model.effects[key]
+    held = _effect_class(use.type).held
+    result = []
+    for name, value in use.parameters.items():
+        par, full = effect_pars[name], f"{key}.{name}"
+        if name in held or par.structural or full not in model.trace.parameters:
+            continue
+        if par.positive:
+            result.append(Coordinate(full, True, value, -12.0, 12.0, 0.0, SHAPE))
+        else:
+            unit = problem.scale.of(par.unit) if full.rpartition(".")[2] != "N" else 1.0
+            result.append(Coordinate(full, False, unit, par.low / unit, par.high / unit, 0.0, np.inf))
+    return result
+
+
+def _effect_class(name: str) -> Any:
+    from signlin_ros.effects import find_effect
+
+    return find_effect(name, "effects")
+
+
+def candidate(problem: Problem, model: Model, added: tuple[str, ...], sensors: dict[str, float] | None = None) -> Candidate:
+    """Return a model as a candidate: base parameters, the effects ``added`` and the ``sensors`` are free.
+
+    ``sensors``: names such as ``sensor_offset.speed`` with their starting values.
+    """
+    coordinates = base_coordinates(problem, model)
+    for key in added:
+        coordinates += effect_coordinates(problem, model, key)
+    for name in sensors or {}:
+        coordinates.append(_sensor_coordinate(problem, name))
+    free = tuple(c.name for c in coordinates)
+    eq = equations(model.structure, problem.channels, free)
+    values = {name: model.value(name) for name in model.trace.parameters}
+    for name in eq.parameters[len(values) :]:
+        values[name] = (sensors or {}).get(name, 1.0 if name.startswith("sensor_gain") else 0.0)
+    return Candidate(model, eq, tuple(coordinates), values, added + tuple(sensors or ()))
+
+
+def _sensor_coordinate(problem: Problem, name: str) -> Coordinate:
+    if name.startswith("sensor_gain"):
+        return Coordinate(name, True, 1.0, -2.3, 2.3, 0.0, 0.5)
+    unit = float(problem.noise[problem.channels.index(name.partition(".")[2])])
+    return Coordinate(name, False, unit, -1e9, 1e9, 0.0, np.inf)
+
+
+def _initial(c: Candidate, s: Segment) -> Array:
+    x0 = []
+    for name in c.model.states:
+        source = name if name in s.start else _twin(name, tuple(s.start))
+        x0.append(s.start.get(source, 0.0))
+    return np.array(x0)
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Prewhitening of the innovations of every channel: e_k - rho e_(k-1), rho (ny)."""
+
+    rho: Array
+
+    def apply(self, values: Array) -> Array:
+        """Return the filtered innovations or derivatives (T, ny, ...); the first sample is kept."""
+        if not self.rho.any():
+            return values
+        rho = self.rho.reshape(1, -1, *([1] * (values.ndim - 2)))
+        result = values.copy()
+        result[1:] -= rho * values[:-1]
+        return result
+
+
+def follow_records(
+    problem: Problem, c: Candidate, theta: Array, gains: Gains, with_s: bool, segments: tuple[Segment, ...] | None = None
+) -> tuple[list[Array], list[Array], list[Array]] | None:
+    """Return innovations (T, ny), their derivatives (T, ny, np) and states (T, n) for every record; None if it
+    diverges.
+    """
+    p, eq = c.p(theta), c.equations
+    ny, count = eq.sizes[2], eq.sizes[3]
+    slopes = np.array([k.slope(float(x)) for k, x in zip(c.coordinates, theta, strict=True)])
+    scale = np.array([problem.x_scale.get(name, problem.x_scale.get(_twin(name, tuple(problem.x_scale)), 0.0)) for name in c.model.states])
+    scale = np.where(scale > 0, scale, _own_scale(problem, c))
+    delay = max(_delay_of(c, p), 0.0)
+    rows = gains.rows(c.model.states)
+    errors, derivatives, states = [], [], []
+    for s in segments or problem.segments:
+        E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
+        X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
+        arguments = ((*eq.sizes, int(with_s)), s.t, s.u, s.y, rows, _initial(c, s), p, scale, delay)
+        if follow(eq.head, eq.whole, *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
+            return None
+        if with_s:
+            D *= slopes
+            if not np.isfinite(D.sum()):
+                return None
+        errors.append(E)
+        derivatives.append(D)
+        states.append(X)
+    return errors, derivatives, states
+
+
+def _own_scale(problem: Problem, c: Candidate) -> Array:
+    units = c.model.trace.units
+    q = problem.scale.travel
+    return np.array([q if units[name] in (problem.base.plant.position_unit,) else 100.0 for name in c.model.states])
+
+
+def _delay_of(c: Candidate, p: Array) -> float:
+    total = 0.0
+    for key, use in c.model.effects.items():
+        if use.type == "input_delay":
+            total += p[c.equations.parameters.index(f"{key}.T")]
+    return float(total)
+
+
+def _normal(
+    problem: Problem, c: Candidate, theta: Array, found: tuple[list[Array], list[Array], list[Array]], filter: Filter
+) -> tuple[float, Array, Array, Array, Array]:
+    """Return cost, RSS (ny), number of samples (ny), gradient and Gauss-Newton Hessian."""
+    ny, count = c.equations.sizes[2], theta.size
+    rss, number = np.zeros(ny), np.zeros(ny)
+    squares, products = np.zeros((ny, count, count)), np.zeros((ny, count))
+    for E, D in zip(found[0], found[1], strict=True):
+        e = filter.apply(E)
+        good = np.isfinite(e)
+        e = np.where(good, e, 0.0)
+        rss += np.sum(e**2, axis=0)
+        number += good.sum(axis=0)
+        if D.shape[0]:
+            d = filter.apply(D)
+            for k in range(ny):
+                part = d[:, k, :] if good[:, k].all() else np.where(good[:, k, None], d[:, k, :], 0.0)
+                squares[k] += part.T @ part
+                products[k] += part.T @ e[:, k]
+    floor = (1e-9 * problem.noise) ** 2 * np.maximum(number, 1)
+    rss = np.maximum(rss, floor)
+    prior = np.array([(x - k.prior) / k.spread for k, x in zip(c.coordinates, theta, strict=True)])
+    inverse = np.array([1.0 / k.spread for k in c.coordinates])
+    cost = float(np.sum(number * np.log(rss / np.maximum(number, 1))) + np.sum(prior**2))
+    weights = number / rss
+    gradient = np.tensordot(weights, products, 1) + prior * inverse
+    hessian = np.tensordot(weights, squares, 1) + np.diag(inverse**2)
+    return cost, rss, number, gradient, hessian
+
+
+def fit(
+    problem: Problem, c: Candidate, gains: Gains, theta: Array | None = None, steps: int = 10, filter: Filter | None = None
+) -> Fit | None:
+    """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
+    whiten = filter or Filter(np.zeros(c.equations.sizes[2]))
+    low = np.array([k.low for k in c.coordinates])
+    high = np.array([k.high for k in c.coordinates])
+    x = np.clip(c.start() if theta is None else theta, low, high)
+    found = follow_records(problem, c, x, gains, True)
+    if found is None:
+        return None
+    cost, rss, number, gradient, hessian = _normal(problem, c, x, found, whiten)
+    damping, taken = 1e-3, 0
+    for _ in range(steps):
+        new = _step(x, gradient, hessian, damping, low, high)
+        predicted = float(-2 * gradient @ (new - x) - (new - x) @ hessian @ (new - x))
+        if predicted < 0.02:
+            break
+        trial = follow_records(problem, c, new, gains, True)
+        taken += 1
+        if trial is not None:
+            results = _normal(problem, c, new, trial, whiten)
+            if results[0] < cost:
+                gain = cost - results[0]
+                x, found = new, trial
+                cost, rss, number, gradient, hessian = results
+                damping = max(damping / 8, 1e-9)
+                if gain < 0.02:
+                    break
+                continue
+        damping *= 16
+        if damping > 1e9:
+            break
+    return Fit(c, x, cost, rss, number, tuple(found[0]), hessian, taken)
+
+
+def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array, high: Array) -> Array:
+    """Return the damped Gauss-Newton step, projected on the bounds; what leaves them is taken out and solved anew."""
+    active = np.zeros(x.size, dtype=bool)
+    new = x.copy()
+    for _ in range(x.size + 1):
+        free = ~active
+        if not free.any():
+            return new
+        diagonal = np.diag(hessian)[free]
+        matrix = hessian[np.ix_(free, free)] + np.diag(damping * diagonal + 1e-12 * max(diagonal.max(), 1e-300))
+        shift = new - x
+        right = gradient[free] + hessian[np.ix_(free, active)] @ shift[active]
+        new[free] = x[free] - np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
+        outside = free & ((new < low) | (new > high))
+        new = np.clip(new, low, high)
+        if not outside.any():
+            return new
+        active |= outside
+    return new
+
+
+def ladder(problem: Problem, c: Candidate, theta: Array | None = None, filter: Filter | None = None, steps: int = 8) -> list[Fit]:
+    """Fit a candidate from the highest to the lowest gain; returns the fits, fewer if one diverges."""
+    fits: list[Fit] = []
+    for i, gains in enumerate(problem.levels):
+        last = i == len(problem.levels) - 1
+        found = fit(problem, c, gains, theta, steps, filter if last else None)
+        if found is None:
+            return fits
+        fits.append(found)
+        theta = found.theta
+    return fits
+
+
+def with_values(c: Candidate, values: dict[str, float]) -> Candidate:
+    """Return a candidate that starts from other values."""
+    return replace(c, values={**c.values, **values})
+
+
+__all__ = ["Candidate", "Coordinate", "Filter", "Fit", "candidate", "fit", "follow_records", "ladder"]

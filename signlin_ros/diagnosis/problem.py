@@ -1,0 +1,283 @@
+"""A base model and its records, prepared for fitting: channels, noise, scales and the gains of the observer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from signlin_ros.diagnosis.equations import equations
+from signlin_ros.diagnosis.follow import follow, kalman_gains
+from signlin_ros.errors import RecordError
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.scale import Scale
+
+Array = NDArray[np.float64]
+
+SETTLED = 25.0
+"""Variance of the initial state in variances of the measurement noise."""
+LEAST_SAMPLES = 100
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state."""
+
+    t: Array
+    u: Array
+    y: Array
+    start: dict[str, float]
+    source: str
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Kalman gains (G, n, ny) for the states ``names``; ``tau`` is the observer's time constant in s."""
+
+    tau: float
+    names: tuple[str, ...]
+    values: Array
+
+    def rows(self, states: tuple[str, ...]) -> Array:
+        """Return the gains for a model with these states: an effect's own position or velocity moves with the
+        plant's; its other states are not corrected.
+        """
+        result = np.zeros((self.values.shape[0], len(states), self.values.shape[2]))
+        for i, name in enumerate(states):
+            source = name if name in self.names else _twin(name, self.names)
+            if source:
+                result[:, i] = self.values[:, self.names.index(source)]
+        return result
+
+
+def _twin(name: str, known: Sequence[str]) -> str:
+    """Return the plant's state that an effect's own state starts from and moves with, or an empty text."""
+    inner = name.rpartition(".")[2]
+    aliases = {"position": ("displacement", "position"), "velocity": ("velocity", "speed")}
+    return next((k for k in aliases.get(inner, ()) if "." in name and k in known), "")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything that is the same for every candidate.
+
+    ``base``: the model as given (a motor whose position is measured has it as a state). ``noise`` (ny): standard
+    deviation of white noise on each channel, from fourth differences. ``levels``: gains from high to low.
+    ``x_scale``: size of every state by name.
+    """
+
+    base: Model
+    channels: tuple[str, ...]
+    segments: tuple[Segment, ...]
+    noise: Array
+    scale: Scale
+    levels: tuple[Gains, ...]
+    x_scale: dict[str, float]
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def samples(self) -> int:
+        """Number of samples in all records."""
+        return sum(s.t.size for s in self.segments)
+
+
+def fourth_difference_noise(values: Array) -> float:
+    """Return the standard deviation of white noise on a smooth signal (T,): sqrt(mean of (4th difference)^2 / 70)."""
+    differences = np.diff(values[np.isfinite(values)], 4)
+    return float(np.sqrt(np.mean(differences**2) / 70)) if differences.size else 0.0
+
+
+def channels_of(model: Model, data: Sequence[ModelData]) -> tuple[str, ...]:
+    """Return the measured states and outputs that every record has, in the model's order."""
+    known = [*model.states, *(o for o in model.outputs if o not in model.states)]
+    found = tuple(c for c in known if all(c in d.measured and np.isfinite(d.measured[c]).any() for d in data))
+    if not found:
+        raise RecordError(f"{data[0].source}: none of {', '.join(known)} is measured")
+    return found
+
+
+def with_measured_position(model: Model, data: Sequence[ModelData]) -> Model:
+    """Return the model with its position as a state if the records have it."""
+    if model.plant.position_optional and all(model.plant.position in d.measured for d in data):
+        return model.with_options(with_position=True)
+    return model
+
+
+def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment:
+    """Return one record as arrays, with the state that it starts from."""
+    if data.t.size < LEAST_SAMPLES:
+        raise RecordError(f"{data.source}: {data.t.size} samples; at least {LEAST_SAMPLES} are needed")
+    y = np.ascontiguousarray(np.column_stack([data.measured[c] for c in channels]))
+    start = {}
+    for name in model.states:
+        if name in data.measured:
+            values = data.measured[name]
+            first = np.flatnonzero(np.isfinite(values))[:1]
+            start[name] = float(values[first[0]]) if first.size else 0.0
+    position, velocity = model.plant.position, model.plant.velocity
+    if position in start and velocity in model.states and velocity not in start:
+        start[velocity] = _first_slope(data.t, data.measured[position])
+    return Segment(np.ascontiguousarray(data.t), np.ascontiguousarray(data.u), y, start, data.source)
+
+
+def _first_slope(t: Array, values: Array, count: int = 8) -> float:
+    there = np.flatnonzero(np.isfinite(values))[:count]
+    return float(np.polyfit(t[there] - t[there[0]], values[there], 1)[0]) if there.size > 2 else 0.0
+
+
+def bare(model: Model) -> Model:
+    """Return the plant without any effect."""
+    for key in list(model.effects):
+        model = model.without_effect(key)
+    return model
+
+
+def linear_base(model: Model, channels: tuple[str, ...]) -> tuple[tuple[str, ...], Array, Array, Array]:
+    """Return (states, A, B, C) of the bare plant at rest: what the observer is designed for."""
+    plain = bare(model)
+    eq = equations(plain.structure, channels, ())
+    n, m, ny = eq.sizes[:3]
+    point = np.concatenate([np.zeros(n + m), plain.p, np.ones(ny), np.zeros(ny), [0.0]])
+    columns = eq.keep.batch([*point])[:, 0]
+    at = 2 * n + 3 + ny
+    A = columns[at : at + n * n].reshape(n, n)
+    C = columns[at + n * n + n + n :][: ny * n].reshape(ny, n)
+    moved = [eq.keep.batch([*(point + np.eye(point.size)[n + j])])[:n, 0] for j in range(m)]
+    B = np.column_stack([f - columns[:n] for f in moved])
+    return plain.states, A, B, C
+
+
+def _process_noise(model: Model, states: tuple[str, ...], sizes: dict[str, float], dt: float, tau: float) -> Array:
+    """Return the variance added to every state in a step, for an observer with time constant tau.
+
+    A measured state wanders by its noise in tau; a velocity whose position is measured by noise / tau in tau.
+    """
+    velocity, position = model.plant.velocity, model.plant.position
+    wander = np.zeros(len(states))
+    for i, name in enumerate(states):
+        if name == position and velocity in states:
+            continue
+        own = [sizes[name] * dt / tau] if name in sizes else []
+        if name == velocity and position in sizes and position in states:
+            own.append(sizes[position] * dt / tau**2)
+        if name == velocity and not own:
+            own = [0.01 * sizes.get("fallback", 1.0) * dt / tau]
+        wander[i] = min(own) if own else 0.0
+    return np.diag(wander**2)
+
+
+def design(model: Model, channels: tuple[str, ...], noise: Array, sizes: dict[str, float], dt: float, tau: float) -> Gains:
+    """Return the gains of an observer with time constant tau (s), from an uncertain start on."""
+    states, A, _, C = linear_base(model, channels)
+    measured = {c: float(s) for c, s in zip(channels, noise, strict=True)}
+    measured["fallback"] = sizes.get(model.plant.velocity, 1.0)
+    Q = _process_noise(model, states, measured, dt, tau)
+    P0 = np.diag([SETTLED * measured[s] ** 2 if s in measured else sizes.get(s, 1.0) ** 2 for s in states])
+    values = np.zeros((20_000, len(states), len(channels)))
+    used = kalman_gains(expm(A * dt), np.ascontiguousarray(C), Q, np.diag(noise**2), P0, values)
+    return Gains(tau, states, values[:used].copy())
+
+
+def time_constants(dt: float, duration: float) -> tuple[float, ...]:
+    """Return the observer's time constants from high to low gain in s."""
+    high, low = 8 * dt, max(min(2.0, duration / 8), 16 * dt)
+    return (high, float(np.sqrt(high * low)), low)
+
+
+def first_look(model: Model, segments: Sequence[Segment], channels: tuple[str, ...], gains: Gains) -> list[Array]:
+    """Return the states (T, n) of the base model held to every record by a high gain."""
+    eq = equations(model.structure, channels, ())
+    n, ny = eq.sizes[0], eq.sizes[2]
+    p = np.concatenate([model.p, np.ones(ny), np.zeros(ny)])
+    result = []
+    for s in segments:
+        E, X = np.zeros((s.t.size, ny)), np.zeros((s.t.size, n))
+        x0 = np.array([s.start.get(name, 0.0) for name in model.states])
+        arguments = ((*eq.sizes, 0), s.t, s.u, s.y, gains.rows(model.states), x0, p, np.full(n, 1e9), model.delay)
+        follow(eq.head, eq.whole, *arguments, E, np.zeros((0, ny, 0)), X)
+        result.append(X)
+    return result
+
+
+def prepare(model: Model, data: Sequence[ModelData]) -> Problem:
+    """Prepare records (at least one) for fitting; raises `RecordError` where nothing is measured."""
+    model = with_measured_position(model, data)
+    channels = channels_of(model, data)
+    segments = tuple(segment(model, channels, d) for d in data)
+    dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
+    duration = max(float(s.t[-1] - s.t[0]) for s in segments)
+    everything = np.concatenate([s.y for s in segments])
+    spread = np.nanstd(everything, axis=0)
+    noise = np.array([fourth_difference_noise(everything[:, c]) for c in range(len(channels))])
+    noise = np.maximum(noise, 1e-6 * np.maximum(spread, 1e-300))
+    sizes = {c: float(max(v, 1e-12)) for c, v in zip(channels, np.nanmax(np.abs(everything), axis=0), strict=True)}
+    sizes = _guess_velocity(model, segments, channels, sizes)
+    taus = time_constants(dt, duration)
+    look = first_look(model, segments, channels, design(model, channels, noise, sizes, dt, taus[0]))
+    X = np.concatenate(look)
+    peaks = np.nanmax(np.abs(X), axis=0)
+    x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
+    levels = tuple(design(model, channels, noise, x_scale, dt, tau) for tau in taus)
+    scale = _scale(model, segments, channels, look, dt, duration)
+    return Problem(model, channels, segments, noise, scale, levels, x_scale, _ranges(model, segments, X))
+
+
+def _guess_velocity(
+    model: Model, segments: Sequence[Segment], channels: tuple[str, ...], sizes: dict[str, float]
+) -> dict[str, float]:
+    """Add the size of a velocity that is not measured: from the position, or from the input at the plant's gain."""
+    name, position = model.plant.velocity, model.plant.position
+    if name in sizes or name not in model.states:
+        return sizes
+    if position in channels:
+        c = channels.index(position)
+        slopes = [np.nanstd(np.gradient(s.y[:, c], s.t)) for s in segments]
+        return {**sizes, name: float(max(slopes))}
+    return {**sizes, name: 1.0}
+
+
+def _scale(
+    model: Model, segments: Sequence[Segment], channels: tuple[str, ...], look: list[Array], dt: float, duration: float
+) -> Scale:
+    def rms(values: Array) -> float:
+        size = float(np.sqrt(np.nanmean(np.square(values))))
+        return size if size > 0 and np.isfinite(size) else 1.0
+
+    X, u = np.concatenate(look), np.concatenate([s.u for s in segments])
+    column = {name: X[:, i] for i, name in enumerate(model.states)}
+    velocity = column.get(model.plant.velocity, u[:, 0])
+    acceleration = np.concatenate([np.gradient(velocity[: s.t.size], s.t) for s in segments[:1]])
+    position = column.get(model.plant.position)
+    if position is None:
+        position = np.cumsum(velocity) * dt
+    current = rms(column["current"]) if "current" in column else 1.0
+    force = u[:, 0]
+    if "current" in column:
+        force = model.parameters["K_t"] * column["current"]
+    elif "force" in channels:
+        force = np.concatenate([s.y[:, channels.index("force")] for s in segments])
+    travel = float(np.nanmax(np.abs(position)))
+    return Scale(
+        rms(force),
+        travel if travel > 0 else 1.0,
+        rms(velocity),
+        rms(acceleration),
+        current,
+        float(np.max(np.abs(u[:, 0]))) or 1.0,
+        dt,
+        duration,
+    )
+
+
+def _ranges(model: Model, segments: Sequence[Segment], X: Array) -> dict[str, tuple[float, float]]:
+    """Return the smallest and largest value of every state and input that the records visit."""
+    u = np.concatenate([s.u for s in segments])
+    columns = {**{n: X[:, i] for i, n in enumerate(model.states)}, **{n: u[:, j] for j, n in enumerate(model.inputs)}}
+    return {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
+
+
+__all__ = ["Gains", "Problem", "Segment", "prepare"]

@@ -1,0 +1,43 @@
+"""How large things are in a record: where a fit starts from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Sizes in SI units: RMS of driving force, velocity and acceleration, half the travel, RMS current (1 without),
+    largest input, median sampling step and duration in s.
+    """
+
+    force: float
+    travel: float
+    velocity: float
+    acceleration: float
+    current: float
+    input: float
+    step: float
+    duration: float
+
+    def of(self, unit: str) -> float:
+        """Return the size of a declared unit, e.g. of ``F·s/Q``: force by velocity."""
+        special = {"s": self.step, "rad": 1.0, "-": 1.0, "1/A²": self.current**-2, "1/Q": 1.0 / self.travel}
+        if unit in special:
+            return special[unit]
+        if unit == "U":
+            return self.input
+        powers = {"F": 0, "Q": 0, "s": 0}
+        for part, sign in zip(unit.split("/"), (1, -1), strict=False):
+            for token in part.split("·"):
+                if token.rstrip("²³") in powers:
+                    powers[token.rstrip("²³")] += sign * (2 if "²" in token else 3 if "³" in token else 1)
+        lengths, times = powers["Q"], abs(powers["s"])
+        way = 1 if lengths > 0 else -1
+        if times > abs(lengths):
+            return float(self.force ** powers["F"] * self.acceleration**way)
+        moving = self.velocity ** (way * times) * self.travel ** (lengths - way * times)
+        return float(self.force ** powers["F"] * moving)
+
+
+__all__ = ["Scale"]
