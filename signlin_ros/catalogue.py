@@ -9,7 +9,7 @@ import inspect
 import re
 from typing import Any
 
-from signlin_ros.effects import EFFECTS, Effect, find_effect, load_entry_points
+from signlin_ros.effects import EFFECTS, Effect, SensorEffect, find_effect, load_entry_points
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
 from signlin_ros.par import HasPars, Par
@@ -67,6 +67,7 @@ def effect_entry(effect: type[Effect]) -> dict[str, Any]:
         "source": source(effect),
         "plants": [plant.name for plant in plants],
         "dissipative": effect.dissipative,
+        "per_channel": issubclass(effect, SensorEffect),
         "states": {f"{effect.name}.{name}": units(unit) for name, unit in effect.states.items()},
         "parameters": {name: _parameter(par, units(par.unit)) for name, par in effect.pars().items()},
     }
@@ -78,7 +79,6 @@ def plant_entry(plant: type[Plant]) -> dict[str, Any]:
     optional = [plant.position] if plant.position_optional else []
     units = {**model.units, **plant.optional_inputs, **dict.fromkeys(optional, plant.position_unit)}
     outputs = plant.outputs or {name: units[name] for name in model.states}
-    aliases = {"position": plant.position, "velocity": plant.velocity, "effort": plant.effort or None}
     return {
         "name": plant.name,
         "summary": plant.summary(),
@@ -89,7 +89,7 @@ def plant_entry(plant: type[Plant]) -> dict[str, Any]:
         "inputs": dict(plant.inputs),
         "optional_inputs": dict(plant.optional_inputs),
         "outputs": dict(outputs),
-        "aliases": aliases,
+        "aliases": {alias: name or None for alias, name in plant.aliases().items()},
         "linearization": plant.linearization,
         "effects": [effect.name for effect in EFFECTS.values() if applies(effect, plant)],
         "parameters": {name: _parameter(par, {plant.name: par.unit}) for name, par in plant.pars().items()},

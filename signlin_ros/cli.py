@@ -207,20 +207,22 @@ def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals
 
     The run starts from DATA's first row where that holds every state, else from the model's initial_state.
     Inputs are held between samples. OUT has t, the inputs, the states and the outputs under their plain
-    names, at DATA's times.
+    names, at DATA's times: true values, not what the model's sensors show.
     """
     mapping = _pairs(signals, "--signal", "NAME=COLUMN")
     from signlin_ros import console
     from signlin_ros.model import Model
-    from signlin_ros.records import read_for_model, write_record
+    from signlin_ros.records import check_target, read_for_model, write_record
     from signlin_ros.simulate import simulate as run
 
+    check_target(output)
     if Path(output).exists() and Path(output).resolve() == Path(data).resolve():
         raise InputError(f"-o: {output} is DATA itself; choose another file")
     loaded = Model.load(model)
     record = read_for_model(data, loaded, mapping)
     _progress(f"simulating {len(record)} samples (the first run of a kind compiles for some seconds) ...")
-    result = run(loaded, record.t, record.u, record.x0, kind=kind, rtol=rtol)
+    start = None if record.x0 is None else loaded.true_states(record.x0)
+    result = run(loaded, record.t, record.u, start, kind=kind, rtol=rtol)
     write_record(console.trajectory_record(loaded, result, data), output, model=loaded)
     for note in record.notes:
         _note(f"note: {note}")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
+from signlin_ros.sign import valid_expression
 from signlin_ros.smooth import SmoothForm, smooth_form
 from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
@@ -94,11 +95,7 @@ def _valid(form: SmoothForm) -> ca.SX:
     """Return 1 where every surface lies in the valid range of sign_j (docs/theory.md), else 0."""
     good = ca.SX(1)
     for s in form.signs:
-        z = ca.fabs(s.z)
-        near = ca.logic_or(z <= form.order / 3, z <= 1)
-        if form.order < 8:
-            near = ca.logic_or(near, ca.fabs(1 - ca.fabs(s.value)) <= 0.005)
-        good = ca.logic_and(good, near)
+        good = ca.logic_and(good, valid_expression(s.z, form.order))
     return good
 
 

@@ -13,6 +13,7 @@ from signlin_ros.compiled import surface_scales, weights
 from signlin_ros.linearize import Linearization
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, Record, Signal
+from signlin_ros.sign import valid_reach
 from signlin_ros.simulate import Trajectory
 
 
@@ -53,7 +54,7 @@ def linearize_warnings(model: Model, result: Linearization) -> list[str]:
     """Return what a user of this linear model should know: outside the valid range, position in the norm."""
     found = []
     if not result.in_valid_range:
-        limit = max(model.sign_order / 3, 1.0)
+        limit = valid_reach(model.sign_order)
         limits = ", ".join(f"|{name}| <= {scale * limit:.4g}" for name, scale in surface_scales(model).items())
         found.append(
             f"the operating point is outside the valid range of sign_j at order {model.sign_order}: {limits};"
@@ -173,6 +174,7 @@ def effects_text(content: dict[str, Any]) -> str:
     return "\n".join(
         [
             "Force or torque on the moving mass, v its velocity, q its position; positive accelerates.",
+            "Of a sensor: y is what it shows of the true value x of a channel, a state or an output.",
             "`signlin effects NAME` shows units, bounds, plants and the source.\n",
             table([["effect", "law"], *rows], indent=""),
         ]
@@ -191,8 +193,12 @@ def effect_text(content: dict[str, Any]) -> str:
     facts = [["law", entry["equation"]], ["plants", ", ".join(entry["plants"]) or "(none)"]]
     facts += [["dissipative", "yes"]] if entry["dissipative"] else []
     facts += [["source", entry["source"]]] if entry["source"] else []
+    facts += [["per channel", _CHANNELS.format(**entry)]] if entry["per_channel"] else []
     blocks = [f"{entry['name']}: {entry['summary']}", table(facts), _parameters(entry)]
     return "\n\n".join(blocks + (["own states\n" + table(states)] if states else []))
+
+
+_CHANNELS = "given by the names of states and outputs: {name}: {{velocity: ...}}; those not named have the default"
 
 
 def plant_text(content: dict[str, Any]) -> str:

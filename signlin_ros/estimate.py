@@ -64,7 +64,8 @@ class StateEstimator:
 
     A velocity that is not measured beside its position comes from a `CausalDerivative`; any other state that is not
     measured (presliding, hysteresis, temperature, a hidden load) is carried by the model itself, driven by the
-    measured states and the input.
+    measured states and the input. Measured values are true ones: what a sensor adds is taken off before
+    (`signlin_ros.sensors`).
     """
 
     def __init__(self, model: Model, measured: Iterable[str], rate: float = 0.0, window: float | None = None) -> None:

@@ -6,20 +6,21 @@ import functools
 import math
 import re
 import sysconfig
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from signlin_ros import sign
-from signlin_ros.effects import Effect, find_effect, load_effect_file
+from signlin_ros.effects import Effect, SensorEffect, find_effect, load_effect_file
 from signlin_ros.errors import InputError, ModelError, choices, suggest
 from signlin_ros.par import Par, check_values
 from signlin_ros.plants import Plant, find_plant
+from signlin_ros.sensors import Sensor
 from signlin_ros.trace import EffectSlot, Structure, Trace, resolve_unit, trace
 
 METHODS = ("optimal", "termwise", "jacobian")
@@ -125,15 +126,18 @@ class Model:
     # ---------------------------------------------------------------- changing
 
     def with_effect(self, type: str, key: str | None = None, **parameters: float) -> Model:
-        """Return a model with one more effect; parameters not given start at their nominal values."""
+        """Return a model with one more effect; parameters not given start at their nominal values.
+
+        The effect of a sensor is on the channels given, on all states and outputs if none is.
+        """
         effect = find_effect(type, "effects")
         key = key or type
         if key in self.effects:
             raise ModelError(f"effects.{key}: is in the model already; give the new one another key")
-        nominal = {n: par.nominal for n, par in effect.pars().items() if not par.free_standing}
-        if "k" in effect.pars() and effect.pars()["k"].free_standing and not self._has_spring:
-            nominal["k"] = effect.pars()["k"].nominal
-        values = nominal | {name.rstrip("_"): value for name, value in parameters.items()}
+        given = {name.rstrip("_"): value for name, value in parameters.items()}
+        present = {name: unit for name, unit in self._channels.items() if name in (*self.states, *self.outputs)}
+        pars = {} if given and issubclass(effect, SensorEffect) else effect.pars_on(present)
+        values = {n: p.nominal for n, p in pars.items() if not (p.free_standing and self._has_spring)} | given
         uses = {k: {"type": use.type, **use.parameters} for k, use in self.effects.items()}
         return self._changed(effects={**uses, key: {"type": type, **values}})
 
@@ -148,12 +152,11 @@ class Model:
         """Return a model with other numbers: ``{"J": 0.002, "coulomb_friction.mu": 0.03}``."""
         content = self.to_dict()
         for name, value in {**(values or {}), **more}.items():
-            key, _, inner = name.removeprefix("parameters.").removeprefix("effects.").rpartition(".")
-            table = content["parameters"] if not key else content.get("effects", {}).get(key)
-            if table is None or inner.rstrip("_") not in {**self._pars_of(key)}:
-                known = [n.split(".", 1)[1] for n in self.par_declarations()]
-                raise ModelError(f"{name}: unknown parameter; known: {choices(known)}{suggest(name, known)}")
-            table[inner.rstrip("_")] = value
+            key, inner = self._located(name)
+            if inner not in self._pars_of(key):
+                raise self._unknown(name)
+            table = content["effects"][key] if key else content["parameters"]
+            table[inner] = value
         return Model.from_dict(content, self.source, self.folder)
 
     def with_options(self, **options: Any) -> Model:
@@ -164,7 +167,20 @@ class Model:
         return Model.from_dict({**self.to_dict(), **entries}, self.source, self.folder)
 
     def _pars_of(self, key: str) -> dict[str, Par]:
-        return find_effect(self.effects[key].type, "effects").pars() if key else self.plant.pars()
+        return _effect_class(self.effects[key]).pars_on(self._channels) if key else self.plant.pars()
+
+    def _located(self, name: str) -> tuple[str, str]:
+        """Return the key of an effect of the model (empty: the plant) and a parameter from a dotted name."""
+        key, _, inner = name.removeprefix("parameters.").removeprefix("effects.").rpartition(".")
+        if key and key not in self.effects:
+            raise self._unknown(name)
+        inner = inner.rstrip("_")
+        sensor = bool(key) and _is_sensor(self.effects[key])
+        return key, _own_name(self.plant, inner, self._channels) if sensor else inner
+
+    def _unknown(self, name: str) -> ModelError:
+        known = [n.split(".", 1)[1] for n in self.par_declarations()]
+        return ModelError(f"{name}: unknown parameter; known: {choices(known)}{suggest(name, known)}")
 
     # ---------------------------------------------------------------- looking
 
@@ -180,8 +196,8 @@ class Model:
             plant=self.plant,
             plant_structural=tuple((n, self.parameters[n]) for n, par in pars.items() if par.structural),
             zeros=tuple(n for n in self.plant.zero_matters if self.parameters[n] == 0.0),
-            slots=built_in + tuple(_slot(key, use) for key, use in self.effects.items()),
-            with_position=self.with_position or "position" in self.signals,
+            slots=built_in + tuple(_slot(key, use) for key, use in self.effects.items() if not _is_sensor(use)),
+            with_position=self.with_position or "position" in self.signals or self._senses_position,
             with_load_torque=self.with_load_torque,
         )
 
@@ -210,9 +226,43 @@ class Model:
         """Unit of every state, input and output."""
         return self.trace.units
 
+    @functools.cached_property
+    def sensors(self) -> dict[str, Sensor]:
+        """What measures each state and output: perfect but for what the sensor effects say of it."""
+        found = dict.fromkeys((*self.states, *self.outputs), Sensor())
+        for use in self.effects.values():
+            effect = _effect_class(use)()
+            if isinstance(effect, SensorEffect):
+                for channel, value in use.parameters.items():
+                    found[channel] = effect.sensor(found[channel], value)
+        return found
+
+    def shown_states(self, x: ArrayLike) -> NDArray[np.float64]:
+        """Return what the sensors show of states (..., n), each in its own time (`Sensor.show`)."""
+        return self._by_sensor(Sensor.show, x)
+
+    def true_states(self, y: ArrayLike) -> NDArray[np.float64]:
+        """Return the states (..., n) behind what the sensors show, each in its own time (`Sensor.true`)."""
+        return self._by_sensor(Sensor.true, y)
+
+    def _by_sensor(self, how: Callable[[Sensor, Any], Any], values: ArrayLike) -> NDArray[np.float64]:
+        columns = np.moveaxis(np.asarray(values, dtype=float), -1, 0)
+        pairs = zip(self.states, columns, strict=True)
+        with np.errstate(over="ignore"):
+            return np.stack([how(self.sensors[name], column) for name, column in pairs], axis=-1)
+
+    @property
+    def _senses_position(self) -> bool:
+        sensed = (name for use in self.effects.values() if _is_sensor(use) for name in use.parameters)
+        return self.plant.position_optional and self.plant.position in sensed
+
+    @property
+    def _channels(self) -> dict[str, str]:
+        return self.plant.channels(self.parameters)
+
     @property
     def _has_spring(self) -> bool:
-        return "k" in self.parameters and "k" not in self.structure.zeros
+        return _has_spring(self.plant, self.parameters)
 
     @functools.cached_property
     def p(self) -> NDArray[np.float64]:
@@ -228,11 +278,10 @@ class Model:
 
     def value(self, name: str) -> float:
         """Return a parameter's value by dotted name: ``J`` or ``parameters.J``, ``coulomb_friction.mu``."""
-        key, _, inner = name.removeprefix("parameters.").removeprefix("effects.").rpartition(".")
-        table = self.effects[key].parameters if key in self.effects else {} if key else self.parameters
+        key, inner = self._located(name)
+        table = self.effects[key].parameters if key else self.parameters
         if inner not in table:
-            known = [n.split(".", 1)[1] for n in self.par_declarations()]
-            raise ModelError(f"{name}: unknown parameter; known: {choices(known)}{suggest(name, known)}")
+            raise self._unknown(name)
         return table[inner]
 
     def par_declarations(self) -> dict[str, Par]:
@@ -245,13 +294,8 @@ class Model:
 
     def canonical(self, name: str) -> str:
         """Return the plant's own name for a state, input or output, resolving position, velocity and effort."""
-        aliases = {
-            "position": self.plant.position,
-            "velocity": self.plant.velocity,
-            "effort": self.plant.effort,
-        }
         known = (*self.states, *self.inputs, *self.outputs)
-        plain = name if name in known else aliases.get(name, name)
+        plain = _own_name(self.plant, name, known)
         if plain not in known:
             raise ModelError(
                 f"{name!r} is no state, input or output; there are: {choices(known)}{suggest(name, known)}"
@@ -445,22 +489,39 @@ def _default(name: str, plant: type[Plant]) -> Any:
     return item.default_factory() if callable(item.default_factory) else item.default
 
 
+def _effect_class(use: EffectUse) -> type[Effect]:
+    return find_effect(use.type, "effects")
+
+
+def _is_sensor(use: EffectUse) -> bool:
+    return issubclass(_effect_class(use), SensorEffect)
+
+
+def _has_spring(plant: type[Plant], base: Mapping[str, float]) -> bool:
+    return "k" in base and not ("k" in plant.zero_matters and base["k"] == 0.0)
+
+
+def _own_name(plant: type[Plant], name: str, known: Collection[str]) -> str:
+    """Return the plant's own name for position, velocity or effort, unless it is a known name itself."""
+    return name if name in known else plant.aliases().get(name, name)
+
+
 def _slot(key: str, use: EffectUse) -> EffectSlot:
-    effect = find_effect(use.type, "effects")
+    effect = _effect_class(use)
     pars = effect.pars()
     structural = tuple((n, v) for n, v in use.parameters.items() if pars[n].structural)
     return EffectSlot(key, effect, structural, tuple(use.parameters))
 
 
-def _effects(value: Any, plant: type[Plant], spring: bool) -> dict[str, EffectUse]:
+def _effects(value: Any, plant: type[Plant], base: Mapping[str, float]) -> dict[str, EffectUse]:
     if value is None:
         return {}
     if not isinstance(value, Mapping):
         raise ModelError(f"effects: found {value!r}; allowed: a mapping such as {{coulomb_friction: {{mu: 0.033}}}}")
-    return {str(key): _effect(str(key), item, plant, spring) for key, item in value.items()}
+    return {str(key): _effect(str(key), item, plant, base) for key, item in value.items()}
 
 
-def _effect(key: str, item: Any, plant: type[Plant], spring: bool) -> EffectUse:
+def _effect(key: str, item: Any, plant: type[Plant], base: Mapping[str, float]) -> EffectUse:
     where = f"effects.{key}"
     if item is not None and not isinstance(item, Mapping):
         raise ModelError(f"{where}: found {item!r}; allowed: a mapping of its parameters")
@@ -471,14 +532,33 @@ def _effect(key: str, item: Any, plant: type[Plant], spring: bool) -> EffectUse:
         raise ModelError(f"{where}: {name} does not apply to {plant.name}, only to {', '.join(effect.plants)}")
     if name in plant.built_in:
         raise ModelError(f"{where}: {name} is part of the plant {plant.name} already")
-    pars = {n: replace(par, unit=resolve_unit(par.unit, plant)) for n, par in effect.pars().items()}
-    values = check_values(pars, given, where)
+    pars = effect.pars_on(plant.channels(base))
+    if issubclass(effect, SensorEffect):
+        return EffectUse(str(name), _by_channel(pars, given, plant, where))
+    pars = {n: replace(par, unit=resolve_unit(par.unit, plant)) for n, par in pars.items()}
+    values, spring = check_values(pars, given, where), _has_spring(plant, base)
     for free in (n for n, par in pars.items() if par.free_standing):
         if spring and free in values:
             raise ModelError(f"{where}.{free}: the plant {plant.name} has a spring of its own; leave it out")
         if not spring and free not in values:
             raise ModelError(f"{where}.{free}: missing; the plant has no spring of its own ({pars[free].doc})")
     return EffectUse(str(name), values)
+
+
+def _by_channel(pars: Mapping[str, Par], given: Mapping[str, Any], plant: type[Plant], where: str) -> dict[str, float]:
+    """Return the checked values of a sensor's effect by channel, under the plant's own names."""
+    values: dict[str, float] = {}
+    for name, value in given.items():
+        channel = _own_name(plant, str(name), pars)
+        if channel not in pars:
+            near = suggest(str(name), (*pars, *(alias for alias, own in plant.aliases().items() if own in pars)))
+            raise ModelError(f"{where}.{name}: unknown channel; known: {choices(pars)}{near}")
+        if channel in values:
+            raise ModelError(f"{where}: {channel} is given twice, once as {name}")
+        values[channel] = pars[channel].check(value, f"{where}.{name}")
+    if not values:
+        raise ModelError(f"{where}: names no channel; allowed: {{{next(iter(pars))}: value, ...}} with {choices(pars)}")
+    return values
 
 
 def _read(mapping: Mapping[str, Any], source: str, folder: Path) -> Model:
@@ -496,11 +576,10 @@ def _read(mapping: Mapping[str, Any], source: str, folder: Path) -> Model:
     if not isinstance(table, Mapping):
         raise ModelError(f"parameters: found {table!r}; allowed: a mapping of {choices(plant.pars())}")
     values = check_values(plant.pars(), table, "parameters")
-    spring = "k" in values and not ("k" in plant.zero_matters and values["k"] == 0.0)
     model = Model(
         plant=plant,
         parameters=values,
-        effects=_effects(mapping.get("effects"), plant, spring),
+        effects=_effects(mapping.get("effects"), plant, values),
         node_options={key: mapping[key] for key in mapping if key in (*NODE_KEYS, *RESERVED_KEYS)},
         source=source,
         folder=folder,

@@ -88,6 +88,7 @@ def value_of_the_method(
     ``start`` and ``midpoint`` are this project's; ``jacobian`` is the affine Jacobian at the start; ``no friction``
     the same model with all dry friction removed; ``nonlinear`` the exact simulation, which no linear model can beat.
     """
+    position = model.sensors[model.plant.position].true(position)
     states = causal_states(model, t, {model.plant.position: position}, u)
     truth = zero_phase_velocity(t, position, cutoff)
     name = model.plant.velocity

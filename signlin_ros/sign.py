@@ -33,12 +33,14 @@ class _NumpyOps:
     """The elementwise vocabulary that the formulas below need, on NumPy arrays."""
 
     abs, log, log1p, exp, expm1, sign, where = np.abs, np.log, np.log1p, np.exp, np.expm1, np.sign, np.where
+    either = np.logical_or
 
 
 class _CasadiOps:
     """The same vocabulary on CasADi expressions."""
 
     abs, log, log1p, exp, expm1, sign = ca.fabs, ca.log, ca.log1p, ca.exp, ca.expm1, ca.sign
+    either = ca.logic_or
 
     @staticmethod
     def where(condition: Any, yes: Any, no: Any) -> Any:
@@ -134,13 +136,30 @@ def sign_j_change(z: Any, z0: Any, dz: Any, order: int) -> Any:
     return ca.if_else(near, step * (1 - s * s0), s - s0)
 
 
+def valid_reach(order: int) -> float:
+    """Return the |z| up to which sign_j(z) stands for the sign: j/3, or 1, below which only the slope matters.
+
+    Orders below 8 may stand for it in places beyond: see `valid_surface`.
+    """
+    return max(order / 3, 1.0)
+
+
+def _valid(ops: Any, z: Any, order: int) -> Any:
+    near = ops.abs(z) <= valid_reach(order)
+    if order >= 8:
+        return near
+    return ops.either(near, ops.abs(1 - ops.abs(_value(ops, z, order))) <= 0.005)
+
+
 def valid_surface(z: ArrayLike, order: int) -> NDArray[np.bool_]:
-    """Tell where sign_j(z) stands for the sign, z = g/scale; elementwise.
+    """Tell where sign_j(z) stands for the sign, z = g/scale; elementwise, False where z is not finite.
 
     True where |z| <= j/3, or |1 - |sign_j|| <= 0.005 for j < 8, or |z| <= 1 (only the slope at zero matters).
     """
-    a = np.abs(np.asarray(z, dtype=float))
-    good = (a <= order / 3) | (a <= 1)
-    if order < 8:
-        good = good | (np.abs(1 - np.abs(_numpy(_value, a, order, 1.0))) <= 0.005)
-    return np.asarray(good)
+    with np.errstate(all="ignore"):
+        return np.asarray(_valid(_NumpyOps, np.asarray(z, dtype=float), check_order(order)))
+
+
+def valid_expression(z: Any, order: int) -> Any:
+    """Return `valid_surface` as a CasADi expression, 1 or 0, of the expression ``z``."""
+    return _valid(_CasadiOps, z, order)

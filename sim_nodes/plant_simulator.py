@@ -18,6 +18,7 @@ from signlin_ros.nodes.parameters import ModelNode
 from signlin_ros.nodes.qos import RELIABLE, SENSORS
 from signlin_ros.nodes.runner import run
 from signlin_ros.simulate import Stepper
+from sim_nodes.measuring import Measuring
 from sim_nodes.signals import INPUT_SIGNALS, input_signal
 
 OPTIONS = {
@@ -34,7 +35,10 @@ LONGEST_GAP = 10 * NANO
 
 
 class PlantSimulatorNode(ModelNode):
-    """Steps the exact plant along the node's clock; the input is held between messages."""
+    """Steps the exact plant along the node's clock and publishes what its sensors show.
+
+    The input is held between messages.
+    """
 
     def __init__(self) -> None:
         super().__init__("plant_simulator", OPTIONS)
@@ -58,6 +62,7 @@ class PlantSimulatorNode(ModelNode):
     def _start(self, _: Any) -> None:
         """Begin at the initial state, at the time that it is now."""
         self.plant = Stepper(self.model, self.model.x0)
+        self.measuring = Measuring(self.model, self._period / NANO, self.plant.x)
         self.origin, self.steps = self.now(), 0
 
     def _on_input(self, message: Float64MultiArray) -> None:
@@ -75,12 +80,12 @@ class PlantSimulatorNode(ModelNode):
         for step in range(self.steps, due):
             if self._signal is not None:
                 self.u[0] = self._signal(step * self._period / NANO)
-            self.plant.advance(self._period / NANO, self.u)
+            self.measuring.take(self.plant.advance(self._period / NANO, self.u))
         self.steps = max(due, self.steps)
         self._publish()
 
     def _publish(self) -> None:
-        x = self.plant.x + self.options["noise"] * self.random.standard_normal(len(self.model.states))
+        x = self.measuring.shown() + self.options["noise"] * self.random.standard_normal(len(self.model.states))
         joint = joint_values(self.model, dict(zip(self.model.states, x.tolist(), strict=True)), self.u)
         if self._signal is not None:
             self._inputs.publish(convert.vector(self.u, "input"))

@@ -21,7 +21,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sample:
-    """One moment: time since the start in s, whole state x (n,), input u (m,), and the joint's values."""
+    """One moment: time since the start in s, whole state x (n,), input u (m,), and the joint's values.
+
+    State and joint are as the model's sensors show them, so that what was measured is played as it was.
+    """
 
     t: float
     x: Array
@@ -54,12 +57,12 @@ class Playback:
 
     def round(self) -> Iterator[Sample]:
         """Yield the record's samples once, from an estimator that knows nothing yet."""
-        estimator = self.estimator()
+        estimator, sensors = self.estimator(), self.model.sensors
         for i, t in enumerate(self.t.tolist()):
             found = {name: float(self.data.measured[name][i]) for name in self.measured}
-            found = {name: value for name, value in found.items() if not math.isnan(value)}
+            true = {name: sensors[name].true(value) for name, value in found.items() if not math.isnan(value)}
             u = self.data.u[i]
-            x = estimator.update(t, found, u)
+            x = self.model.shown_states(estimator.update(t, true, u))
             state = dict(zip(self.model.states, x.tolist(), strict=True))
             yield Sample(t, x, u, joint_values(self.model, state, u))
 

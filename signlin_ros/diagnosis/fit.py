@@ -118,7 +118,9 @@ def base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
 def _coordinate(name: str, par: Par, nominal: float, spread: float) -> Coordinate:
     if nominal > 0 and par.low >= 0:
         return Coordinate(name, True, nominal, -20.0, 20.0, 0.0, spread)
-    return Coordinate(name, False, abs(nominal), par.low / abs(nominal), par.high / abs(nominal), np.sign(nominal), spread)
+    return Coordinate(
+        name, False, abs(nominal), par.low / abs(nominal), par.high / abs(nominal), np.sign(nominal), spread
+    )
 
 
 def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordinate]:
@@ -145,7 +147,9 @@ def _effect_class(name: str) -> Any:
     return find_effect(name, "effects")
 
 
-def candidate(problem: Problem, model: Model, added: tuple[str, ...], sensors: dict[str, float] | None = None) -> Candidate:
+def candidate(
+    problem: Problem, model: Model, added: tuple[str, ...], sensors: dict[str, float] | None = None
+) -> Candidate:
     """Return a model as a candidate: base parameters, the effects ``added`` and the ``sensors`` are free.
 
     ``sensors``: names such as ``sensor_offset.speed`` with their starting values.
@@ -195,7 +199,12 @@ class Filter:
 
 
 def follow_records(
-    problem: Problem, c: Candidate, theta: Array, gains: Gains, with_s: bool, segments: tuple[Segment, ...] | None = None
+    problem: Problem,
+    c: Candidate,
+    theta: Array,
+    gains: Gains,
+    with_s: bool,
+    segments: tuple[Segment, ...] | None = None,
 ) -> tuple[list[Array], list[Array], list[Array]] | None:
     """Return innovations (T, ny), their derivatives (T, ny, np) and states (T, n) for every record; None if it
     diverges.
@@ -203,7 +212,12 @@ def follow_records(
     p, eq = c.p(theta), c.equations
     ny, count = eq.sizes[2], eq.sizes[3]
     slopes = np.array([k.slope(float(x)) for k, x in zip(c.coordinates, theta, strict=True)])
-    scale = np.array([problem.x_scale.get(name, problem.x_scale.get(_twin(name, tuple(problem.x_scale)), 0.0)) for name in c.model.states])
+    scale = np.array(
+        [
+            problem.x_scale.get(name, problem.x_scale.get(_twin(name, tuple(problem.x_scale)), 0.0))
+            for name in c.model.states
+        ]
+    )
     scale = np.where(scale > 0, scale, _own_scale(problem, c))
     delay = max(_delay_of(c, p), 0.0)
     rows = gains.rows(c.model.states)
@@ -269,7 +283,12 @@ def _normal(
 
 
 def fit(
-    problem: Problem, c: Candidate, gains: Gains, theta: Array | None = None, steps: int = 10, filter: Filter | None = None
+    problem: Problem,
+    c: Candidate,
+    gains: Gains,
+    theta: Array | None = None,
+    steps: int = 10,
+    filter: Filter | None = None,
 ) -> Fit | None:
     """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
     whiten = filter or Filter(np.zeros(c.equations.sizes[2]))
@@ -325,7 +344,9 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     return new
 
 
-def ladder(problem: Problem, c: Candidate, theta: Array | None = None, filter: Filter | None = None, steps: int = 8) -> list[Fit]:
+def ladder(
+    problem: Problem, c: Candidate, theta: Array | None = None, filter: Filter | None = None, steps: int = 8
+) -> list[Fit]:
     """Fit a candidate from the highest to the lowest gain; returns the fits, fewer if one diverges."""
     fits: list[Fit] = []
     for i, gains in enumerate(problem.levels):

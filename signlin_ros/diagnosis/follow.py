@@ -23,7 +23,7 @@ from signlin_ros.native import call
 
 SUBSTEPS = 2
 """Least number of substeps between two samples."""
-MOST = 64
+MOST = 20
 """Most substeps between two samples."""
 REACH = 0.8
 """Largest product of a substep and the fastest rate of the model."""

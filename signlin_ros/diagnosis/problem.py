@@ -170,7 +170,9 @@ def _process_noise(model: Model, states: tuple[str, ...], sizes: dict[str, float
     return np.diag(wander**2)
 
 
-def design(model: Model, channels: tuple[str, ...], noise: Array, sizes: dict[str, float], dt: float, tau: float) -> Gains:
+def design(
+    model: Model, channels: tuple[str, ...], noise: Array, sizes: dict[str, float], dt: float, tau: float
+) -> Gains:
     """Return the gains of an observer with time constant tau (s), from an uncertain start on."""
     states, A, _, C = linear_base(model, channels)
     measured = {c: float(s) for c, s in zip(channels, noise, strict=True)}

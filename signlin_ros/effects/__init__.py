@@ -14,7 +14,7 @@ from pathlib import Path
 
 from signlin_ros.effects.asymmetric_viscous_friction import AsymmetricViscousFriction
 from signlin_ros.effects.backlash import Backlash
-from signlin_ros.effects.base import Effect
+from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.effects.cogging_torque import CoggingTorque
 from signlin_ros.effects.compliant_load import CompliantLoad
@@ -31,6 +31,9 @@ from signlin_ros.effects.linear_stiffness import LinearStiffness
 from signlin_ros.effects.load_dependent_friction import LoadDependentFriction
 from signlin_ros.effects.lugre_friction import LuGreFriction
 from signlin_ros.effects.quadratic_drag import QuadraticDrag
+from signlin_ros.effects.sensor_delay import SensorDelay
+from signlin_ros.effects.sensor_gain import SensorGain
+from signlin_ros.effects.sensor_offset import SensorOffset
 from signlin_ros.effects.stribeck_friction import StribeckFriction
 from signlin_ros.effects.thermal_resistance import ThermalResistance
 from signlin_ros.effects.torque_constant_saturation import TorqueConstantSaturation
@@ -70,6 +73,9 @@ for _effect in (
     InputDelay,
     TorqueConstantSaturation,
     ThermalResistance,
+    SensorOffset,
+    SensorGain,
+    SensorDelay,
 ):
     register(_effect)
 
@@ -95,6 +101,8 @@ def _checked(found: object, where: str) -> type[Effect]:
     missing = [name for name in ("name", "equation") if not isinstance(getattr(found, name, None), str)]
     if missing:
         raise ModelError(f"{where}: class {found.__name__} lacks {' and '.join(missing)}")
+    if issubclass(found, SensorEffect) and len(found.pars()) != 1:
+        raise ModelError(f"{where}: class {found.__name__} has {len(found.pars())} parameters; a SensorEffect has one")
     return found
 
 
@@ -136,4 +144,4 @@ def _effects_in(path: Path, changed: int) -> tuple[type[Effect], ...]:
     return tuple(_checked(c, f"effect_files: {path}") for c in found)
 
 
-__all__ = ["EFFECTS", "Effect", "find_effect", "load_effect_file", "load_entry_points", "register"]
+__all__ = ["EFFECTS", "Effect", "SensorEffect", "find_effect", "load_effect_file", "load_entry_points", "register"]

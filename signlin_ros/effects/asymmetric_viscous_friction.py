@@ -20,6 +20,7 @@ class AsymmetricViscousFriction(Effect):
 
     b_p = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity, forward")
     b_n = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity, backward")
+    start = ({"b_p": 0.05, "b_n": 0.05},)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.b_p * m.positive(x.velocity) + p.b_n * m.positive(-x.velocity)

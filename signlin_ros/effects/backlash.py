@@ -19,6 +19,10 @@ class Backlash(CompliantLoad):
     equation = "-T, T = k dz(q - q2) + c (v - v2) in contact only, J v2' = T"
 
     gap = Par("Q", nominal=0.01, doc="half width of the play")
+    start = (
+        {"k": 10.0, "c": 0.05, "J": 0.3, "gap": 0.05},
+        {"k": 10.0, "c": 0.05, "J": 0.3, "gap": 0.3},
+    )
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling, zero while the play is crossed."""

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
-from signlin_ros.par import HasPars
+from signlin_ros.par import HasPars, Par
+from signlin_ros.scale import Scale
+from signlin_ros.sensors import Sensor
+
+CHANNEL_UNIT = "of the channel"
+"""Declared unit of what a `SensorEffect` has in the unit of the channel that it is on."""
 
 
 class Effect(HasPars):
@@ -35,6 +42,20 @@ class Effect(HasPars):
     dissipative: ClassVar[bool] = False
     """Whether v F <= 0 always (checked by the contract tests)."""
 
+    start: ClassVar[tuple[Mapping[str, float], ...]] = ()
+    """Where a fit starts from, in multiples of the record's `Scale`; empty: 0.05 of each."""
+    held: ClassVar[Mapping[str, float | None]] = {}
+    """Parameters that no record tells from the others, and what a fit holds them at (None: at the start)."""
+    periodic: ClassVar[tuple[str, ...]] = ()
+    """(order, amplitude, phase) of a force -amplitude sin(order q + phase), whose order is scanned for."""
+
+    @classmethod
+    def starts(cls, scale: Scale) -> list[dict[str, float]]:
+        """Return the points from which a fit to a record of this scale starts."""
+        pars = cls.pars()
+        multiples = cls.start or (dict.fromkeys(pars, 0.05),)
+        return [{name: value * scale.of(pars[name].unit) for name, value in one.items()} for one in multiples]
+
     def force(self, m: Any, x: Any, p: Any) -> Any:
         """Return the force on the moving mass."""
         return 0
@@ -64,6 +85,31 @@ class Effect(HasPars):
         return R_a
 
     @classmethod
+    def pars_on(cls, channels: Mapping[str, str]) -> dict[str, Par]:
+        """Return the declared parameters by their names in a model file, given a plant's channels and their units."""
+        return cls.pars()
+
+    @classmethod
     def summary(cls) -> str:
         """Return the first line of the docstring."""
         return (cls.__doc__ or "").strip().splitlines()[0]
+
+
+class SensorEffect(Effect):
+    """What a sensor does to what it measures: it changes no equation, only what is shown.
+
+    One `Par` is declared. A model file gives it for each channel that it is on, by the channel's name:
+    ``sensor_offset: {speed: 0.1}``. Channels that are not named have its default.
+    """
+
+    def sensor(self, before: Sensor, value: float) -> Sensor:
+        """Return what becomes of a sensor when this effect, with its parameter's value, comes on top."""
+        raise NotImplementedError
+
+    @classmethod
+    def pars_on(cls, channels: Mapping[str, str]) -> dict[str, Par]:
+        """Return the one declaration for every channel, in the channel's unit where it is `CHANNEL_UNIT`."""
+        (par,) = cls.pars().values()
+        return {
+            name: replace(par, unit=unit if par.unit == CHANNEL_UNIT else par.unit) for name, unit in channels.items()
+        }

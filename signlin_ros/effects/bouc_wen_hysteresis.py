@@ -26,6 +26,12 @@ class BoucWenHysteresis(Effect):
     gamma = Par("-", nominal=0.5, low=-1e6, high=1e6, doc="shape of the loop")
     n = Par("-", nominal=1.0, low=1.0, high=50.0, structural=True, doc="sharpness of yielding")
     k = Par("F/Q", nominal=1.0, free_standing=True, doc="stiffness, where the plant has no spring of its own")
+    held = {"lambda": 1.0, "D": None}
+    start = tuple(
+        {"alpha": 0.5, "D": 0.3, "beta": beta, "gamma": 0.6 * beta, "n": n, "k": 1.0}
+        for n in (1.0, 2.0)
+        for beta in (0.1, 0.5)
+    )
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -self.spring(m, x, p, p.k) if hasattr(p, "k") else 0

@@ -21,5 +21,8 @@ class CoggingTorque(Effect):
     N = Par("1/Q", nominal=7.0, low=0, high=1e5, doc="periods per 2 pi of position")
     phi = Par("rad", nominal=0.0, low=-1e4, high=1e4, doc="phase at q = 0")
 
+    start = ({"A": 0.05, "phi": 0.0},)
+    periodic = ("N", "A", "phi")
+
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.A * m.sin(p.N * x.position + p.phi)

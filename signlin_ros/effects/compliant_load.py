@@ -21,6 +21,7 @@ class CompliantLoad(Effect):
     k = Par("F/Q", nominal=1.0, doc="stiffness of the coupling")
     c = Par("F·s/Q", nominal=0.01, doc="damping of the coupling")
     J = Par("F·s²/Q", nominal=1e-3, positive=True, doc="inertia of the load")
+    start = ({"k": 3.0, "c": 0.05, "J": 0.3}, {"k": 20.0, "c": 0.05, "J": 0.3})
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling."""

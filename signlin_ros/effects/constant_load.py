@@ -19,6 +19,7 @@ class ConstantLoad(Effect):
     external = True
 
     F0 = Par("F", nominal=0.01, low=-1e9, doc="constant force, positive accelerates")
+    start = ({"F0": 0.0},)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return p.F0

@@ -19,6 +19,7 @@ class CoulombFriction(Effect):
     dissipative = True
 
     mu = Par("F", nominal=0.03, doc="friction while sliding")
+    start = ({"mu": 0.05},)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.mu * m.sign(x.velocity)

@@ -19,6 +19,7 @@ class CubicStiffness(Effect):
     external = True
 
     k3 = Par("F/Q³", nominal=0.1, low=-1e12, high=1e12, doc="cubic stiffness; positive hardens")
+    start = ({"k3": 0.05},)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.k3 * x.position**3

@@ -20,6 +20,11 @@ class DahlPresliding(Effect):
 
     F_c = Par("F", nominal=0.03, positive=True, doc="friction while sliding")
     sigma = Par("F/Q", nominal=1.0, positive=True, doc="stiffness of the bristles")
+    start = (
+        {"F_c": 0.1, "sigma": 5.0},
+        {"F_c": 0.1, "sigma": 0.7},
+        {"F_c": 0.1, "sigma": 0.2},
+    )
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * x.own.z

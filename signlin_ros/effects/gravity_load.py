@@ -6,6 +6,7 @@ from typing import Any
 
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
 
 
 class GravityLoad(Effect):
@@ -20,6 +21,11 @@ class GravityLoad(Effect):
 
     A = Par("F", nominal=0.05, low=-1e9, doc="largest gravity torque")
     q0 = Par("Q", nominal=0.0, low=-1e4, high=1e4, default=0.0, doc="position that hangs down")
+
+    @classmethod
+    def starts(cls, scale: Scale) -> list[dict[str, float]]:
+        """Two phases a quarter turn apart: the angle is in radians whatever the travel."""
+        return [{"A": 0.02 * scale.force, "q0": 0.0}, {"A": 0.02 * scale.force, "q0": 1.5}]
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.A * m.sin(x.position - p.q0)

@@ -19,6 +19,7 @@ class HardStop(Effect):
 
     gap = Par("Q", nominal=0.5, doc="travel to either stop")
     k_s = Par("F/Q", nominal=10.0, doc="stiffness of the stops")
+    start = ({"gap": 0.4, "k_s": 0.5}, {"gap": 0.6, "k_s": 0.5}, {"gap": 0.8, "k_s": 0.5})
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.k_s * m.dead_zone(x.position, p.gap)

@@ -19,6 +19,7 @@ class InputDeadzone(Effect):
     equation = "u -> max(u - d, 0) - max(-u - d, 0)"
 
     d = Par("U", nominal=0.5, doc="threshold")
+    start = ({"d": 0.05}, {"d": 0.2})
 
     def input(self, m: Any, u: Any, p: Any) -> Any:
         return m.dead_zone(u, p.d)

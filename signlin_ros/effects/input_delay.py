@@ -18,6 +18,7 @@ class InputDelay(Effect):
     equation = "u(t) -> u(t - T)"
 
     T = Par("s", nominal=0.005, high=10.0, doc="delay")
+    start = ({"T": 1.5}, {"T": 4.5})
 
     def delay(self, p: Any) -> Any:
         return p.T

@@ -18,6 +18,7 @@ class InputSaturation(Effect):
     equation = "u -> clip(u, -u_max, u_max)"
 
     u_max = Par("U", nominal=10.0, positive=True, doc="largest input")
+    start = ({"u_max": 0.5}, {"u_max": 0.75}, {"u_max": 0.9})
 
     def input(self, m: Any, u: Any, p: Any) -> Any:
         return m.clip(u, p.u_max)

@@ -19,6 +19,7 @@ class LinearStiffness(Effect):
     external = True
 
     k = Par("F/Q", nominal=0.1, doc="stiffness")
+    start = ({"k": 0.05},)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.k * x.position

@@ -21,6 +21,7 @@ class LoadDependentFriction(Effect):
 
     kappa_d = Par("-", nominal=0.1, high=0.99, doc="friction per unit of driving force")
     kappa_e = Par("-", nominal=0.1, high=0.99, doc="friction per unit of external force")
+    start = ({"kappa_d": 0.05, "kappa_e": 0.05},)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         load = p.kappa_d * m.abs(x.drive_force) + p.kappa_e * m.abs(x.external_force)

@@ -25,6 +25,9 @@ class LuGreFriction(Effect):
     F_c = Par("F", nominal=0.03, positive=True, doc="friction at high velocity")
     F_s = Par("F", nominal=0.05, positive=True, doc="breakaway level")
     v_s = Par("Q/s", nominal=1.0, positive=True, doc="Stribeck velocity")
+    start = tuple(
+        {"sigma0": sigma0, "sigma1": 0.01, "sigma2": 0.01, "F_c": 0.1, "F_s": 0.15, "v_s": 0.2} for sigma0 in (5.0, 0.7)
+    )
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         z_rate = self.rates(m, x, p)["z"]

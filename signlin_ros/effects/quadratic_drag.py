@@ -19,6 +19,7 @@ class QuadraticDrag(Effect):
     dissipative = True
 
     c2 = Par("F·s²/Q²", nominal=1e-5, doc="drag per squared velocity")
+    start = ({"c2": 0.05},)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.c2 * m.abs(x.velocity) * x.velocity

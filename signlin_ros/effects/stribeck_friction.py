@@ -22,6 +22,11 @@ class StribeckFriction(Effect):
     mu = Par("F", nominal=0.025, doc="friction at high velocity")
     excess = Par("F", nominal=0.02, doc="breakaway level above mu")
     v_s = Par("Q/s", nominal=2.0, positive=True, doc="velocity at which the excess has fallen to 1/e")
+    start = (
+        {"mu": 0.05, "excess": 0.05, "v_s": 0.05},
+        {"mu": 0.05, "excess": 0.05, "v_s": 0.2},
+        {"mu": 0.05, "excess": 0.05, "v_s": 0.6},
+    )
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         level = p.mu + p.excess * m.exp(-((x.velocity / p.v_s) ** 2))

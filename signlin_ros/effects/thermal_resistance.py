@@ -6,6 +6,7 @@ from typing import Any
 
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
 
 
 class ThermalResistance(Effect):
@@ -23,6 +24,14 @@ class ThermalResistance(Effect):
     a = Par("1/K", nominal=0.0039, doc="temperature coefficient (copper: 0.0039)")
     C = Par("J/K", nominal=50.0, positive=True, doc="heat capacity of the winding")
     R_th = Par("K/W", nominal=5.0, positive=True, doc="thermal resistance to the surroundings")
+
+    held = {"a": 0.0039}
+
+    @classmethod
+    def starts(cls, scale: Scale) -> list[dict[str, float]]:
+        """A rise that adds 5 % to the resistance under the record's mean losses, slow or fast in the record."""
+        R_th = 0.05 / 0.0039 / (scale.input * scale.current)
+        return [{"R_th": R_th, "C": share * scale.duration / R_th} for share in (0.1, 0.5)]
 
     def resistance(self, m: Any, x: Any, p: Any, R_a: Any) -> Any:
         return R_a * (1 + p.a * x.own.temperature_rise)

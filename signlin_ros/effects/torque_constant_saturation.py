@@ -20,6 +20,7 @@ class TorqueConstantSaturation(Effect):
     plants = ("dc_motor",)
 
     kappa = Par("1/A²", nominal=0.01, doc="loss of torque per squared current")
+    start = ({"kappa": 0.05},)
 
     def torque_constant(self, m: Any, x: Any, p: Any, K_t: Any) -> Any:
         return K_t / (1 + p.kappa * x.current**2)

@@ -19,6 +19,7 @@ class ViscousFriction(Effect):
     dissipative = True
 
     b = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity")
+    start = ({"b": 0.05},)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.b * x.velocity

@@ -43,7 +43,7 @@ class LinearizerNode(ModelNode):
     """Reads messages into `LinearizerLogic` and publishes what comes out."""
 
     def __init__(self) -> None:
-        super().__init__("linearizer", OPTIONS)
+        super().__init__("linearizer", OPTIONS, follows=True)
         self.logic = LinearizerLogic(self.model, self.now(), self.options["state_timeout"])
         self.joint = self.options["joint_name"]
         self._publish_to = {name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in "ABc"}

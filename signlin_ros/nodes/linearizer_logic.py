@@ -121,14 +121,14 @@ class LinearizerLogic:
         self.input_received = True
 
     def take_state(self, value: Array | Refusal, now: int) -> None:
-        """Take a whole state (n,), which has no stamp of its own and is stamped with the time it came."""
+        """Take a whole state (n,) as the sensors show it; it has no stamp of its own and gets the time it came."""
         if isinstance(value, Refusal):
             self._refuse(value)
             return
-        self._accept(value, now, now)
+        self._accept(self.model.true_states(value), now, now)
 
     def take_measured(self, value: Mapping[str, float] | Refusal, stamp: int, now: int) -> None:
-        """Take what is measured of a state, by name, with its own stamp; the model carries the rest.
+        """Take what the sensors show of a state, by name, with its own stamp; the model carries the rest.
 
         Refused: a stamp older than the timeout, ahead of the clock by more than that, repeated, or out of
         order; a position that is missing, or a velocity where there is none.
@@ -141,7 +141,7 @@ class LinearizerLogic:
             self._refuse(fault)
             return
         try:
-            x = self._whole(value, stamp)
+            x = self._whole({name: self.model.sensors[name].true(y) for name, y in value.items()}, stamp)
         except InputError as error:  # the carried states ran away
             self._estimator = None
             self._refuse(Refusal("no_estimate", str(error)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -18,25 +19,25 @@ from signlin_ros.nodes.overrides import Entry
 
 
 class ModelNode(Node):  # type: ignore[misc]
-    """A node whose parameters are a model file, and some options of its own."""
+    """A node whose parameters are a model file, and some options of its own.
 
-    def __init__(self, name: str, options: Mapping[str, Entry]) -> None:
+    ``follows`` says whether the node follows a model that changes while it runs; without it every parameter of the
+    model is read-only.
+    """
+
+    def __init__(self, name: str, options: Mapping[str, Entry], follows: bool = False) -> None:
         super().__init__(name)
         given = {key: parameter.value for key, parameter in self._parameter_overrides.items()}
         self.model = overrides.model_of(given, sys.argv)
-        declare(self, overrides.entries_of(self.model))
+        entries = overrides.entries_of(self.model)
+        declare(self, entries if follows else {key: replace(e, read_only=True) for key, e in entries.items()})
         values = {key: entry.check(key, given.get(key, entry.value)) for key, entry in options.items()}
-        declare(self, {key: with_value(entry, values[key]) for key, entry in options.items()})
+        declare(self, {key: replace(entry, value=values[key]) for key, entry in options.items()})
         self.options: dict[str, Any] = values
 
     def now(self) -> int:
         """Return the time of the node's clock in ns."""
         return int(self.get_clock().now().nanoseconds)
-
-
-def with_value(entry: Entry, value: Any) -> Entry:
-    """Return an entry with another value."""
-    return Entry(value, entry.description, entry.low, entry.high, entry.choices, entry.read_only)
 
 
 def declare(node: Node, entries: Mapping[str, Entry]) -> None:

@@ -62,6 +62,16 @@ class Plant(HasPars):
         """Return the plant's states and units, without an optional position; ``values`` are its parameters."""
         raise NotImplementedError
 
+    @classmethod
+    def channels(cls, values: Mapping[str, float]) -> dict[str, str]:
+        """Return what a sensor can be on, and units: states, the position even where it is optional, outputs."""
+        return {**cls.states(values), cls.position: cls.position_unit, **cls.outputs}
+
+    @classmethod
+    def aliases(cls) -> dict[str, str]:
+        """Return what position, velocity and effort mean; empty: nothing."""
+        return {"position": cls.position, "velocity": cls.velocity, "effort": cls.effort}
+
     def rates(self, m: Any, x: Any, u: Any, p: Any, act: Acting) -> dict[str, Any]:
         """Return the derivative of every state of the plant and the value of every output, by name."""
         raise NotImplementedError

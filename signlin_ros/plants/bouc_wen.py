@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar
 
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
@@ -31,3 +32,8 @@ class BoucWen(MassSpringDamper):
     beta = BoucWenHysteresis.beta
     gamma = BoucWenHysteresis.gamma
     n = BoucWenHysteresis.n
+
+    @classmethod
+    def channels(cls, values: Mapping[str, float]) -> dict[str, str]:
+        """Return those of `mass_spring_damper`, and the hysteresis."""
+        return {**super().channels(values), "hysteresis": BoucWenHysteresis.states["h"]}

@@ -374,16 +374,20 @@ def _clocks(bag: _Bag) -> tuple[dict[str, Integers], list[str]]:
     """
     received = {topic: np.array(stamps, dtype=np.int64) for topic, stamps in bag.received.items()}
     headers = {topic: np.array(ns, dtype=np.int64) for topic, ns in bag.header.items() if ns}
-    notes = [
-        f"{topic}: header stamps of 0; times of reception are used" for topic, ns in headers.items() if ns.min() <= 0
-    ]
-    headers = {topic: ns for topic, ns in headers.items() if ns.min() > 0}
+    empty = [topic for topic, ns in headers.items() if _unfilled(ns, received[topic])]
+    notes = [f"{topic}: header stamps of 0; times of reception are used" for topic in empty]
+    headers = {topic: ns for topic, ns in headers.items() if topic not in empty}
     if len(headers) < sum(1 for ns in received.values() if ns.size):
         for topic in list(headers):
             if abs(float(np.median(headers[topic] - received[topic]))) > _CLOCKS_AGREE:
                 del headers[topic]
                 notes.append(f"{topic}: header stamps of another clock than the bag's; times of reception are used")
     return {**received, **headers}, notes
+
+
+def _unfilled(header: Integers, received: Integers) -> bool:
+    """Tell whether header stamps (N,) in ns were left empty: 0 at another time than 0, where a simulation begins."""
+    return bool(np.any((header < 0) | ((header == 0) & (received != 0))))
 
 
 def _exact(bag: _Bag, stamps: Integers | None) -> tuple[Integers, Array] | None:

@@ -65,13 +65,7 @@ def write_record(
     RecordError
         Another suffix, a folder that does not exist, names that cannot be told apart when read back.
     """
-    target = Path(path)
-    if target.suffix.lower() not in (".csv", ".mcap"):
-        raise RecordError(f"{target}: records are written as .csv or .mcap files, not {target.suffix!r}")
-    if not target.parent.is_dir():
-        raise RecordError(f"{target}: the folder {str(target.parent)!r} does not exist")
-    if target.is_dir():
-        raise RecordError(f"{target}: this is a folder")
+    target = check_target(path)
     try:
         if target.suffix.lower() == ".csv":
             with _replacing(target) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
@@ -81,6 +75,21 @@ def write_record(
                 _write_mcap(record, temporary, model, joint_name)
     except OSError as error:
         raise RecordError(f"{target}: cannot be written: {error.strerror or error}") from error
+
+
+def check_target(path: str | os.PathLike[str]) -> Path:
+    """Return where a record may be written to; raise `RecordError` for another suffix, or where there is no folder.
+
+    For whoever wants to know before the work is done; `write_record` asks by itself.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".csv", ".mcap"):
+        raise RecordError(f"{target}: records are written as .csv or .mcap files, not {target.suffix!r}")
+    if not target.parent.is_dir():
+        raise RecordError(f"{target}: the folder {str(target.parent)!r} does not exist")
+    if target.is_dir():
+        raise RecordError(f"{target}: this is a folder")
+    return target
 
 
 @contextmanager

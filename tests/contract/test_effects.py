@@ -10,12 +10,13 @@ import sympy
 
 from signlin_ros import catalogue
 from signlin_ros.compiled import exact_tape, scales, smooth_function
-from signlin_ros.effects import EFFECTS
+from signlin_ros.effects import EFFECTS, SensorEffect
 from signlin_ros.linearize import METHODS, Linearizer
 from signlin_ros.mathops import NumpyMath, SympyMath
 from signlin_ros.model import Model
 from signlin_ros.par import Namespace
 from signlin_ros.plants import PLANTS
+from signlin_ros.sensors import Sensor
 
 SIZES = {"A": 1.5, "V": 3.0, "rad": 1.2, "rad/s": 4.0, "m": 0.8, "m/s": 0.9, "N": 2.0, "N·m": 0.05, "K": 30.0}
 PAIRS = [
@@ -183,6 +184,9 @@ def test_the_equation_renders(effect):
     one = effect()
     laws = [one.force(m, x, p), *one.rates(m, x, p).values(), one.input(m, u, p), one.delay(p)]
     laws += [one.spring(m, x, p, k) or 0, one.torque_constant(m, x, p, k), one.resistance(m, x, p, k)]
+    if isinstance(effect(), SensorEffect):
+        sensor = one.sensor(Sensor(), *pars.values())
+        laws += [sensor.show(k), sensor.delay]
     laws = [sympy.sympify(law) for law in laws]
     found = set().union(*(law.free_symbols for law in laws))
     structural = {pars[n] for n, par in effect.pars().items() if par.structural}
@@ -294,12 +298,47 @@ def test_the_batch_is_the_single_call(effect, plant):
 @every_pair
 def test_yaml_keeps_every_digit(effect, plant, tmp_path):
     model = catalogue.nominal_model(plant, effect).with_effect(effect.name, "second")
-    key = next(iter(effect.pars()))
-    model = model.with_parameters({f"second.{key}": effect.pars()[key].nominal * (1 + 2**-52)})
+    declared = model.par_declarations().items()
+    name, par = next((name, par) for name, par in declared if name.startswith("effects.second."))
+    value = par.nominal * (1 + 2**-52) or 1 / 3
+    model = model.with_parameters({name: value})
     file = tmp_path / "model.yaml"
     model.save(file)
     again = Model.load(file)
     assert again == model
     assert again.effects["second"].type == effect.name
+    assert again.value(name) == value
     assert again.states == model.states
     assert [name for name in again.states if name.startswith("second.")] == [f"second.{s}" for s in effect.states]
+
+
+# -------------------------------------------------------------------- sensors
+
+SENSORS = [effect for effect in EFFECTS.values() if issubclass(effect, SensorEffect)]
+sensor_pairs = pytest.mark.parametrize(
+    ("effect", "plant"),
+    [pytest.param(e, p, id=f"{e.name}-{p.name}") for e in SENSORS for p in PLANTS.values()],
+)
+
+
+@sensor_pairs
+def test_a_sensor_can_be_on_every_state_and_output(effect, plant):
+    model = catalogue.nominal_model(plant).with_effect(effect.name)
+    (par,) = effect.pars().values()
+    channels = dict.fromkeys([*model.states, *model.outputs])
+    assert model.effects[effect.name].parameters == dict.fromkeys(channels, par.nominal)
+    for channel in channels:
+        unit = model.par_declarations()[f"effects.{effect.name}.{channel}"].unit
+        assert unit == (model.units[channel] if effect.name == "sensor_offset" else par.unit)
+
+
+@sensor_pairs
+def test_a_sensor_changes_what_is_shown_and_no_equation(effect, plant):
+    bare = catalogue.nominal_model(plant)
+    for channel in dict.fromkeys([*bare.states, *bare.outputs]):
+        model = bare.with_effect(effect.name, **{channel: 0.25})
+        assert model.structure == bare.structure
+        assert model.sensors[channel] != Sensor()
+        assert all(sensor == Sensor() for name, sensor in model.sensors.items() if name != channel)
+        assert list(model.sensors) == list(bare.sensors)
+        assert model.without_effect(effect.name) == bare

@@ -163,6 +163,48 @@ def test_rate(logic: LinearizerLogic) -> None:
     assert logic.rate(40 * PERIOD) == 0.0
 
 
+def test_what_the_sensors_add_is_taken_off_before_linearizing(motor: Model) -> None:
+    """The states that come are measurements; x_k is the true state."""
+    model = motor.with_effect("sensor_offset", speed=0.5).with_effect("sensor_gain", current=2.0)
+    logic = LinearizerLogic(model, 0)
+    logic.take_state(np.array([0.8, 5.5]), 1)
+    (whole,) = logic.updates(PERIOD)
+    logic.take_measured({"current": 0.8, "speed": 5.5}, stamp=PERIOD + 1, now=PERIOD + 1)
+    (named,) = logic.updates(2 * PERIOD)
+    expected = Linearizer(motor)(X)
+    for update in (whole, named):
+        np.testing.assert_array_equal(update.result.x, X)
+        np.testing.assert_array_equal(update.result.A, expected.A)
+
+
+def test_carried_states_follow_the_true_measured_ones(motor: Model) -> None:
+    offset = motor.with_effect("sensor_offset", speed=3.0)
+    carried = []
+    for model, added in ((motor, 0.0), (offset, 3.0)):
+        logic = LinearizerLogic(model, 0)
+        for k in range(1, 20):
+            logic.take_measured({"speed": 0.5 * k + added}, stamp=k * NANO // 100, now=k * NANO // 100)
+        (update,) = logic.updates(PERIOD)
+        carried.append(update.result.x)
+    np.testing.assert_allclose(carried[1], carried[0], rtol=1e-12)
+
+
+def test_a_sensor_changed_at_run_time_counts_from_the_next_state(motor: Model) -> None:
+    model = motor.with_effect("sensor_offset", speed=0.0)
+    logic = LinearizerLogic(model, 0)
+    logic.configure(model.with_parameters({"sensor_offset.speed": 1.0}))
+    logic.take_state(X, 1)
+    (update,) = logic.updates(PERIOD)
+    assert update.result.x[1] == X[1] - 1.0
+
+
+def test_a_measurement_beyond_all_numbers_is_refused(motor: Model) -> None:
+    logic = LinearizerLogic(motor.with_effect("sensor_gain", speed=0.1), 0)
+    logic.take_state(np.array([0.0, 1e308]), 1)
+    assert logic.updates(PERIOD) == []
+    assert logic.refused == {"no_result": 1}
+
+
 def test_joint_and_states_are_inverse(motor: Model) -> None:
     joint = joint_values(motor, {"current": 2.0, "speed": 3.0}, np.array([1.0]))
     assert joint == {"velocity": 3.0, "effort": pytest.approx(0.161)}

@@ -244,6 +244,34 @@ def test_parameters_at_run_time(graph: Any) -> None:
     assert linearizer.stop() == 0
 
 
+def test_a_node_that_does_not_follow_a_changed_model_refuses_the_change(graph: Any, tmp_path: Path) -> None:
+    rows = np.zeros((100, 4))
+    rows[:, 0] = np.arange(100) * 0.01
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,voltage,current,speed", comments="")
+    graph.start("plant_simulator")
+    graph.start("replay", f"record:={tmp_path / 'run.csv'}", "loop:=true")
+    for node in ("/plant_simulator", "/replay"):
+        for name, value in (("parameters.J", 0.003), ("effects.coulomb_friction.mu", 0.05), ("sign_order", 20)):
+            result = graph.set_parameter(name, value, node)
+            assert not result.successful
+            assert "read-only" in result.reason
+        request = DescribeParameters.Request(names=["parameters.J"])
+        (inertia,) = graph.call(DescribeParameters, f"{node}/describe_parameters", request).descriptors
+        assert inertia.read_only
+
+
+def test_a_simulated_drive_with_sensors_is_linearized_at_its_true_state(graph: Any) -> None:
+    """One model file for both: the simulator publishes what the sensors show, the linearizer takes it off again."""
+    sensors = ("effects.sensor_offset.speed:=3.0", "effects.sensor_offset.current:=0.5")
+    models, states = graph.models(), graph.collect(Float64MultiArray, "/state")
+    graph.start("linearizer", "update_period:=0.05", *sensors)
+    graph.start("plant_simulator", *sensors)  # without an input it stands still
+    graph.wait(lambda: len(models) >= 10, "10 models")
+    assert {tuple(message.data) for message in states} == {(0.5, 3.0)}
+    assert {tuple(convert.read_model(message).result.x) for message in models} == {(0.0, 0.0)}
+    assert_core_s(models, Model.load("dc_motor").with_options(update_period=0.05))
+
+
 def test_parameters_say_what_they_are(graph: Any) -> None:
     graph.start("linearizer")
     names = ["effects.coulomb_friction.mu", "sign_order", "plant", "linearization"]

@@ -79,6 +79,20 @@ def test_names_with_dots_and_effects_with_types() -> None:
     assert model.states == ("current", "speed", "position", "dahl_presliding.z")
 
 
+def test_sensors_are_parameters_by_channel() -> None:
+    content = {"plant": "dc_motor", **flat({"parameters": Model.load("dc_motor").parameters})}
+    model = model_of({**content, "effects.sensor_offset.velocity": 1, "effects.sensor_gain.position": 0.9}, [])
+    entries = entries_of(model)
+    offset, gain = entries["effects.sensor_offset.speed"], entries["effects.sensor_gain.position"]
+    assert (offset.value, offset.read_only) == (1.0, False)
+    assert "[rad/s]" in offset.description
+    assert (gain.value, gain.low, gain.high) == (0.9, 0.0, 10.0)
+    assert "0 excluded" in gain.description
+    assert changed(model, {"effects.sensor_offset.speed": 0.2}).sensors["speed"].offset == 0.2
+    with pytest.raises(InputError, match=r"sensor_gain\.position"):
+        changed(model, {"effects.sensor_gain.position": 0.0})
+
+
 def test_effect_files_lie_beside_the_parameter_file_that_names_them(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()

@@ -12,6 +12,7 @@ from scipy.signal import butter, filtfilt
 
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
+from sim_nodes.measuring import Measuring
 from sim_nodes.playback import Playback
 from sim_nodes.signals import INPUT_SIGNALS, input_signal
 
@@ -75,6 +76,38 @@ def test_states_that_nobody_measures_are_carried_by_the_model(tmp_path: Path) ->
     assert np.isfinite(hysteresis).all()
     assert np.ptp(hysteresis) > 0.1
     assert playback.notes() == ["carried by the model: hysteresis"]
+
+
+def test_what_a_sensor_adds_is_played_but_not_followed(tmp_path: Path) -> None:
+    """Published is what was measured; a velocity, and what the model carries, come from the true values."""
+    t = np.arange(400) * 0.005
+    path = written(tmp_path / "run.csv", "t,force,displacement", t, 0 * t, 3.0 + 2.0 * np.sin(2 * t))
+    model = Model.load("bouc_wen").with_effect("sensor_offset", displacement=3.0, velocity=1.0)
+    model = model.with_effect("sensor_gain", displacement=2.0)
+    shown = np.array([s.x for s in Playback(model, path).round()])
+    np.testing.assert_allclose(shown[:, 0], 3.0 + 2.0 * np.sin(2 * t), rtol=1e-14)
+    np.testing.assert_allclose(shown[20:, 1], 1.0 + 2.0 * np.cos(2 * t)[20:], atol=0.01)
+    bare = written(tmp_path / "true.csv", "t,force,displacement", t, 0 * t, np.sin(2 * t))
+    true = np.array([s.x for s in Playback(Model.load("bouc_wen"), bare).round()])
+    np.testing.assert_allclose(shown[:, 2], true[:, 2], rtol=1e-9, atol=1e-12)
+
+
+def test_a_simulated_drive_shows_what_its_sensors_show() -> None:
+    model = Model.load("dc_motor").with_effect("sensor_delay", speed=0.025, current=0.0)
+    model = model.with_effect("sensor_gain", current=2.0).with_effect("sensor_offset", speed=0.5)
+    measuring = Measuring(model, 0.01, np.array([1.0, 7.0]))
+    np.testing.assert_allclose(measuring.shown(), [2.0, 7.5])
+    for k in range(1, 20):
+        measuring.take(np.array([1.0 + k, 7.0 - 3.0 * k]))
+        late = max(k - 2.5, 0.0) if k > 2 else 0.0  # straight between samples, at rest before the first
+        np.testing.assert_allclose(measuring.shown(), [2.0 * (1.0 + k), 7.0 - 3.0 * late + 0.5])
+
+
+def test_perfect_sensors_show_the_state_to_the_last_bit() -> None:
+    measuring = Measuring(Model.load("dc_motor"), 0.005, np.zeros(2))
+    for x in np.random.default_rng(2).normal(0.0, 1e3, (50, 2)):
+        measuring.take(x)
+        np.testing.assert_array_equal(measuring.shown(), x)
 
 
 def test_what_cannot_be_played(tmp_path: Path) -> None:

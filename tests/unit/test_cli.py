@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import signlin_ros.linearize
+import signlin_ros.simulate
 from signlin_ros import cli
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import MissingExtraError
@@ -332,6 +333,28 @@ def test_a_force_elements_file_holds_its_output(run, tmp_path):
     (tmp_path / "d.csv").write_text(DATA.replace("voltage", "velocity"))
     assert run("simulate", "force_element", tmp_path / "d.csv", "-o", tmp_path / "o.csv")[0] == 0
     assert list(read(tmp_path / "o.csv")) == ["t", "velocity", "displacement", "force"]
+
+
+@pytest.mark.parametrize("name", ["o.foo", "o", "nowhere/o.csv", "folder.csv"])
+def test_a_bad_output_is_refused_before_anything_is_simulated(run, data, tmp_path, monkeypatch, name):
+    def never(*_, **__):
+        raise ZeroDivisionError("simulated")
+
+    (tmp_path / "folder.csv").mkdir()
+    monkeypatch.setattr(signlin_ros.simulate, "simulate", never)
+    code, out, err = run("simulate", "dc_motor", data, "-o", tmp_path / name)
+    assert (code, out) == (2, "")
+    assert name.split("/")[0] in err
+    assert "Zero" in run("simulate", "dc_motor", data, "-o", tmp_path / "o.csv")[2]
+
+
+def test_simulate_starts_from_the_true_state_behind_what_was_measured(run, tmp_path):
+    (tmp_path / "d.csv").write_text("t,voltage,current,speed\n0,0,0.8,5.5\n0.01,0,0.7,5.4\n")
+    model = Model.load("dc_motor").with_effect("sensor_offset", speed=0.5).with_effect("sensor_gain", current=2.0)
+    model.save(tmp_path / "m.yaml")
+    out = run("simulate", tmp_path / "m.yaml", tmp_path / "d.csv", "-o", tmp_path / "o.csv", "--json")[1]
+    assert checked("simulate", out)["initial_state"] == {"current": 0.4, "speed": 5.0}
+    assert read(tmp_path / "o.csv")["speed"][0] == 5.0
 
 
 def test_a_run_that_diverges_says_when_and_leaves_no_file(run, tmp_path):

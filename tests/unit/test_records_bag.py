@@ -284,6 +284,18 @@ def test_late_messages_are_sorted_and_repeated_ones_dropped(bag: Callable[[Messa
     assert any("1 repeated messages" in note for note in record.notes)
 
 
+@pytest.mark.parametrize(("received", "empty"), [(0, False), (5, True)])
+def test_header_stamps_of_0_are_empty_ones_except_at_0(
+    bag: Callable[[Messages], Path], received: int, empty: bool
+) -> None:
+    messages: Messages = [
+        ("/joint_states", (received + 10 * i) * MS, joints(10 * i * MS, ["w"], [float(i)])) for i in range(5)
+    ]
+    record = read_record(bag(messages))
+    assert any("header stamps of 0; times of reception" in note for note in record.notes) is empty
+    np.testing.assert_allclose(record.t, 0.001 * received + 0.01 * np.arange(5), rtol=1e-12)
+
+
 def test_messages_that_contradict_each_other(bag: Callable[[Messages], Path]) -> None:
     messages: Messages = [("/a", 10 * i * MS, number(float(i))) for i in range(5)]
     messages += [("/b", 10 * (i // 2) * MS, number(float(i))) for i in range(5)]

@@ -119,6 +119,19 @@ def test_mcap_topics(tmp_path: Path) -> None:
     assert first["/joint_states"].header.stamp.nanosec == 5_000_000
 
 
+@pytest.mark.parametrize("start", [0.0, -3.0, 0.25])
+def test_a_joint_that_starts_at_0_is_read_back_without_a_note(tmp_path: Path, start: float) -> None:
+    path = tmp_path / "run.mcap"
+    record = motor(start + np.arange(10) * 0.005)
+    write_record(record, path, joint_name="wheel")
+    again = read_record(path)
+    np.testing.assert_array_equal(again.t, record.t)
+    assert not again.notes
+    speeds = [s.values for name, s in again.signals.items() if "joint_states.velocity" in name or name == "speed"]
+    for values in speeds:
+        np.testing.assert_array_equal(values, record.signals["speed"].values)
+
+
 @pytest.mark.parametrize("suffix", [".csv", ".mcap"])
 def test_an_interrupted_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str) -> None:
     path = tmp_path / f"run{suffix}"

@@ -1,5 +1,6 @@
 """sign_j against 60-digit arithmetic, and its properties for any real argument and every order."""
 
+import casadi as ca
 import mpmath
 import numpy as np
 import pytest
@@ -7,7 +8,16 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from signlin_ros.errors import InputError
-from signlin_ros.sign import MAX_ORDER, sign_j, sign_j_change, sign_j_expression, sign_j_slope, valid_surface
+from signlin_ros.sign import (
+    MAX_ORDER,
+    sign_j,
+    sign_j_change,
+    sign_j_expression,
+    sign_j_slope,
+    valid_expression,
+    valid_reach,
+    valid_surface,
+)
 
 ORDERS = st.integers(1, MAX_ORDER)
 REALS = st.one_of(
@@ -119,6 +129,17 @@ def test_valid_range_at_low_orders(order):
     z = np.linspace(0, 20, 4001)
     want = (z <= order / 3) | (z <= 1) | (np.abs(1 - np.abs(sign_j(z, order))) <= 0.005)
     np.testing.assert_array_equal(valid_surface(z, order), want)
+
+
+@pytest.mark.parametrize("order", [*range(1, 10), 50, 51, MAX_ORDER])
+def test_the_valid_range_is_one_rule_for_numbers_and_expressions(order):
+    reach = valid_reach(order)
+    z = np.concatenate([np.linspace(-2 * reach, 2 * reach, 2001), [np.nextafter(reach, 0), reach], [1e300, np.inf]])
+    symbol = ca.SX.sym("z")
+    expression = ca.Function("valid", [symbol], [valid_expression(symbol, order)])
+    np.testing.assert_array_equal([bool(expression(one)) for one in z], valid_surface(z, order))
+    assert valid_surface(reach, order)
+    assert not valid_surface([np.inf, np.nan], order).any()
 
 
 @given(REALS, ORDERS, st.floats(1e-3, 1e3))

@@ -1,0 +1,131 @@
+"""What the residual of a fitted model says: its noise, the structure that is left in it, gains on unseen data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from signlin_ros.diagnosis.fit import Filter
+
+Array = NDArray[np.float64]
+
+LAGS = 12
+"""Lags over which the colour of the noise is told from slow structure."""
+WORTH = 0.15
+"""Smallest rho that is worth a filter."""
+
+
+@dataclass(frozen=True)
+class Residue:
+    """A channel's residual taken apart: variance = slow structure + AR(1) noise + white noise.
+
+    ``structure``, ``coloured``, ``white`` are shares of the variance; ``rho`` belongs to the AR(1) part.
+    """
+
+    variance: float
+    structure: float
+    coloured: float
+    white: float
+    rho: float
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the noise."""
+        return float(np.sqrt(max(1.0 - self.structure, 1e-12) * self.variance))
+
+    @property
+    def filter(self) -> float:
+        """Coefficient of the first-order prewhitening that suits the noise, 0 where it is nearly white."""
+        noise = self.coloured + self.white
+        first = self.coloured * self.rho / noise if noise > 0 else 0.0
+        return first if first > WORTH else 0.0
+
+
+def correlations(parts: Sequence[Array], lags: int) -> tuple[Array, float, int]:
+    """Return autocorrelations at lags 1..``lags``, the variance and the number of samples, over several records."""
+    sums, total, count = np.zeros(lags), 0.0, 0
+    for e in parts:
+        e = np.where(np.isfinite(e), e, 0.0)
+        total += float(e @ e)
+        count += int(np.count_nonzero(e))
+        size = 1 << (2 * e.size - 1).bit_length()
+        spectrum = np.fft.rfft(e, size)
+        sums += np.fft.irfft(np.abs(spectrum) ** 2, size)[1 : lags + 1]
+    return sums / max(total, 1e-300), total / max(count, 1), count
+
+
+def residue(parts: Sequence[Array]) -> Residue:
+    """Take a residual apart by its autocorrelation: r_k = structure + coloured rho^k at k = 1..`LAGS`."""
+    r, variance, count = correlations(parts, LAGS)
+    k = np.arange(1, LAGS + 1)
+    best = (np.inf, 0.0, 0.0, 0.0)
+    for rho in np.linspace(0.1, 0.95, 35):
+        basis = np.column_stack([np.ones(LAGS), rho**k])
+        (slow, fast), *_ = np.linalg.lstsq(basis, r, rcond=None)
+        if slow < 0:
+            slow, fast = 0.0, float(basis[:, 1] @ r / (basis[:, 1] @ basis[:, 1]))
+        if fast < 0:
+            slow, fast = max(float(r.mean()), 0.0), 0.0
+        miss = float(np.sum((r - basis @ np.array([slow, fast])) ** 2))
+        if miss < best[0]:
+            best = (miss, float(slow), float(fast), float(rho))
+    _, slow, fast, rho = best
+    if fast < 4.0 / np.sqrt(max(count, 1)):
+        fast = 0.0
+    slow, fast = min(slow, 1.0), min(fast, 1.0 - min(slow, 1.0))
+    return Residue(variance, slow, fast, 1.0 - slow - fast, rho)
+
+
+def residues(innovations: Sequence[Array]) -> list[Residue]:
+    """Return `residue` for every channel of innovations (T, ny)."""
+    return [residue([e[:, c] for e in innovations]) for c in range(innovations[0].shape[1])]
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """Whether a prewhitened residual is white: lag-1 correlation, portmanteau statistic over its limit."""
+
+    lag1: float
+    portmanteau: float
+    white: bool
+
+
+def whiteness(parts: Sequence[Array], tolerance: float = 0.05) -> Whiteness:
+    """Test a prewhitened residual; correlations below ``tolerance`` do not matter however long the record is.
+
+    Ljung and Box 1978, doi:10.1093/biomet/65.2.297, over lags up to a twentieth of the record (at most 200).
+    """
+    lags = int(min(200, max(20, sum(p.size for p in parts) // 20)))
+    r, _, count = correlations(parts, lags)
+    k = np.arange(1, lags + 1)
+    statistic = count * (count + 2) * float(np.sum(r**2 / np.maximum(count - k, 1)))
+    limit = float(chi2.ppf(0.9999, lags))
+    bound = tolerance + 4.0 / np.sqrt(max(count, 1))
+    slow = float(np.abs(r[:LAGS].mean()))
+    white = (statistic < 1.5 * limit or float(np.max(np.abs(r))) < bound) and slow < bound / 2
+    return Whiteness(float(r[0]), statistic / limit, bool(white))
+
+
+def gain_on(
+    before: Sequence[Array], after: Sequence[Array], filter: Filter, sigma: Array, block: int
+) -> tuple[float, float]:
+    """Return by how much -2 log likelihood falls on unseen data, and that over its standard error.
+
+    ``sigma`` (ny): noise after prewhitening. The standard error is that of the means of blocks of ``block`` samples.
+    """
+    sums = []
+    for a, b in zip(before, after, strict=True):
+        difference = np.nansum((filter.apply(a) ** 2 - filter.apply(b) ** 2) / sigma**2, axis=1)
+        whole = difference.size // block * block
+        sums.append(difference[:whole].reshape(-1, block).sum(axis=1))
+    blocks = np.concatenate(sums)
+    error = float(np.std(blocks, ddof=1) * np.sqrt(blocks.size)) if blocks.size > 1 else np.inf
+    total = float(blocks.sum())
+    return total, total / error if error > 0 else 0.0
+
+
+__all__ = ["Residue", "Whiteness", "gain_on", "residues", "whiteness"]

@@ -1,0 +1,102 @@
+"""Where a search for a periodic force starts: peaks of the spectrum of the missing force over position.
+
+The acceleration that the base model does not explain is taken from the measured velocity (or position) by a
+Savitzky-Golay derivative and binned over position; its discrete Fourier transform shows the orders N of
+-A sin(N q + phi) [Savitzky and Golay 1964, doi:10.1021/ac60214a047].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from signlin_ros.diagnosis.equations import equations
+from signlin_ros.diagnosis.problem import Problem, Segment, first_look
+from signlin_ros.model import Model
+
+Array = NDArray[np.float64]
+
+FASTEST = 1.5
+"""Largest N v dt that is looked for, v being the RMS velocity: faster ones are not resolved by the samples."""
+
+
+def missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
+    """Return position (T,), velocity (T,) and unexplained acceleration (T,), all records one after the other."""
+    looks = first_look(model, problem.segments, problem.channels, problem.levels[0])
+    eq = equations(model.structure, problem.channels, ())
+    names, plant = model.states, model.plant
+    positions, velocities, residuals = [], [], []
+    for s, X in zip(problem.segments, looks, strict=True):
+        velocity, acceleration = _motion(problem, model, s, X)
+        if plant.position in problem.channels:
+            q = _filled(s.y[:, problem.channels.index(plant.position)])
+        elif plant.position in names:
+            q = X[:, names.index(plant.position)]
+        else:
+            q = np.concatenate([[0.0], np.cumsum(velocity[:-1] * np.diff(s.t))])
+        columns = [X[:, i] for i in range(len(names))]
+        columns[names.index(plant.velocity)] = velocity
+        sensors = [1.0] * len(problem.channels) + [0.0] * len(problem.channels)
+        F = eq.keep.batch([*columns, *s.u.T, *model.p, *sensors, np.sign(velocity)])
+        positions.append(q)
+        velocities.append(velocity)
+        residuals.append(acceleration - F[names.index(plant.velocity)])
+    return np.concatenate(positions), np.concatenate(velocities), np.concatenate(residuals)
+
+
+def _filled(values: Array) -> Array:
+    there = np.isfinite(values)
+    index = np.arange(values.size)
+    return values if there.all() else np.interp(index, index[there], values[there])
+
+
+def _motion(problem: Problem, model: Model, s: Segment, X: Array) -> tuple[Array, Array]:
+    """Return velocity and acceleration (T,) from what is measured."""
+    dt, plant = problem.scale.step, model.plant
+    if plant.velocity in problem.channels:
+        v = _filled(s.y[:, problem.channels.index(plant.velocity)])
+        return savgol_filter(v, 5, 2), savgol_filter(v, 5, 2, deriv=1, delta=dt)
+    if plant.position in problem.channels:
+        q = _filled(s.y[:, problem.channels.index(plant.position)])
+        return savgol_filter(q, 9, 3, deriv=1, delta=dt), savgol_filter(q, 9, 3, deriv=2, delta=dt)
+    v = X[:, model.states.index(plant.velocity)]
+    return v, np.gradient(v, s.t)
+
+
+def periodic_starts(problem: Problem, model: Model, count: int = 5) -> list[dict[str, float]]:
+    """Return the most promising (N, A, phi) of a force -A sin(N q + phi); none where there is no velocity state."""
+    if model.plant.velocity not in model.states:
+        return []
+    q, v, a = missing_acceleration(problem, model)
+    features = np.column_stack([np.ones_like(v), v, np.sign(v), v * np.abs(v)])
+    a = a - features @ np.linalg.lstsq(features, a, rcond=None)[0]
+    a = np.clip(a, *np.quantile(a, [0.005, 0.995]))
+    inertia = problem.base.parameters.get("J", problem.base.parameters.get("m", 1.0))
+    span = float(q.max() - q.min())
+    highest = FASTEST / (problem.scale.velocity * problem.scale.step)
+    if span <= 0:
+        return []
+    bins = int(min(2**18, max(256, 4 * span * highest / (2 * np.pi))))
+    place = np.minimum(((q - q.min()) / span * bins).astype(int), bins - 1)
+    size = 2 ** int(np.ceil(np.log2(4 * bins)))
+    spectrum = np.fft.rfft(np.bincount(place, weights=a, minlength=bins), size)
+    orders = 2 * np.pi * np.arange(spectrum.size) * bins / (span * size)
+    power = np.where((orders > 4.0 / span) & (orders > 0.2) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
+    starts = []
+    for _ in range(count):
+        k = int(np.argmax(power))
+        if power[k] <= 0:
+            break
+        starts.append(_start(q, a, float(orders[k]), inertia))
+        power[np.abs(orders - orders[k]) < 6.0 / span] = 0.0
+    return starts
+
+
+def _start(q: Array, a: Array, order: float, inertia: float) -> dict[str, float]:
+    waves = np.column_stack([np.sin(order * q), np.cos(order * q)])
+    s, c = np.linalg.lstsq(waves, a, rcond=None)[0]
+    return {"N": order, "A": float(inertia * np.hypot(s, c)), "phi": float(np.arctan2(-c, -s))}
+
+
+__all__ = ["missing_acceleration", "periodic_starts"]
