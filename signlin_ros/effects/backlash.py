@@ -17,6 +17,7 @@ class Backlash(CompliantLoad):
 
     name = "backlash"
     equation = "-T, T = k dz(q - q2) + c (v - v2) in contact only, J v2' = T"
+    finding = "an inertia of {J:.3g} {J.unit} is driven only after a play of {gap:.3g} {gap.unit} either way is crossed"
 
     gap = Par("Q", nominal=0.01, doc="half width of the play")
     start = (

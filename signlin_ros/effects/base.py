@@ -33,6 +33,10 @@ class Effect(HasPars):
     """The name in model files."""
     equation: ClassVar[str]
     """The law as text, as in the catalogue."""
+    finding: ClassVar[str] = ""
+    """What a record shows where this is missing, as a sentence: ``{mu:.3g}`` a parameter's value, ``{mu.unit}`` its
+    unit, ``{F}``, ``{Q}``, ``{V}`` the plant's words for force, position and velocity.
+    """
     states: ClassVar[dict[str, str]] = {}
     """Own states and their units (``F`` and ``Q`` as in `Par`)."""
     plants: ClassVar[tuple[str, ...]] = ()

@@ -16,6 +16,10 @@ class CoulombFriction(Effect):
 
     name = "coulomb_friction"
     equation = "-mu sign(v)"
+    finding = (
+        "the residual {F} is {mu:.3g} {mu.unit} against the motion at any {V}:"
+        " it jumps by twice that where the {V} changes sign and is flat elsewhere"
+    )
     dissipative = True
 
     mu = Par("F", nominal=0.03, doc="friction while sliding")

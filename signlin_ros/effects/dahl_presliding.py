@@ -16,6 +16,10 @@ class DahlPresliding(Effect):
 
     name = "dahl_presliding"
     equation = "-sigma z, z' = v - sigma |v| z / F_c"
+    finding = (
+        "the residual {F} lags behind reversals: it settles at {F_c:.3g} {F_c.unit},"
+        " with a slope of {sigma:.3g} {sigma.unit} after each"
+    )
     states = {"z": "Q"}
 
     F_c = Par("F", nominal=0.03, positive=True, doc="friction while sliding")

@@ -16,6 +16,7 @@ class LinearStiffness(Effect):
 
     name = "linear_stiffness"
     equation = "-k q"
+    finding = "the residual {F} grows in proportion to the {Q}: {k:.3g} {k.unit}"
     external = True
 
     k = Par("F/Q", nominal=0.1, doc="stiffness")

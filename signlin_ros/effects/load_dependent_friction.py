@@ -17,6 +17,10 @@ class LoadDependentFriction(Effect):
 
     name = "load_dependent_friction"
     equation = "-(kappa_d |F_drive| + kappa_e |F_ext|) sign(v)"
+    finding = (
+        "the residual {F} changes sign with the {V} and its size follows the load:"
+        " {kappa_d:.3g} of the driving {F}, {kappa_e:.3g} of the external one"
+    )
     dissipative = True
 
     kappa_d = Par("-", nominal=0.1, high=0.99, doc="friction per unit of driving force")

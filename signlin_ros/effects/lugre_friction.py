@@ -17,6 +17,10 @@ class LuGreFriction(Effect):
 
     name = "lugre_friction"
     equation = "-(sigma0 z + sigma1 z' + sigma2 v), z' = v - sigma0 |v| z / g, g = F_c + (F_s - F_c) exp(-(v/v_s)^2)"
+    finding = (
+        "the residual {F} bends like a spring of {sigma0:.3g} {sigma0.unit} after reversals,"
+        " breaks away at {F_s:.3g} {F_s.unit} and slides at {F_c:.3g}"
+    )
     states = {"z": "Q"}
 
     sigma0 = Par("F/Q", nominal=10.0, positive=True, doc="stiffness of the bristles")

@@ -17,6 +17,7 @@ class SensorDelay(SensorEffect):
 
     name = "sensor_delay"
     equation = "y(t) = x(t - T)"
+    finding = "the {channel} is seen {value:.3g} s late"
 
     T = Par("s", nominal=0.005, high=1.0, default=0.0, doc="delay")
 

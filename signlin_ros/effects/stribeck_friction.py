@@ -17,6 +17,10 @@ class StribeckFriction(Effect):
 
     name = "stribeck_friction"
     equation = "-[mu + excess exp(-(v/v_s)^2)] sign(v)"
+    finding = (
+        "the residual {F} jumps where the {V} changes sign, by {mu:.3g} {mu.unit} either way"
+        " plus {excess:.3g} that fades within {v_s:.3g} {v_s.unit}"
+    )
     dissipative = True
 
     mu = Par("F", nominal=0.025, doc="friction at high velocity")

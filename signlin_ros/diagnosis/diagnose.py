@@ -1,0 +1,458 @@
+"""`diagnose`, `add` and `refine`: from what a search found to a verdict in words, a ladder and a model file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.fit import Fit, follow_records
+from signlin_ros.diagnosis.judge import correlations
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment, linear_base
+from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
+from signlin_ros.diagnosis.scores import Score, score
+from signlin_ros.diagnosis.search import EXPLAINED, SURE, TIE, Findings, Progress, Step, search
+from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.effects.base import SensorEffect
+from signlin_ros.model import Model
+from signlin_ros.predict import windows
+from signlin_ros.records import ModelData
+from signlin_ros.trace import resolve_unit
+
+Array = NDArray[np.float64]
+
+ORDINARY = 0.1
+"""An effect is ordinary if its force is this share of the driving force: what a record should be able to show."""
+WORDS = {"dc_motor": ("torque", "position", "speed")}
+
+
+def diagnose(
+    model: Model,
+    data: ModelData | Sequence[ModelData],
+    validation: ModelData | Sequence[ModelData] | None = None,
+    *,
+    jobs: Executor | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Name the physical effects that a model lacks, or say that none fits, that none is missing, or what cannot be told.
+
+    data, validation: records in the model's terms (`signlin_ros.records.read_for_model`); without validation the last
+    third of every record is held out. ``jobs``: where candidates are fitted (threads by default). Raises
+    `RecordError` for records that cannot be used.
+    """
+    return describe(search(model, _list(data), _list(validation) or None, jobs, progress))
+
+
+def _list(data: ModelData | Sequence[ModelData] | None) -> list[ModelData]:
+    return [] if data is None else [data] if isinstance(data, ModelData) else list(data)
+
+
+# --------------------------------------------------------------------------- scores
+
+
+def kind_of_score(problem: Problem) -> str:
+    """Return ``free_run`` where the plant forgets its start, ``windowed`` where errors pile up (an integrator)."""
+    _, A, _, _ = linear_base(problem.base, problem.channels)
+    forgets = bool(A.size) and float(np.max(np.linalg.eigvals(A).real)) < -1.0 / problem.scale.duration
+    return "free_run" if forgets else "windowed"
+
+
+def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
+    """Score a fitted model on the records of a problem.
+
+    The state at the start of a run is that of the observer: causal, from measurements before it.
+    """
+    measured = [s.y for s in problem.segments]
+    errors = [np.full_like(y, np.nan) for y in measured]
+    low = problem.levels[-1]
+    if kind == "free_run":
+        settle = Gains(low.tau, low.names, np.concatenate([low.values[:200], np.zeros((1, *low.values.shape[1:]))]))
+        found = follow_records(problem, f.candidate, f.theta, settle, False)
+        errors = found[0] if found else errors
+        errors = [np.where(np.arange(e.shape[0])[:, None] >= min(200, e.shape[0] // 4), e, np.nan) for e in errors]
+    else:
+        found = follow_records(problem, f.candidate, f.theta, low, False)
+        if found:
+            errors = [_windowed(problem, f, s, X) for s, X in zip(problem.segments, found[2], strict=True)]
+    y, e = np.concatenate(measured), np.concatenate(errors)
+    result = {}
+    for c, name in enumerate(problem.channels):
+        found_score = score(y[:, c], y[:, c] - e[:, c], float(noise[c]))
+        result[name] = found_score or Score(float("inf"), None, None)
+    return Scores(kind, result)
+
+
+def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
+    """Return the errors (T, ny) of runs over windows of the update period, each started from X (T, n)."""
+    errors = np.full_like(s.y, np.nan)
+    free = Gains(np.inf, problem.levels[0].names, np.zeros((1, *problem.levels[0].values.shape[1:])))
+    for first, last in windows(s.t, problem.base.update_period)[1:]:
+        part = slice(first, last + 1)
+        start = dict(zip(f.candidate.model.states, X[first], strict=True))
+        u = s.u[part]
+        run = follow_records(problem, f.candidate, f.theta, free, False, (Segment(s.t[part], u, s.y[part], start, ""),))
+        if run:
+            errors[first + 1 : last + 1] = run[0][0][1:]
+    return errors
+
+
+# --------------------------------------------------------------------------- parameters
+
+
+def estimates(f: Fit, names: Sequence[str], findings: Findings) -> dict[str, Estimate]:
+    """Return parameters with standard errors that allow for what correlation is left in the residual."""
+    c = f.candidate
+    covariance = np.linalg.pinv(f.hessian, hermitian=True)
+    inflation = _inflation(f, findings)
+    units = {n.split(".", 1)[1]: p.unit for n, p in c.model.par_declarations().items()}
+    fitted = {k.name: (i, k) for i, k in enumerate(c.coordinates)}
+    p = dict(zip(c.equations.parameters, c.p(f.theta), strict=True))
+    result = {}
+    for name in names:
+        unit = resolve_unit(units[name], c.model.plant) if name in units else _sensor_unit(c.model, name)
+        if name not in fitted:
+            result[name] = Estimate(float(p.get(name, _fixed(c.model, name))), None, unit, "held")
+            continue
+        i, k = fitted[name]
+        std = float(np.sqrt(max(covariance[i, i], 0.0)) * abs(k.slope(float(f.theta[i]))) * inflation)
+        result[name] = Estimate(
+            float(p[name]), std, unit, _note(k, float(f.theta[i]), float(np.sqrt(abs(covariance[i, i]))))
+        )
+    return result
+
+
+def _fixed(model: Model, name: str) -> float:
+    return model.value(name)
+
+
+def _note(k: Any, theta: float, std: float) -> str:
+    if theta <= k.low + 1e-9 * abs(k.low) or theta >= k.high - 1e-9 * abs(k.high):
+        return "at its bound"
+    if np.isfinite(k.spread) and k.spread < 1.0 and abs(theta - k.prior) > 3 * k.spread:
+        return f"{abs(theta - k.prior) / k.spread:.1f} standard deviations from its nominal value"
+    if np.isfinite(k.spread) and k.spread < 1.0 and std > 0.95 * k.spread:
+        return "not excited: the record says nothing beyond the tolerance"
+    return ""
+
+
+def _sensor_unit(model: Model, name: str) -> str:
+    return "-" if name.startswith("sensor_gain") else model.units.get(name.partition(".")[2], "")
+
+
+def _inflation(f: Fit, findings: Findings) -> float:
+    """Return by how much correlated residuals widen standard errors: sqrt(1 + 2 sum of correlations), at least 1."""
+    worst = 1.0
+    for c in range(f.innovations[0].shape[1]):
+        r, _, _ = correlations([findings.filter.apply(e)[:, c] for e in f.innovations], 50)
+        positive = r[: int(np.argmax(r < 0.02)) or r.size] if (r < 0.02).any() else r
+        worst = max(worst, 1.0 + 2.0 * float(np.sum(np.maximum(positive, 0.0))) if r[0] > 0.05 else 1.0)
+    return float(np.sqrt(worst))
+
+
+# --------------------------------------------------------------------------- words
+
+
+def sentence_of(effect: str, model: Model, parameters: dict[str, Estimate]) -> str:
+    """Return what the record shows of an effect, as a sentence."""
+    words = WORDS.get(model.plant.name, ("force", "displacement", "velocity"))
+    cls = find_effect(effect, "effects")
+    if issubclass(cls, SensorEffect):
+        name, found = next(iter(parameters.items()))
+        channel = name.partition(".")[2]
+        return cls.finding.format(channel=channel, value=found.value, unit=found.unit)
+    values = {n.rpartition(".")[2]: _Shown(p.value, p.unit) for n, p in parameters.items()}
+    return cls.finding.format(F=words[0], Q=words[1], V=words[2], **values)
+
+
+class _Shown(float):
+    """A number that knows its unit, for the templates of `Effect.finding`."""
+
+    unit: str
+
+    def __new__(cls, value: float, unit: str) -> _Shown:
+        shown = super().__new__(cls, value)
+        shown.unit = unit
+        return shown
+
+
+# --------------------------------------------------------------------------- the verdict
+
+
+def describe(f: Findings) -> Diagnosis:
+    """Return the diagnosis that follows from what a search found."""
+    problem, final = f.problem, f.final.ranked
+    kind = kind_of_score(problem)
+    noise = np.array([r.noise for r in f.left])
+    explained = _explained(f)
+    structure = structure_left(f)
+    verdict = _verdict(f, explained, structure)
+    ladder = tuple(
+        Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, noise))
+        for s in f.steps
+    )
+    model = proposal(f)
+    base = f.steps[0].ranked.fit
+    names = [c.name for c in final.fit.candidate.coordinates]
+    return Diagnosis(
+        verdict=verdict,
+        sentence=_sentence(f, verdict, explained, structure),
+        base=estimates(base, [c.name for c in base.candidate.coordinates], f),
+        base_validation=ladder[0].validation,
+        parameters=estimates(final.fit, names, f),
+        ranking=_ranking(f, kind, noise, verdict),
+        ladder=ladder,
+        model=model,
+        range=dict(problem.ranges),
+        noise=dict(zip(problem.channels, noise.tolist(), strict=True)),
+        notes=_notes(f),
+        yaml=yaml_of(model, f),
+        findings=f,
+    )
+
+
+def structure_left(f: Findings) -> bool:
+    """Tell whether the residual of the proposal shows structure that is no noise."""
+    slow = any(r.structure > 0.05 for r in f.left)
+    coloured = any(r.coloured > 0.5 and r.rho > 0.9 for r in f.left)
+    return slow or coloured or not all(t.white for t in f.tests)
+
+
+def _explained(f: Findings) -> float:
+    """Return the share of the missing motion on unseen data that the proposal explains: least of all channels."""
+    first, last = (np.concatenate(s.unseen) for s in (f.steps[0], f.final))
+    noise = np.array([r.noise for r in f.left])
+    before = np.nanmean(first**2, axis=0) - noise**2
+    after = np.nanmean(last**2, axis=0) - noise**2
+    weight = before > 0.1 * noise**2
+    if not weight.any():
+        return 1.0
+    return float(np.mean(1.0 - np.maximum(after[weight], 0.0) / before[weight]))
+
+
+def _verdict(f: Findings, explained: float, structure: bool) -> str:
+    if len(f.steps) == 1:
+        return "unexplained" if structure else "adequate"
+    return "unexplained" if structure and explained < EXPLAINED else "missing"
+
+
+def _named(names: Sequence[str]) -> str:
+    plain = [n.replace("_", " ") for n in names]
+    return plain[0] if len(plain) == 1 else ", ".join(plain[:-1]) + " and " + plain[-1]
+
+
+def _sentence(f: Findings, verdict: str, explained: float, structure: bool) -> str:
+    effects = f.final.ranked.effects
+    if verdict == "adequate":
+        return "Nothing is missing that this record could show: the residual is noise."
+    if verdict == "unexplained":
+        partly = f"; {_named(effects)} explains {100 * explained:.0f} % of it at most" if effects else ""
+        return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
+    rest = " Some structure remains that no listed effect explains." if structure else ""
+    return (
+        f"The model lacks {_named(effects)}: {100 * explained:.1f} % of the missing motion is explained on data that "
+        f"the fit did not see.{rest}"
+    )
+
+
+def _rivals(f: Findings, effect: str) -> list[str]:
+    """Return what could stand in place of an effect of the proposal: as good by evidence, within `TIE`."""
+    final = f.final.ranked
+    others = set(final.effects) - {effect}
+    options = [s.ranked for s in f.singles] if len(final.effects) == 1 else list(f.pairs)
+    found = []
+    for r in options:
+        if set(r.effects) >= others and len(r.effects) == len(final.effects) and effect not in r.effects:
+            new = (set(r.effects) - others).pop()
+            if abs(r.evidence - final.evidence) < TIE and new not in found:
+                found.append(new)
+    return found
+
+
+def _ranking(f: Findings, kind: str, noise: Array, verdict: str) -> tuple[Entry, ...]:
+    final = f.final.ranked
+    best: dict[str, Step] = {}
+    for s in f.singles:
+        best.setdefault(s.ranked.label, s)
+    entries = []
+    rivals = {e: _rivals(f, e) for e in final.effects}
+    for effect, step in best.items():
+        entries.append(_entry(f, effect, step, kind, noise, rivals, verdict))
+    entries.sort(key=lambda e: (_order(e, final.effects), -e.evidence))
+    absent = [
+        Entry(n, "not_applicable", {}, None, (), f"does not apply to {f.problem.base.plant.name}") for n in f.outside
+    ]
+    return (*entries, *absent)
+
+
+def _order(e: Entry, proposed: tuple[str, ...]) -> int:
+    if e.effect in proposed:
+        return 0
+    return 1 if e.status == "ambiguous" else 2
+
+
+def _entry(
+    f: Findings, effect: str, step: Step, kind: str, noise: Array, rivals: dict[str, list[str]], verdict: str
+) -> Entry:
+    final = f.final.ranked
+    r = final if effect in final.effects else step.ranked
+    parameters = _added_parameters(f, r, effect)
+    validation = scores(f.unseen, step.ranked.fit, kind, noise)
+    gain = f.steps[0].ranked.evidence - step.ranked.evidence
+    tied: tuple[str, ...] = ()
+    if effect in final.effects:
+        tied = tuple(rivals[effect])
+        status = "ambiguous" if tied else "confirmed"
+        why = _why_named(f, effect, parameters, tied)
+        if verdict == "unexplained":
+            status = "rejected"
+            why += "; but most of the residual remains, so this is a likeness and not the cause"
+    elif any(effect in names for names in rivals.values()) and verdict != "unexplained":
+        owner = next(e for e, names in rivals.items() if effect in names)
+        status, tied = "ambiguous", (owner, *(n for n in rivals[owner] if n != effect))
+        why = f"explains the record as well as {owner}: {sentence_of(effect, f.problem.base, parameters)}"
+    else:
+        status, why = _why_not(f, effect, step)
+    return Entry(effect, status, parameters, validation, tied, why, gain, step.certainty)
+
+
+def _added_parameters(f: Findings, r: Any, effect: str) -> dict[str, Estimate]:
+    model = r.fit.candidate.model
+    keys = [key for key, use in model.effects.items() if use.type == effect and key not in f.problem.base.effects]
+    names = [f"{key}.{n}" for key in keys for n in model.effects[key].parameters]
+    names += [s for s in r.sensors if s.partition(".")[0] == effect]
+    found = estimates(r.fit, names, f)
+    return {n if n.startswith("sensor_") else n.partition(".")[2]: p for n, p in found.items()}
+
+
+def _why_named(f: Findings, effect: str, parameters: dict[str, Estimate], tied: tuple[str, ...]) -> str:
+    step = f.final
+    text = sentence_of(effect, f.problem.base, parameters)
+    text += f"; the error on unseen data falls by {min(step.certainty, 99):.1f} standard errors"
+    if tied:
+        text += f"; {_named(tied)} would explain this record as well"
+    return text
+
+
+def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
+    """Return status and reason of an effect that is not part of the proposal."""
+    gain = f.steps[0].ranked.evidence - step.ranked.evidence
+    final = f.final.ranked
+    if not _excited(f, step):
+        return "not_excited", _not_excited(f, effect)
+    if gain <= 0:
+        return "rejected", "alone it does not lower the error by more than its parameters are worth"
+    if step.certainty <= SURE and step.gain <= 0:
+        return "rejected", "it lowers the error on the data that it was fitted to and raises it on unseen data"
+    if final.effects:
+        worse = step.ranked.evidence - f.steps[min(1, len(f.steps) - 1)].ranked.evidence
+        return (
+            "rejected",
+            f"explains less than {_named(final.effects)} (evidence lower by {worse:.0f}), nothing beside it",
+        )
+    return "rejected", f"lowers the error on unseen data by {step.certainty:.1f} standard errors only"
+
+
+def _excited(f: Findings, step: Step) -> bool:
+    """Tell whether the record would have shown the effect at ordinary size.
+
+    The curvature of the objective says by how much -2 log likelihood would change.
+    """
+    fitted, base = step.ranked.fit, {c.name for c in f.steps[0].ranked.fit.candidate.coordinates}
+    added = [i for i, c in enumerate(fitted.candidate.coordinates) if c.name not in base]
+    linear = [i for i in added if not fitted.candidate.coordinates[i].log]
+    if not added:
+        return True
+    diagonal = np.diag(fitted.hessian)
+    if not linear:
+        return bool(max(diagonal[i] for i in added) > 1.0)
+    rest = [i for i in range(diagonal.size) if i not in added]
+    best = 0.0
+    for i in linear:
+        keep = [*rest, i]
+        covariance = np.linalg.pinv(fitted.hessian[np.ix_(keep, keep)], hermitian=True)
+        best = max(best, ORDINARY**2 / max(covariance[-1, -1], 1e-300))
+    return best > 25.0
+
+
+def _not_excited(f: Findings, effect: str) -> str:
+    model, ranges = f.problem.base, f.problem.ranges
+    position = ranges.get(model.plant.position)
+    words = WORDS.get(model.plant.name, ("force", "displacement", "velocity"))
+    if position and effect in ("hard_stop", "cubic_stiffness", "gravity_load", "linear_stiffness", "cogging_torque"):
+        unit = model.plant.position_unit
+        return f"the {words[1]} stayed within {position[0]:.3g} to {position[1]:.3g} {unit}: beyond it nothing is known"
+    if effect == "input_saturation":
+        name = model.inputs[0]
+        low, high = ranges[name]
+        return f"the {name} stayed within {low:.3g} to {high:.3g} {model.units[name]}, where it does not saturate"
+    return f"at {100 * ORDINARY:.0f} % of the driving {words[0]} it would not stand out of the noise of this record"
+
+
+# --------------------------------------------------------------------------- the model that comes out
+
+
+def proposal(f: Findings) -> Model:
+    """Return the base model with the named effects and all fitted values."""
+    return fitted_model(f.problem, f.final.ranked.fit, f.final.ranked.sensors)
+
+
+def fitted_model(problem: Problem, found: Fit, sensors: Sequence[str]) -> Model:
+    """Return a candidate's model with its fitted values, sensors included."""
+    values = found.parameters()
+    model = found.candidate.model
+    plain = {n: v for n, v in values.items() if not n.startswith("sensor_")}
+    from signlin_ros.diagnosis.rank import _inside
+
+    model = model.with_parameters(_inside(model, plain))
+    for name in sensors:
+        kind, _, channel = name.partition(".")
+        model = model.with_effect(kind, **{channel: values[name]})
+    if problem.base.with_position and not _said_position(problem):
+        model = model.with_options(with_position=True)
+    return model
+
+
+def _said_position(problem: Problem) -> bool:
+    return not problem.base.plant.position_optional
+
+
+def yaml_of(model: Model, f: Findings) -> str:
+    """Return the model file, with a comment of where each fitted value came from."""
+    found = f.final.ranked.fit
+    names = [c.name for c in found.candidate.coordinates]
+    fitted = estimates(found, names, f)
+    sources = ", ".join(s.source for s in f.problem.segments)
+    lines, section, key = [], "", ""
+    for line in model.to_yaml().splitlines():
+        indent = len(line) - len(line.lstrip())
+        match = re.match(r"\s*([\w.]+):(.*)", line)
+        if match:
+            name, rest = match.groups()
+            if indent == 4:
+                section, key = name, ""
+            elif indent == 6 and section == "effects" and not rest.strip():
+                key = name
+            full = name if section == "parameters" and indent == 6 else f"{key}.{name}" if indent == 8 else ""
+            if full in fitted:
+                p = fitted[full]
+                old = f", was {f.problem.base.parameters[name]:g}" if section == "parameters" else ""
+                line = f"{line}  # fitted: ± {p.std or 0:.2g} {p.unit}{old}"
+        lines.append(line)
+    head = [f"# Fitted to {sources}."] if fitted else []
+    return "\n".join([*head, *lines]) + "\n"
+
+
+def _notes(f: Findings) -> tuple[str, ...]:
+    notes = []
+    for name, rho in zip(f.problem.channels, f.filter.rho, strict=True):
+        if rho:
+            notes.append(f"the noise of {name} is coloured (correlation {rho:.2f} from sample to sample)")
+    return tuple(notes)
+
+
+__all__ = ["describe", "diagnose"]

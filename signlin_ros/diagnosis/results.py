@@ -1,0 +1,149 @@
+"""What a diagnosis returns: plain, frozen, and as the JSON that the command line prints."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from signlin_ros.diagnosis.scores import Score
+from signlin_ros.model import Model
+
+STATUSES = ("confirmed", "ambiguous", "not_excited", "rejected", "not_applicable")
+VERDICTS = ("adequate", "missing", "unexplained")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter: value, standard error (None: not known), unit; ``note`` says what is odd about it, if anything."""
+
+    value: float
+    std: float | None
+    unit: str
+    note: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what the contract calls one of PARAMETERS."""
+        found: dict[str, Any] = {"value": self.value, "std": self.std, "unit": self.unit}
+        return {**found, "note": self.note} if self.note else found
+
+    def __str__(self) -> str:
+        text = f"{self.value:.4g}" + (f" ± {self.std:.2g}" if self.std is not None else "")
+        return f"{text} {self.unit}".rstrip() if self.unit != "-" else text
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores by channel; ``kind`` is ``free_run`` or ``windowed``."""
+
+    kind: str
+    channels: Mapping[str, Score]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what the contract calls SCORES, with the key ``score``."""
+        return {**{name: s.to_json() for name, s in self.channels.items()}, "score": self.kind}
+
+    @property
+    def over_noise(self) -> float:
+        """Largest error over the noise of all channels."""
+        return max((s.rmse_over_noise or 0.0 for s in self.channels.values()), default=0.0)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One effect in the ranking, and why it stands there. ``evidence``: fall of -2 log likelihood, priced."""
+
+    effect: str
+    status: str
+    parameters: Mapping[str, Estimate]
+    validation: Scores | None
+    indistinguishable_from: tuple[str, ...]
+    why: str
+    evidence: float = 0.0
+    certainty: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Return one entry of ``ranking``."""
+        return {
+            "effect": self.effect,
+            "status": self.status,
+            "parameters": {n: p.to_json() for n, p in self.parameters.items()},
+            "validation": self.validation.to_json() if self.validation else None,
+            "indistinguishable_from": list(self.indistinguishable_from),
+            "why": self.why,
+        }
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One step of the ladder from the base model to the proposal."""
+
+    effects: tuple[str, ...]
+    estimation: Scores
+    validation: Scores
+
+    def to_json(self) -> dict[str, Any]:
+        """Return one entry of ``ladder``."""
+        both = {"validation": self.validation.to_json(), "estimation": self.estimation.to_json()}
+        return {"effects": list(self.effects), **both}
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a model lacks.
+
+    ``verdict``: adequate, missing or unexplained; ``sentence`` says it in words. ``base``, ``parameters``: estimates
+    of the base model alone and of the proposal. ``model``: the proposal. ``range``: what the records visited.
+    ``noise``: standard deviation by channel. ``experiments``: what would decide what this record cannot.
+    ``findings``: the fits behind it, for pictures.
+    """
+
+    verdict: str
+    sentence: str
+    base: Mapping[str, Estimate]
+    base_validation: Scores
+    parameters: Mapping[str, Estimate]
+    ranking: tuple[Entry, ...]
+    ladder: tuple[Rung, ...]
+    model: Model
+    range: Mapping[str, tuple[float, float]]
+    noise: Mapping[str, float]
+    experiments: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    yaml: str = ""
+    findings: Any = field(default=None, repr=False, compare=False)
+
+    @property
+    def missing(self) -> tuple[Entry, ...]:
+        """The effects that the proposal adds."""
+        return tuple(e for e in self.ranking if e.effect in self.ladder[-1].effects)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object of ``signlin diagnose --json``."""
+        base = {n: p.to_json() for n, p in self.base.items()}
+        return {
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "base": {"parameters": base, "validation": self.base_validation.to_json()},
+            "ranking": [e.to_json() for e in self.ranking],
+            "ladder": [r.to_json() for r in self.ladder],
+            "parameters": {n: p.to_json() for n, p in self.parameters.items()},
+            "model": self.yaml,
+            "range": {n: list(v) for n, v in self.range.items()},
+            "noise": dict(self.noise),
+            "experiments": list(self.experiments),
+            "notes": list(self.notes),
+        }
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{html.escape(e.effect)}</td><td>{e.status}</td><td>{html.escape(e.why)}</td></tr>"
+            for e in self.ranking
+            if e.status in ("confirmed", "ambiguous", "not_excited")
+        )
+        table = f"<table><tr><th>effect</th><th>status</th><th>why</th></tr>{rows}</table>" if rows else ""
+        return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{table}"
+
+
+__all__ = ["STATUSES", "VERDICTS", "Diagnosis", "Entry", "Estimate", "Rung", "Scores"]
