@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import Fit, follow_records
-from signlin_ros.diagnosis.judge import correlations
+from signlin_ros.diagnosis.judge import correlations, residues
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, linear_base
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
@@ -141,7 +141,8 @@ def _note(k: Any, theta: float, std: float) -> str:
 
 
 def _sensor_unit(model: Model, name: str) -> str:
-    return "-" if name.startswith("sensor_gain") else model.units.get(name.partition(".")[2], "")
+    kind, _, channel = name.partition(".")
+    return {"sensor_gain": "-", "sensor_delay": "s"}.get(kind, model.units.get(channel, ""))
 
 
 def _inflation(f: Fit, findings: Findings) -> float:
@@ -188,11 +189,12 @@ def describe(f: Findings) -> Diagnosis:
     problem, final = f.problem, f.final.ranked
     kind = kind_of_score(problem)
     noise = np.array([r.noise for r in f.left])
+    unseen = unseen_noise(f)
     explained = _explained(f)
     structure = structure_left(f)
     verdict = _verdict(f, explained, structure)
     ladder = tuple(
-        Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, noise))
+        Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
         for s in f.steps
     )
     model = proposal(f)
@@ -204,7 +206,7 @@ def describe(f: Findings) -> Diagnosis:
         base=estimates(base, [c.name for c in base.candidate.coordinates], f),
         base_validation=ladder[0].validation,
         parameters=estimates(final.fit, names, f),
-        ranking=_ranking(f, kind, noise, verdict),
+        ranking=_ranking(f, kind, unseen, verdict),
         ladder=ladder,
         model=model,
         range=dict(problem.ranges),
@@ -217,21 +219,26 @@ def describe(f: Findings) -> Diagnosis:
 
 def structure_left(f: Findings) -> bool:
     """Tell whether the residual of the proposal shows structure that is no noise."""
-    slow = any(r.structure > 0.05 for r in f.left)
-    coloured = any(r.coloured > 0.5 and r.rho > 0.9 for r in f.left)
-    return slow or coloured or not all(t.white for t in f.tests)
+    return any(r.structured for r in f.left) or not all(t.white for t in f.tests)
 
 
 def _explained(f: Findings) -> float:
     """Return the share of the missing motion on unseen data that the proposal explains: least of all channels."""
     first, last = (np.concatenate(s.unseen) for s in (f.steps[0], f.final))
-    noise = np.array([r.noise for r in f.left])
-    before = np.nanmean(first**2, axis=0) - noise**2
-    after = np.nanmean(last**2, axis=0) - noise**2
-    weight = before > 0.1 * noise**2
+    noise = unseen_noise(f)
+    before = np.nanmean(first**2, axis=0) / noise**2 - 1.0
+    after = np.maximum(np.nanmean(last**2, axis=0) / noise**2 - 1.0, 0.0)
+    weight = before > 0.1
     if not weight.any():
         return 1.0
-    return float(np.mean(1.0 - np.maximum(after[weight], 0.0) / before[weight]))
+    shares = 1.0 - after[weight] / before[weight]
+    return float(max(np.average(shares, weights=np.sqrt(before[weight])), 0.0))
+
+
+def unseen_noise(f: Findings) -> Array:
+    """Return the standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure."""
+    left = residues(f.final.unseen)
+    return np.array([r.noise if r.structure < 0.5 else seen.noise for r, seen in zip(left, f.left, strict=True)])
 
 
 def _verdict(f: Findings, explained: float, structure: bool) -> str:

@@ -17,6 +17,8 @@ from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]
+KINKED = 3
+"""Least number of substeps where a kink is crossed inside a step, which lowers the order."""
 STEEP = 1e4
 """Where a model has several switching surfaces, all but the first are smoothed to tanh(STEEP g / scale)."""
 
@@ -25,22 +27,27 @@ STEEP = 1e4
 class Equations:
     """Machine code of a structure for given measured channels and given free parameters.
 
-    ``parameters``: names of everything in p, the model's own in the trace's order, then ``sensor_gain.<channel>`` and
-    ``sensor_offset.<channel>`` of every channel. ``free``: those with sensitivities. ``delay_free``: index among the
-    free ones of the parameter that is the input delay, -1 without.
+    ``parameters``: names of everything in p, the model's own in the trace's order, then ``sensor_gain.<channel>``,
+    ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel. ``free``: those with sensitivities. ``delay_free``: index among the
+    free ones of the parameter that is the input delay, -1 without. ``substeps``: least number between two samples.
     """
 
     head: int
     whole: int
     sizes: tuple[int, ...]
+    substeps: int
     parameters: tuple[str, ...]
     free: tuple[str, ...]
     keep: Any
 
+    def flags(self, with_s: bool) -> tuple[int, ...]:
+        """Return the sizes that `signlin_ros.diagnosis.follow.follow` takes."""
+        return (*self.sizes, int(with_s), self.substeps)
+
 
 def sensor_names(channels: tuple[str, ...]) -> tuple[str, ...]:
     """Return the names of the sensors' parameters, in the order in which p holds them."""
-    return (*(f"sensor_gain.{c}" for c in channels), *(f"sensor_offset.{c}" for c in channels))
+    return tuple(f"sensor_{what}.{c}" for what in ("gain", "offset", "delay") for c in channels)
 
 
 def _inline(t: Trace) -> tuple[list[ca.SX], list[ca.SX], Surface | None]:
@@ -72,9 +79,9 @@ def _row_major(matrix: ca.SX) -> ca.SX:
 def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, ...]) -> Equations:
     """Return the equations of a structure that shows ``channels`` (states or outputs), with respect to ``free``."""
     t = trace(structure)
-    gains, offsets = ca.SX.sym("gain", len(channels)), ca.SX.sym("offset", len(channels))
+    gains, offsets, lags = (ca.SX.sym(what, len(channels)) for what in ("gain", "offset", "lag"))
     names = (*t.parameters, *sensor_names(channels))
-    p = ca.vertcat(t.p, gains, offsets)
+    p = ca.vertcat(t.p, gains, offsets, lags)
     wanted = ca.vertcat(*(p[names.index(name)] for name in free)) if free else ca.SX(0, 1)
     symbols, values, located = _inline(t)
     s = located.symbol if located else ca.SX.sym("s")
@@ -108,7 +115,13 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     if located is not None:
         coordinate = next((i for i, e in enumerate(ca.vertsplit(t.x)) if ca.is_equal(e, g)), -1)
     sizes = (n, t.u.numel(), len(channels), len(free), i_delay, int(located is not None), coordinate)
-    return Equations(head, whole, sizes, names, free, tape)
+    kinked = any(bool(ca.which_depends(v.g, t.x, 1, False)[0]) for v in t.surfaces if v is not located)
+    return Equations(head, whole, sizes, KINKED if kinked else 1, names, free, tape)
+
+
+def neutral_sensors(count: int) -> Array:
+    """Return the parameters of ``count`` perfect sensors."""
+    return np.concatenate([np.ones(count), np.zeros(2 * count)])
 
 
 def _channel(t: Trace, name: str) -> ca.SX:
@@ -131,4 +144,4 @@ def _delay_index(t: Trace, free: tuple[str, ...], names: tuple[str, ...], p: ca.
     return -1
 
 
-__all__ = ["Equations", "equations", "sensor_names"]
+__all__ = ["Equations", "equations", "neutral_sensors", "sensor_names"]

@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 
 KNOWN_EFFECT = 0.5
 """Relative standard deviation of the prior on the parameters of effects that the model already has."""
+ENOUGH = 0.02
+"""A fit ends where a step lowers -2 log likelihood by less than this,"""
+FAR = 1e-3
+"""or by less than this share of its distance from that of pure noise: a wrong model need not be fitted to the end."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
 
@@ -162,14 +166,28 @@ def candidate(
     free = tuple(c.name for c in coordinates)
     eq = equations(model.structure, problem.channels, free)
     values = {name: model.value(name) for name in model.trace.parameters}
+    known = {**_known_sensors(problem), **(sensors or {})}
     for name in eq.parameters[len(values) :]:
-        values[name] = (sensors or {}).get(name, 1.0 if name.startswith("sensor_gain") else 0.0)
+        values[name] = known.get(name, 1.0 if name.startswith("sensor_gain") else 0.0)
     return Candidate(model, eq, tuple(coordinates), values, added + tuple(sensors or ()))
+
+
+def _known_sensors(problem: Problem) -> dict[str, float]:
+    """Return what the base model says of its sensors."""
+    found = {}
+    for channel in problem.channels:
+        sensor = problem.base.sensors.get(channel)
+        if sensor:
+            values = {"gain": sensor.gain, "offset": sensor.offset, "delay": sensor.delay}
+            found.update({f"sensor_{what}.{channel}": value for what, value in values.items()})
+    return found
 
 
 def _sensor_coordinate(problem: Problem, name: str) -> Coordinate:
     if name.startswith("sensor_gain"):
         return Coordinate(name, True, 1.0, -2.3, 2.3, 0.0, 0.5)
+    if name.startswith("sensor_delay"):
+        return Coordinate(name, False, problem.scale.step, 0.0, 1.0 / problem.scale.step, 0.0, np.inf)
     unit = float(problem.noise[problem.channels.index(name.partition(".")[2])])
     return Coordinate(name, False, unit, -1e9, 1e9, 0.0, np.inf)
 
@@ -220,12 +238,12 @@ def follow_records(
     )
     scale = np.where(scale > 0, scale, _own_scale(problem, c))
     delay = max(_delay_of(c, p), 0.0)
-    rows = gains.rows(c.model.states)
+    rows, lags = gains.rows(c.model.states), _lags(problem, c, p)
     errors, derivatives, states = [], [], []
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
-        arguments = ((*eq.sizes, int(with_s)), s.t, s.u, s.y, rows, _initial(c, s), p, scale, delay)
+        arguments = (eq.flags(with_s), s.t, s.u, s.y, rows, _initial(c, s), p, scale, delay, lags)
         if follow(eq.head, eq.whole, *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
             return None
         if with_s:
@@ -242,6 +260,19 @@ def _own_scale(problem: Problem, c: Candidate) -> Array:
     units = c.model.trace.units
     q = problem.scale.travel
     return np.array([q if units[name] in (problem.base.plant.position_unit,) else 100.0 for name in c.model.states])
+
+
+def _lags(problem: Problem, c: Candidate, p: Array) -> Array:
+    """Return by how much every channel is seen late, for `follow`."""
+    names = [f"sensor_delay.{channel}" for channel in problem.channels]
+    free = [k.name for k in c.coordinates]
+    if not any(name in free or c.values[name] for name in names):
+        return np.zeros((0, 3))
+    rows = []
+    for name, channel in zip(names, problem.channels, strict=True):
+        state = c.model.states.index(channel) if channel in c.model.states else 0
+        rows.append((p[c.equations.parameters.index(name)], state, free.index(name) if name in free else -1))
+    return np.array(rows, dtype=float)
 
 
 def _delay_of(c: Candidate, p: Array) -> float:
@@ -303,7 +334,7 @@ def fit(
     for _ in range(steps):
         new = _step(x, gradient, hessian, damping, low, high)
         predicted = float(-2 * gradient @ (new - x) - (new - x) @ hessian @ (new - x))
-        if predicted < 0.02:
+        if predicted < ENOUGH:
             break
         trial = follow_records(problem, c, new, gains, True)
         taken += 1
@@ -314,7 +345,7 @@ def fit(
                 x, found = new, trial
                 cost, rss, number, gradient, hessian = results
                 damping = max(damping / 8, 1e-9)
-                if gain < 0.02:
+                if gain < ENOUGH + FAR * max(cost - float(np.sum(number * np.log(problem.noise**2))), 0.0):
                     break
                 continue
         damping *= 16

@@ -21,8 +21,6 @@ from numba import njit
 
 from signlin_ros.native import call
 
-SUBSTEPS = 2
-"""Least number of substeps between two samples."""
 MOST = 20
 """Most substeps between two samples."""
 REACH = 0.8
@@ -287,13 +285,36 @@ def _settle(head, sizes, z, out, mode, s, moved):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, E, D, X):
+def _lagged(k, t, lag, i, past, past_s, row, with_s):
+    """Return state ``i`` as it was ``lag`` before sample k and its rate; its sensitivities go to ``row``.
+
+    ``past`` (T, 4, n): state and slope after the correction of every sample, and before that of the next one, between
+    which a cubic is laid; ``past_s`` (T, 2, n, np) alike.
+    """
+    j = k - 1
+    while j > 0 and t[j] > t[k] - lag:
+        j -= 1
+    h = t[j + 1] - t[j]
+    a = min(1.0, max(0.0, (t[k] - lag - t[j]) / h))
+    b = 1.0 - a
+    x0, f0, x1, f1 = past[j, 0, i], past[j, 1, i], past[j, 2, i], past[j, 3, i]
+    value = (1 + 2 * a) * b * b * x0 + a * b * b * h * f0 + a * a * (3 - 2 * a) * x1 - a * a * b * h * f1
+    rate = 6 * a * b * (x1 - x0) / h + b * (1 - 3 * a) * f0 + a * (3 * a - 2) * f1
+    if with_s:
+        for c in range(row.size):
+            row[c] = b * past_s[j, 0, i, c] + a * past_s[j, 1, i, c]
+    return value, rate
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, X):
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
 
     ``sizes``: n, m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is
-    the switching surface (-1), whether derivatives are wanted. ``u`` (T, m) held, ``y`` (T, ny) with NaN for missing,
+    the switching surface (-1), whether derivatives are wanted, least number of substeps between samples. ``u`` (T, m) held, ``y`` (T, ny) with NaN for missing,
     ``gains`` (G, n, ny): those of the first G samples, the last one for all others. X (T, n) gets the state before
-    the correction, if it is not empty. Returns how many samples were followed before the run left all bounds.
+    the correction, if it is not empty. ``lags`` (ny, 3): by how much every channel is seen late in s, the state that
+    it shows, and the index of its lag among the sensitivities (-1); empty if none is late. Returns how many samples were followed before the run left all bounds.
     """
     n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     with_s = sizes[7] != 0
@@ -309,6 +330,10 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, E, D, X):
     P0, P1, R = np.zeros((n, count)), np.zeros((n, count)), np.zeros((n, count))
     work = (J0, P0, J1, P1, M, R, np.zeros((4, n)), np.zeros(n))
     d = np.zeros((ny, count))
+    late = lags.shape[0] > 0
+    past = np.zeros((total if late else 0, 4, n))
+    past_s = np.zeros((total if late and with_s else 0, 2, n, count))
+    row = np.zeros(count)
     mode, s, active = 1, 1.0, 0
     for k in range(total):
         for i in range(n):
@@ -344,6 +369,18 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, E, D, X):
                         value += out[at_hx + c * n + i] * S[i, j]
                     d[c, j] = -value
                     D[k, c, j] = -value
+            if late and k > 0 and lags[c, 0] + lags[c, 2] > -1.0:
+                i_state, i_lag = int(lags[c, 1]), int(lags[c, 2])
+                before, rate = _lagged(k, t, lags[c, 0], i_state, past, past_s, row, with_s)
+                slope = out[at_hx + c * n + i_state]
+                E[k, c] += slope * (x[i_state] - before)
+                if with_s:
+                    for j in range(count):
+                        D[k, c, j] += slope * (S[i_state, j] - row[j])
+                    if i_lag >= 0:
+                        D[k, c, i_lag] += slope * rate
+                    for j in range(count):
+                        d[c, j] = D[k, c, j]
         for c in range(ny):
             if E[k, c] == E[k, c]:
                 for i in range(n):
@@ -359,6 +396,11 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, E, D, X):
             z[i] = x[i]
         if corrected:
             mode, s = _settle(head, sizes, z, out, mode, s, True)
+        if late:
+            _slope(head, sizes, z, out, mode, s)
+            past[k, 0], past[k, 1] = x, out[:n]
+            if with_s:
+                past_s[k, 0] = S
         begin = t[k]
         while True:
             end = t[k + 1]
@@ -366,12 +408,16 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, E, D, X):
                 end = t[active + 1] + delay
             _linearized(whole, sizes, z, out, mode, s, J0, P0)
             substeps = int(np.ceil((end - begin) * _fastest(J0, scale) / REACH))
-            substeps = min(MOST, max(SUBSTEPS, substeps))
+            substeps = min(MOST, max(sizes[8], substeps))
             mode, s = _advance(head, whole, sizes, z, out, x, end - begin, substeps, mode, s, S, work, with_s)
             for i in range(n):
                 if not abs(x[i]) < 1e6 * scale[i]:
                     return k + 1
             if end == t[k + 1]:
+                if late:
+                    past[k, 2], past[k, 3] = x, out[:n]
+                    if with_s:
+                        past_s[k, 1] = S
                 break
             begin = end
             for i in range(n):

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 LAGS = 12
 """Lags over which the colour of the noise is told from slow structure."""
+MOST_COLOUR = 0.9
+"""Largest rho of what counts as noise; what lasts longer counts as structure."""
 WORTH = 0.15
 """Smallest rho that is worth a filter."""
 
@@ -31,6 +33,14 @@ class Residue:
     coloured: float
     white: float
     rho: float
+    samples: int
+
+    @property
+    def structured(self) -> bool:
+        """Whether the slow structure is beyond what noise of this colour shows by chance in a record this long."""
+        colour = min(self.coloured * self.rho, 0.95) if self.coloured > 0 else 0.0
+        error = np.sqrt((1 + colour**2) / (1 - colour**2) / max(self.samples, 1))
+        return bool(self.structure > 0.02 + 3.0 * error)
 
     @property
     def noise(self) -> float:
@@ -63,7 +73,7 @@ def residue(parts: Sequence[Array]) -> Residue:
     r, variance, count = correlations(parts, LAGS)
     k = np.arange(1, LAGS + 1)
     best = (np.inf, 0.0, 0.0, 0.0)
-    for rho in np.linspace(0.1, 0.95, 35):
+    for rho in np.linspace(0.1, MOST_COLOUR, 33):
         basis = np.column_stack([np.ones(LAGS), rho**k])
         (slow, fast), *_ = np.linalg.lstsq(basis, r, rcond=None)
         if slow < 0:
@@ -77,7 +87,7 @@ def residue(parts: Sequence[Array]) -> Residue:
     if fast < 4.0 / np.sqrt(max(count, 1)):
         fast = 0.0
     slow, fast = min(slow, 1.0), min(fast, 1.0 - min(slow, 1.0))
-    return Residue(variance, slow, fast, 1.0 - slow - fast, rho)
+    return Residue(variance, slow, fast, 1.0 - slow - fast, rho, count)
 
 
 def residues(innovations: Sequence[Array]) -> list[Residue]:

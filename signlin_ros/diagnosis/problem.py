@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.diagnosis.equations import equations
+from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import follow, kalman_gains
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
@@ -141,7 +141,7 @@ def linear_base(model: Model, channels: tuple[str, ...]) -> tuple[tuple[str, ...
     plain = bare(model)
     eq = equations(plain.structure, channels, ())
     n, m, ny = eq.sizes[:3]
-    point = np.concatenate([np.zeros(n + m), plain.p, np.ones(ny), np.zeros(ny), [0.0]])
+    point = np.concatenate([np.zeros(n + m), plain.p, neutral_sensors(ny), [0.0]])
     columns = eq.keep.batch([*point])[:, 0]
     at = 2 * n + 3 + ny
     A = columns[at : at + n * n].reshape(n, n)
@@ -194,12 +194,23 @@ def first_look(model: Model, segments: Sequence[Segment], channels: tuple[str, .
     """Return the states (T, n) of the base model held to every record by a high gain."""
     eq = equations(model.structure, channels, ())
     n, ny = eq.sizes[0], eq.sizes[2]
-    p = np.concatenate([model.p, np.ones(ny), np.zeros(ny)])
+    p = np.concatenate([model.p, neutral_sensors(ny)])
     result = []
     for s in segments:
         E, X = np.zeros((s.t.size, ny)), np.zeros((s.t.size, n))
         x0 = np.array([s.start.get(name, 0.0) for name in model.states])
-        arguments = ((*eq.sizes, 0), s.t, s.u, s.y, gains.rows(model.states), x0, p, np.full(n, 1e9), model.delay)
+        arguments = (
+            eq.flags(False),
+            s.t,
+            s.u,
+            s.y,
+            gains.rows(model.states),
+            x0,
+            p,
+            np.full(n, 1e9),
+            model.delay,
+            np.zeros((0, 3)),
+        )
         follow(eq.head, eq.whole, *arguments, E, np.zeros((0, ny, 0)), X)
         result.append(X)
     return result

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +22,8 @@ Array = NDArray[np.float64]
 
 PRICE = 10.0
 """What an effect must gain in -2 log likelihood on top of ln n for each of its parameters."""
-HOPE = 4
-"""How many starts of a candidate are followed to the low gain."""
+SERIOUS = 0.25
+"""Share of the best candidate's gain at the middle gain that makes another one worth a thorough fit."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +108,9 @@ def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
 
 
 def _sensor_trials(problem: Problem, name: str) -> list[Trial]:
-    if name == "sensor_delay":
-        return []
-    start = 1.0 if name == "sensor_gain" else 0.0
-    return [Trial(name, (), {f"{name}.{c}": start}, ({},)) for c in problem.channels]
+    start = {"sensor_gain": 1.0, "sensor_delay": 1.5 * problem.scale.step}.get(name, 0.0)
+    shown = [c for c in problem.channels if c in problem.base.states or name != "sensor_delay"]
+    return [Trial(name, (), {f"{name}.{c}": start}, ({},)) for c in shown]
 
 
 def extended(problem: Problem, before: Ranked | None, trial: Trial, start: dict[str, float]) -> Candidate:
@@ -167,34 +165,44 @@ def _base_names(problem: Problem) -> set[str]:
     return set(problem.base.parameters) | known
 
 
-def assess(problem: Problem, before: Ranked | None, trial: Trial | None, filter: Filter | None) -> Ranked | None:
-    """Fit a trial on top of what was found before (None: on the base) and return it with its evidence."""
-    if trial is None:
-        found = _climb(problem, [candidate(problem, problem.base, ())], filter)
-    else:
-        found = _climb(problem, [extended(problem, before, trial, s) for s in trial.starts], filter)
-    if found is None:
-        return None
-    effects = (before.effects if before else ()) + ((trial.effect,) if trial else ())
-    sensors = (before.sensors if before else ()) + (tuple(trial.sensors) if trial else ())
-    return Ranked(effects, sensors, found, evidence(problem, found, len(effects)))
+def assess(problem: Problem, filter: Filter | None) -> Ranked | None:
+    """Fit the base model and return it with its evidence; None if it diverges."""
+    c, theta = candidate(problem, problem.base, ()), None
+    found: Fit | None = None
+    for gains in problem.levels:
+        found = fit(problem, c, gains, theta, 10, filter if gains is problem.levels[-1] else None)
+        if found is None:
+            return None
+        theta = found.theta
+    return Ranked((), (), found, evidence(problem, found, 0)) if found else None
 
 
-def _climb(problem: Problem, candidates: Sequence[Candidate], filter: Filter | None) -> Fit | None:
-    """Search at high gain from all starts, follow the best to the middle gain, and the best of those to the low."""
-    high, middle, low = problem.levels
+def _climb(problem: Problem, trial: Trial) -> list[Fit]:
+    """Search at high gain from all starts of a trial, and follow the best to the middle gain; best first."""
+    high, middle, _ = problem.levels
+    candidates = [extended(problem, None, trial, start) for start in trial.starts]
     first = [f for f in (fit(problem, c, high, None, 4) for c in candidates) if f]
-    first.sort(key=lambda f: f.cost)
+    first.sort(key=_cost)
     second = [f for f in (fit(problem, g.candidate, middle, g.theta, 6) for g in first[:3]) if f]
-    second.sort(key=lambda f: f.cost)
-    best: Fit | None = None
-    for g in second[:2]:
-        if best is not None and g.cost > second[0].cost + 0.2 * abs(first[0].cost - g.cost) + 50.0:
+    return sorted(second, key=_cost)
+
+
+def _cost(f: Fit) -> float:
+    return f.cost
+
+
+def _descend(problem: Problem, trial: Trial, climbed: list[Fit], serious: bool, filter: Filter | None) -> Ranked | None:
+    """Fit a trial at the low gain, thoroughly if it is a ``serious`` candidate."""
+    low, best = problem.levels[-1], None
+    for g in climbed[: 2 if serious else 1]:
+        if best is not None and g.cost > climbed[0].cost + 50.0:
             break
-        found = fit(problem, g.candidate, low, g.theta, 10, filter)
+        found = fit(problem, g.candidate, low, g.theta, 12 if serious else 2, filter)
         if found and (best is None or found.cost < best.cost):
             best = found
-    return best
+    if best is None:
+        return None
+    return Ranked((trial.effect,), tuple(trial.sensors), best, evidence(problem, best, 1))
 
 
 def residual_filter(residuals: Sequence[Array]) -> Filter:
@@ -242,13 +250,20 @@ def noise_floor(residuals: Sequence[Array], filter: Filter) -> Array:
     return np.array(result)
 
 
-def compete(
-    problem: Problem, before: Ranked | None, trials: Iterable[Trial], filter: Filter | None, run: Executor
-) -> list[Ranked]:
-    """Return every trial on top of ``before``, fitted, best evidence first."""
-    work: Callable[[Trial], Any] = functools.partial(assess, problem, before, filter=filter)
-    found = [r for r in run.map(work, trials) if r is not None]
-    return sorted(found, key=lambda r: r.evidence)
+def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Executor) -> list[Ranked]:
+    """Return every trial alone on the base model, fitted, best evidence first.
+
+    Only those that explain a fair part of what the best explains at the middle gain are fitted thoroughly at the low.
+    """
+    climbed = list(run.map(functools.partial(_climb, problem), trials))
+    middle = fit(problem, base.fit.candidate, problem.levels[1], None, 10)
+    reference = middle.cost if middle else np.inf
+    gains = [reference - c[0].cost if c else -np.inf for c in climbed]
+    limit = min(SERIOUS * max(gains, default=0.0), 1e9)
+    serious = [g > limit or max(gains) < 1000.0 for g in gains]
+    work = [(t, c, s) for t, c, s in zip(trials, climbed, serious, strict=True) if c]
+    found = run.map(lambda w: _descend(problem, *w, None), work)
+    return sorted((r for r in found if r is not None), key=lambda r: r.evidence)
 
 
 __all__ = ["Ranked", "Trial", "applicable", "assess", "compete", "noise_floor", "residual_filter"]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from signlin_ros.diagnosis.equations import equations
+from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.problem import Problem, Segment, first_look
 from signlin_ros.model import Model
 
@@ -37,7 +37,7 @@ def missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, 
             q = np.concatenate([[0.0], np.cumsum(velocity[:-1] * np.diff(s.t))])
         columns = [X[:, i] for i in range(len(names))]
         columns[names.index(plant.velocity)] = velocity
-        sensors = [1.0] * len(problem.channels) + [0.0] * len(problem.channels)
+        sensors = neutral_sensors(len(problem.channels))
         F = eq.keep.batch([*columns, *s.u.T, *model.p, *sensors, np.sign(velocity)])
         positions.append(q)
         velocities.append(velocity)

@@ -109,6 +109,18 @@ def _silent(what: str, done: float) -> None:
     return
 
 
+def _evidence(r: Ranked) -> float:
+    return r.evidence
+
+
+def _simple(singles: Sequence[Ranked]) -> list[Ranked]:
+    """Return the effects that explain a good part of what the best explains, those of few parameters first."""
+    best = singles[0].evidence if singles else 0.0
+    worst = max((r.evidence for r in singles), default=0.0)
+    good = [r for r in singles if worst - r.evidence > 0.4 * (worst - best) and not r.sensors]
+    return sorted(good, key=lambda r: (len(r.fit.theta), r.evidence))
+
+
 class _Search:
     def __init__(self, problem: Problem, unseen: Problem, run: Executor, progress: Progress, depth: int) -> None:
         self.problem, self.unseen, self.executor, self.progress, self.depth = problem, unseen, run, progress, depth
@@ -119,11 +131,11 @@ class _Search:
     def run(self) -> Findings:
         self.progress("preparing", 0.0)
         trials, outside = applicable(self.problem)
-        base = assess(self.problem, None, None, None)
+        base = assess(self.problem, None)
         if base is None:
             raise RuntimeError("the base model diverges on this record")
         self.progress("single effects", 0.1)
-        singles = compete(self.problem, None, trials, None, self.executor)
+        singles = compete(self.problem, base, trials, self.executor)
         base, singles = self._whiten(base, singles)
         path = self._path(base, singles, trials)
         self.progress("validation", 0.9)
@@ -169,21 +181,19 @@ class _Search:
     # ------------------------------------------------------------ what is added
 
     def _path(self, base: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Step]:
+        """Return the steps from the base to the proposal, each beyond doubt on unseen data."""
         path = [Step(base, self._unseen(base))]
-        beam = self._beam(base, singles)
-        while len(path) <= self.depth:
-            step = self._best_step(path, beam)
-            if step is None:
+        options = singles
+        for depth in range(self.depth):
+            step = self._best_step(path, options)
+            if step is not None:
+                path = [*(p for p in path if set(p.ranked.effects) < set(step.ranked.effects)), step]
+            elif depth > 0 or self._enough(path[0]):
                 return path
-            path = self._with(path, step)
-            if len(path) > self.depth:
-                return path
-            self.progress("more effects", 0.3 + 0.15 * len(path))
-            beam = self._more(path, singles, trials)
+            self.progress("more effects", 0.3 + 0.15 * depth)
+            if depth + 1 < self.depth or step is None:
+                options = self._more(path[-1].ranked, singles, trials)
         return path
-
-    def _beam(self, base: Ranked, singles: list[Ranked]) -> list[Ranked]:
-        return [r for r in singles if r.evidence < base.evidence]
 
     def _best_step(self, path: list[Step], options: list[Ranked]) -> Step | None:
         """Return the best option that lowers the error on unseen data beyond doubt, or None."""
@@ -197,40 +207,45 @@ class _Search:
                 return Step(r, unseen, gain, certainty)
         return None
 
-    def _with(self, path: list[Step], step: Step) -> list[Step]:
-        """Return the path to a step: a better set of effects may replace what was there."""
-        kept = [path[0]]
-        for earlier in path[1:]:
-            if set(earlier.ranked.effects) < set(step.ranked.effects):
-                kept.append(earlier)
-        return [*kept, step]
-
     def _enough(self, step: Step) -> bool:
         left = residues(step.ranked.fit.innovations)
         whitened = [self.filter.apply(e) for e in step.ranked.fit.innovations]
-        return all(r.structure < 0.02 for r in left) and all(
+        return not any(r.structured for r in left) and all(
             whiteness([e[:, c] for e in whitened]).white for c in range(self.sigma.size)
         )
 
-    def _more(self, path: list[Step], singles: list[Ranked], trials: list[Trial]) -> list[Ranked]:
-        """Return sets with one effect more: on top of the present one, and where it is poor on other singles too."""
-        now = path[-1].ranked
-        starts = [now]
-        if len(now.effects) == 1 and not self._enough(path[-1]):
-            others = sorted(singles, key=lambda r: r.evidence - 0.02 * abs(r.evidence) * (len(r.fit.theta) < 12))
-            starts += [r for r in others if r is not now and len(r.sensors) == 0][: BEAM - 1]
-        jobs = [(before, t) for before in starts for t in trials if t.effect not in before.effects]
+    def _more(self, now: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Ranked]:
+        """Return sets with one effect more than ``now``; where one is not enough, on top of other singles too, and
+        then with either effect of the best pair exchanged for every other.
+        """
+        starts = [now] if now.effects else []
+        if len(now.effects) <= 1 and not self._enough(Step(now, ())):
+            starts += [r for r in _simple(singles) if r.effects != now.effects][: BEAM - len(starts)]
+        found = self._extend(starts, trials)
+        if found and len(starts) > 1 and len(found[0].effects) == 2:
+            done = {r.effects for r in starts}
+            halves = [s for s in singles if len(s.effects) == 1 and s.effects[0] in found[0].effects]
+            found = sorted(found + self._extend([h for h in halves if h.effects not in done], trials), key=_evidence)
+        self.pairs += found
+        return found
+
+    def _extend(self, starts: Sequence[Ranked], trials: list[Trial]) -> list[Ranked]:
+        """Return the best of all trials on top of the starts, fitted out, best first."""
+        jobs = [
+            (before, t)
+            for i, before in enumerate(starts)
+            for t in trials
+            if t.effect not in before.effects and (i == 0 or not t.sensors)
+        ]
         screened = [r for r in self.executor.map(lambda j: self._screened(*j), jobs) if r is not None]
         screened.sort(key=lambda s: s[0])
         finished = list(self.executor.map(lambda s: self._finished(*s[1:]), screened[:6]))
-        found = [r for r in finished if r is not None]
-        self.pairs += found
-        return found
+        return sorted((r for r in finished if r is not None), key=_evidence)
 
     def _screened(self, before: Ranked, trial: Trial) -> tuple[float, Ranked, Trial, Fit] | None:
         """Return a trial on top of what was fitted, after two steps at the middle gain."""
         middle, best = self.problem.levels[1], None
-        for start in trial.starts[:3]:
+        for start in trial.starts[:2]:
             c = extended(self.problem, before, trial, start)
             theta = c.start()
             known = before.fit.parameters()
