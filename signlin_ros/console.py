@@ -164,6 +164,71 @@ def simulate_text(content: dict[str, Any]) -> str:
     return "\n\n".join(parts + (["surfaces\n" + table(events)] if events else []))
 
 
+# -------------------------------------------------------------------- compare
+
+
+def compare_text(content: dict[str, Any]) -> str:
+    """Return a comparison as text: scores, what is missing, where it fails, what is left in the residual."""
+    data = content["data"]
+    records = data[0] if len(data) == 1 else f"{len(data)} records"
+    parts = [f"{content['model']} against {records}, {content['samples']} samples", _scores(content)]
+    parts += [_inverse(content["inverse"]), _missing(content["missing"]), _where(content["where"])]
+    parts += [_residuals(content["residual_tests"]), "\n".join(f"note: {note}" for note in content["notes"])]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _scores(content: dict[str, Any]) -> str:
+    ahead = f"next {content['horizon']:g} s"
+    rows = [["", "unit", "noise", "free run", "fit", "/ noise", ahead, "fit", "/ noise"]]
+    for name, c in content["channels"].items():
+        rows.append([name, c["unit"], _short(c["noise"]), *_score(c["free_run"]), *_score(c["windowed"])])
+    return "RMS errors\n" + table(rows, right=range(2, 9))
+
+
+def _score(score: dict[str, Any] | None) -> list[str]:
+    if score is None:
+        return ["-", "-", "-"]
+    fit = "-" if score["fit_percent"] is None else f"{score['fit_percent']:.1f} %"
+    return [_short(score["rmse"]), fit, "-" if score["rmse_over_noise"] is None else _short(score["rmse_over_noise"])]
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if 1000 <= abs(value) < 1e7 else f"{value:.3g}"
+
+
+def _inverse(found: dict[str, Any]) -> str:
+    if not found:
+        return ""
+    ((name, i),) = found.items()
+    share = "-" if i["relative_error_percent"] is None else f"{i['relative_error_percent']:.3g} %"
+    how = f"low-pass {i['cutoff_hz']:g} Hz" + (f", every {i['decimation']}th sample" if i["decimation"] > 1 else "")
+    return f"{name} computed from the motion: {_short(i['rmse'])} {i['unit']} off, {share} of the measured ({how})"
+
+
+def _missing(found: dict[str, Any]) -> str:
+    rows = [["", "RMS", "of the usual", "forward", "backward", ""]]
+    for name, m in found.items():
+        if m["clear"]:
+            sides = [f"{m[s]['mean']:.3g} ± {2 * m[s]['std']:.1g}" if s in m else "-" for s in ("forward", "backward")]
+            rows.append([name, _short(m["rms"]), f"{_short(100 * m['rms'] / m['typical'])} %", *sides, m["unit"]])
+    if not rows[1:]:
+        return ""
+    return "missing from the equations (means ± 2 standard errors)\n" + table(rows, right=[1, 2, 3, 4])
+
+
+def _where(regions: Sequence[dict[str, Any]]) -> str:
+    rows = [["where it fails", "of the error", "of the time"]]
+    rows += [[r["region"], *(f"{r[f'share_of_{k}_percent']:.0f} %" for k in ("error", "time"))] for r in regions]
+    return table(rows, right=[1, 2]) if regions else ""
+
+
+def _residuals(tests: dict[str, Any]) -> str:
+    rows = [["residual", "lag 1", "white", "follows the input"]]
+    yes = {True: "yes", False: "no"}
+    rows += [[n, f"{t['lag1']:.2f}", yes[t["white"]], yes[t["input_correlated"]]] for n, t in tests.items()]
+    return table(rows, right=[1])
+
+
 # -------------------------------------------------------------------- effects and plants
 
 

@@ -36,10 +36,10 @@ _STYLE: Any = {
 
 
 @contextmanager
-def canvas(path: Path, width: float, height: float) -> Iterator[Any]:
-    """Yield an empty figure of that size in inches, in the house style; write it to ``path`` as PNG at the end.
+def styled(width: float, height: float) -> Iterator[Any]:
+    """Yield an empty figure of that size in inches; what is drawn inside the ``with`` is in the house style.
 
-    Raises `MissingExtraError` without matplotlib, `InputError` where the file cannot be written.
+    Raises `MissingExtraError` without matplotlib.
     """
     try:
         import matplotlib as mpl
@@ -51,10 +51,22 @@ def canvas(path: Path, width: float, height: float) -> Iterator[Any]:
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
-        try:
-            figure.savefig(path, metadata={"Software": None})
-        except OSError as error:
-            raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def save(figure: Any, path: Path) -> None:
+    """Write a figure to ``path`` as PNG; raise `InputError` where the file cannot be written."""
+    try:
+        figure.savefig(path, dpi=_STYLE["savefig.dpi"], metadata={"Software": None})
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
+@contextmanager
+def canvas(path: Path, width: float, height: float) -> Iterator[Any]:
+    """Yield an empty figure as `styled` does; `save` it to ``path`` at the end."""
+    with styled(width, height) as figure:
+        yield figure
+        save(figure, path)
 
 
 def legend_above(figure: Any, axes: Any, columns: int) -> None:

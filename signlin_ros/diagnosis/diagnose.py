@@ -16,8 +16,8 @@ from signlin_ros.diagnosis.judge import correlations, residues
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, linear_base
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
-from signlin_ros.diagnosis.search import EXPLAINED, SURE, TIE, Findings, Progress, Step, search
-from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.diagnosis.search import EXPLAINED, NEEDED, SURE, TIE, Findings, Progress, Step, search
+from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model
 from signlin_ros.predict import windows
@@ -26,6 +26,8 @@ from signlin_ros.trace import resolve_unit
 
 Array = NDArray[np.float64]
 
+MOST = 6
+"""Most effects that `refine` adds."""
 ORDINARY = 0.1
 """An effect is ordinary if its force is this share of the driving force: what a record should be able to show."""
 WORDS = {"dc_motor": ("torque", "position", "speed")}
@@ -39,13 +41,54 @@ def diagnose(
     jobs: Executor | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
-    """Name the physical effects that a model lacks, or say that none fits, that none is missing, or what cannot be told.
+    """Name the physical effects that a model lacks, or say that none fits, none is missing, or what cannot be told.
 
     data, validation: records in the model's terms (`signlin_ros.records.read_for_model`); without validation the last
     third of every record is held out. ``jobs``: where candidates are fitted (threads by default). Raises
     `RecordError` for records that cannot be used.
     """
     return describe(search(model, _list(data), _list(validation) or None, jobs, progress))
+
+
+def add(
+    effect: str,
+    model: Model,
+    data: ModelData | Sequence[ModelData],
+    validation: ModelData | Sequence[ModelData] | None = None,
+    *,
+    jobs: Executor | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Add an effect and fit it, whatever it is worth: the ranking has it alone, the ladder before and after.
+
+    Arguments as in `diagnose`; raises `ModelError` for an unknown effect, `InputError` where it cannot be added.
+    """
+    return describe(search(model, _list(data), _list(validation) or None, jobs, progress, only=effect))
+
+
+def refine(
+    model: Model,
+    data: ModelData | Sequence[ModelData],
+    validation: ModelData | Sequence[ModelData] | None = None,
+    *,
+    jobs: Executor | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Add effects until nothing confirmed is missing; the last of the notes says why it stopped."""
+    found = describe(search(model, _list(data), _list(validation) or None, jobs, progress, depth=MOST))
+    return replace(found, notes=(*found.notes, _why_stopped(found)))
+
+
+def _why_stopped(d: Diagnosis) -> str:
+    added = len(d.ladder[-1].effects)
+    if added >= MOST:
+        return f"stopped after {MOST} effects"
+    end = (
+        "the residual is noise"
+        if d.verdict == "adequate" or "structure remains" not in d.sentence
+        else ("no other listed effect lowers the error on unseen data beyond doubt, though structure remains")
+    )
+    return f"stopped after {added} effect{'' if added == 1 else 's'}: {end}"
 
 
 def _list(data: ModelData | Sequence[ModelData] | None) -> list[ModelData]:
@@ -108,7 +151,7 @@ def estimates(f: Fit, names: Sequence[str], findings: Findings) -> dict[str, Est
     """Return parameters with standard errors that allow for what correlation is left in the residual."""
     c = f.candidate
     covariance = np.linalg.pinv(f.hessian, hermitian=True)
-    inflation = _inflation(f, findings)
+    inflation = _inflation(f)
     units = {n.split(".", 1)[1]: p.unit for n, p in c.model.par_declarations().items()}
     fitted = {k.name: (i, k) for i, k in enumerate(c.coordinates)}
     p = dict(zip(c.equations.parameters, c.p(f.theta), strict=True))
@@ -145,11 +188,11 @@ def _sensor_unit(model: Model, name: str) -> str:
     return {"sensor_gain": "-", "sensor_delay": "s"}.get(kind, model.units.get(channel, ""))
 
 
-def _inflation(f: Fit, findings: Findings) -> float:
+def _inflation(f: Fit) -> float:
     """Return by how much correlated residuals widen standard errors: sqrt(1 + 2 sum of correlations), at least 1."""
     worst = 1.0
     for c in range(f.innovations[0].shape[1]):
-        r, _, _ = correlations([findings.filter.apply(e)[:, c] for e in f.innovations], 50)
+        r, _, _ = correlations([f.filter.apply(e)[:, c] for e in f.innovations], 50)
         positive = r[: int(np.argmax(r < 0.02)) or r.size] if (r < 0.02).any() else r
         worst = max(worst, 1.0 + 2.0 * float(np.sum(np.maximum(positive, 0.0))) if r[0] > 0.05 else 1.0)
     return float(np.sqrt(worst))
@@ -219,7 +262,9 @@ def describe(f: Findings) -> Diagnosis:
 
 def structure_left(f: Findings) -> bool:
     """Tell whether the residual of the proposal shows structure that is no noise."""
-    return any(r.structured for r in f.left) or not all(t.white for t in f.tests)
+    final = f.final.ranked
+    needed = final.low.cost - final.fit.cost > NEEDED
+    return needed or any(r.structured for r in f.left) or not all(t.white for t in f.tests)
 
 
 def _explained(f: Findings) -> float:
@@ -418,7 +463,7 @@ def fitted_model(problem: Problem, found: Fit, sensors: Sequence[str]) -> Model:
     model = model.with_parameters(_inside(model, plain))
     for name in sensors:
         kind, _, channel = name.partition(".")
-        model = model.with_effect(kind, **{channel: values[name]})
+        model = model.with_effect(kind, None, **{channel: values[name]})
     if problem.base.with_position and not _said_position(problem):
         model = model.with_options(with_position=True)
     return model
@@ -448,7 +493,8 @@ def yaml_of(model: Model, f: Findings) -> str:
             if full in fitted:
                 p = fitted[full]
                 old = f", was {f.problem.base.parameters[name]:g}" if section == "parameters" else ""
-                line = f"{line}  # fitted: ± {p.std or 0:.2g} {p.unit}{old}"
+                lines.append(f"{line}  # fitted: ± {p.std or 0:.2g} {p.unit}{old}")
+                continue
         lines.append(line)
     head = [f"# Fitted to {sources}."] if fitted else []
     return "\n".join([*head, *lines]) + "\n"
@@ -462,4 +508,4 @@ def _notes(f: Findings) -> tuple[str, ...]:
     return tuple(notes)
 
 
-__all__ = ["describe", "diagnose"]
+__all__ = ["add", "describe", "diagnose", "refine"]

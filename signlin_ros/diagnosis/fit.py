@@ -79,6 +79,22 @@ class Candidate:
 
 
 @dataclass(frozen=True)
+class Filter:
+    """Prewhitening of the innovations of every channel: e_k - rho e_(k-1), rho (ny)."""
+
+    rho: Array
+
+    def apply(self, values: Array) -> Array:
+        """Return the filtered innovations or derivatives (T, ny, ...); the first sample is kept."""
+        if not self.rho.any():
+            return values
+        rho = self.rho.reshape(1, -1, *([1] * (values.ndim - 2)))
+        result = values.copy()
+        result[1:] -= rho * values[:-1]
+        return np.asarray(result)
+
+
+@dataclass(frozen=True)
 class Fit:
     """A fitted candidate: coordinates, objective, innovations of every record, and the objective's curvature."""
 
@@ -89,6 +105,8 @@ class Fit:
     count: Array
     innovations: tuple[Array, ...]
     hessian: Array
+    gains: Gains
+    filter: Filter
     steps: int = 0
 
     def parameters(self) -> dict[str, float]:
@@ -200,22 +218,6 @@ def _initial(c: Candidate, s: Segment) -> Array:
     return np.array(x0)
 
 
-@dataclass(frozen=True)
-class Filter:
-    """Prewhitening of the innovations of every channel: e_k - rho e_(k-1), rho (ny)."""
-
-    rho: Array
-
-    def apply(self, values: Array) -> Array:
-        """Return the filtered innovations or derivatives (T, ny, ...); the first sample is kept."""
-        if not self.rho.any():
-            return values
-        rho = self.rho.reshape(1, -1, *([1] * (values.ndim - 2)))
-        result = values.copy()
-        result[1:] -= rho * values[:-1]
-        return result
-
-
 def follow_records(
     problem: Problem,
     c: Candidate,
@@ -320,6 +322,7 @@ def fit(
     theta: Array | None = None,
     steps: int = 10,
     filter: Filter | None = None,
+    far: float = FAR,
 ) -> Fit | None:
     """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
     whiten = filter or Filter(np.zeros(c.equations.sizes[2]))
@@ -345,13 +348,13 @@ def fit(
                 x, found = new, trial
                 cost, rss, number, gradient, hessian = results
                 damping = max(damping / 8, 1e-9)
-                if gain < ENOUGH + FAR * max(cost - float(np.sum(number * np.log(problem.noise**2))), 0.0):
+                if gain < ENOUGH + far * max(cost - float(np.sum(number * np.log(problem.noise**2))), 0.0):
                     break
                 continue
         damping *= 16
         if damping > 1e9:
             break
-    return Fit(c, x, cost, rss, number, tuple(found[0]), hessian, taken)
+    return Fit(c, x, cost, rss, number, tuple(found[0]), hessian, gains, whiten, taken)
 
 
 def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array, high: Array) -> Array:
@@ -361,7 +364,7 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     for _ in range(x.size + 1):
         free = ~active
         if not free.any():
-            return new
+            return np.asarray(new)
         diagonal = np.diag(hessian)[free]
         matrix = hessian[np.ix_(free, free)] + np.diag(damping * diagonal + 1e-12 * max(diagonal.max(), 1e-300))
         shift = new - x
@@ -370,9 +373,9 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
         outside = free & ((new < low) | (new > high))
         new = np.clip(new, low, high)
         if not outside.any():
-            return new
+            return np.asarray(new)
         active |= outside
-    return new
+    return np.asarray(new)
 
 
 def ladder(

@@ -12,7 +12,7 @@ dg/dx (n), dh/dx (ny, n), dh/dp (ny, np).
 """
 
 # Numba infers the types in here; mypy cannot see through its decorators.
-# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="misc"
+# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="misc,call-arg,unreachable"
 
 from __future__ import annotations
 

@@ -9,8 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from signlin_ros.diagnosis.fit import Filter
-
 Array = NDArray[np.float64]
 
 LAGS = 12
@@ -120,22 +118,24 @@ def whiteness(parts: Sequence[Array], tolerance: float = 0.05) -> Whiteness:
     return Whiteness(float(r[0]), statistic / limit, bool(white))
 
 
-def gain_on(
-    before: Sequence[Array], after: Sequence[Array], filter: Filter, sigma: Array, block: int
-) -> tuple[float, float]:
-    """Return by how much -2 log likelihood falls on unseen data, and that over its standard error.
+def gain_on(before: Sequence[Array], after: Sequence[Array], block: int) -> tuple[float, float, float]:
+    """Compare prewhitened innovations (T, ny) of two models on the same unseen data.
 
-    ``sigma`` (ny): noise after prewhitening. The standard error is that of the means of blocks of ``block`` samples.
+    Returns by how much -2 log likelihood falls; the fall of squared innovations, in units of what is left, over its
+    standard error, which is that of the means of blocks of ``block`` samples; and the mean share of the squares gone.
     """
+    squares = [(np.nansum(a**2, axis=0), np.nansum(b**2, axis=0)) for a, b in zip(before, after, strict=True)]
+    first, second = (np.maximum(sum(s[i] for s in squares), 1e-300) for i in (0, 1))
+    count = sum(np.isfinite(b).sum(axis=0) for b in after)
     sums = []
     for a, b in zip(before, after, strict=True):
-        difference = np.nansum((filter.apply(a) ** 2 - filter.apply(b) ** 2) / sigma**2, axis=1)
+        difference = np.nansum((a**2 - b**2) * count / second, axis=1)
         whole = difference.size // block * block
         sums.append(difference[:whole].reshape(-1, block).sum(axis=1))
     blocks = np.concatenate(sums)
     error = float(np.std(blocks, ddof=1) * np.sqrt(blocks.size)) if blocks.size > 1 else np.inf
-    total = float(blocks.sum())
-    return total, total / error if error > 0 else 0.0
+    gain = float(np.sum(count * np.log(first / second)))
+    return gain, float(blocks.sum()) / error if error > 0 else 0.0, float(np.mean(1.0 - second / first))
 
 
 __all__ = ["Residue", "Whiteness", "gain_on", "residues", "whiteness"]

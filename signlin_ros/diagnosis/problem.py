@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from signlin_ros.diagnosis.data import gaps
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import follow, kalman_gains
 from signlin_ros.errors import RecordError
@@ -129,6 +131,13 @@ def _first_slope(t: Array, values: Array, count: int = 8) -> float:
     return float(np.polyfit(t[there] - t[there[0]], values[there], 1)[0]) if there.size > 2 else 0.0
 
 
+def pieces(data: ModelData) -> list[ModelData]:
+    """Cut a record at its gaps in time; pieces that are too short are left out, if any is long enough."""
+    edges = gaps(data.t)
+    parts = [data.part(first, last) for first, last in itertools.pairwise(edges)]
+    return [p for p in parts if len(p) >= LEAST_SAMPLES] or [data]
+
+
 def bare(model: Model) -> Model:
     """Return the plant without any effect."""
     for key in list(model.effects):
@@ -187,7 +196,7 @@ def design(
 def time_constants(dt: float, duration: float) -> tuple[float, ...]:
     """Return the observer's time constants from high to low gain in s."""
     high, low = 8 * dt, max(min(2.0, duration / 8), 16 * dt)
-    return (high, float(np.sqrt(high * low)), low)
+    return (high, float(np.sqrt(high * low)), float(high**0.25 * low**0.75), low)
 
 
 def first_look(model: Model, segments: Sequence[Segment], channels: tuple[str, ...], gains: Gains) -> list[Array]:

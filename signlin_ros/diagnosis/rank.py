@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit
-from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, load_entry_points
 from signlin_ros.effects.base import Effect
@@ -38,17 +38,45 @@ class Trial:
 
 @dataclass(frozen=True)
 class Ranked:
-    """A set of effects, fitted: the fit at the lowest gain and its evidence (-2 log likelihood, priced)."""
+    """A set of effects, fitted at several gains.
+
+    ``fit`` is the one of highest likelihood: at the lowest gain where the model is right, since only noise is left
+    there; at a higher one where it is not, since what is missing is then best carried by the observer. ``low`` is the
+    fit at the lowest gain. ``evidence``: -2 log likelihood of ``fit``, priced.
+    """
 
     effects: tuple[str, ...]
     sensors: tuple[str, ...]
     fit: Fit
+    low: Fit
     evidence: float
 
     @property
     def label(self) -> str:
         """The last effect added."""
         return self.effects[-1] if self.effects else ""
+
+
+def ranked(problem: Problem, effects: tuple[str, ...], sensors: tuple[str, ...], fits: Sequence[Fit]) -> Ranked | None:
+    """Return fits of one model, from high to low gain, as one entry; None if it was not followed to the lowest."""
+    if not fits or fits[-1].gains is not problem.levels[-1]:
+        return None
+    best = min(fits, key=_cost)
+    return Ranked(effects, sensors, best, fits[-1], evidence(problem, best, len(effects)))
+
+
+def descend(
+    problem: Problem, c: Candidate, theta: Array | None, levels: Sequence[Gains], steps: int, filter: Filter | None
+) -> list[Fit]:
+    """Fit from one gain to the next; ends where the model diverges. The filter counts at the lowest gain."""
+    fits: list[Fit] = []
+    for gains in levels:
+        found = fit(problem, c, gains, theta, steps, filter if gains is problem.levels[-1] else None)
+        if found is None:
+            return fits
+        fits.append(found)
+        theta = found.theta
+    return fits
 
 
 def applicable(problem: Problem) -> tuple[list[Trial], list[str]]:
@@ -167,87 +195,76 @@ def _base_names(problem: Problem) -> set[str]:
 
 def assess(problem: Problem, filter: Filter | None) -> Ranked | None:
     """Fit the base model and return it with its evidence; None if it diverges."""
-    c, theta = candidate(problem, problem.base, ()), None
-    found: Fit | None = None
-    for gains in problem.levels:
-        found = fit(problem, c, gains, theta, 10, filter if gains is problem.levels[-1] else None)
-        if found is None:
-            return None
-        theta = found.theta
-    return Ranked((), (), found, evidence(problem, found, 0)) if found else None
+    return ranked(
+        problem, (), (), descend(problem, candidate(problem, problem.base, ()), None, problem.levels, 10, filter)
+    )
 
 
-def _climb(problem: Problem, trial: Trial) -> list[Fit]:
-    """Search at high gain from all starts of a trial, and follow the best to the middle gain; best first."""
-    high, middle, _ = problem.levels
+def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
+    """Search at high gain from all starts of a trial, and follow the best to the middle gain; best pair first."""
+    high, middle = problem.levels[:2]
     candidates = [extended(problem, None, trial, start) for start in trial.starts]
     first = [f for f in (fit(problem, c, high, None, 4) for c in candidates) if f]
     first.sort(key=_cost)
-    second = [f for f in (fit(problem, g.candidate, middle, g.theta, 6) for g in first[:3]) if f]
-    return sorted(second, key=_cost)
+    second = [(g, fit(problem, g.candidate, middle, g.theta, 6)) for g in first[:3]]
+    return sorted(((g, f) for g, f in second if f), key=_pair_cost)
+
+
+def _pair_cost(pair: tuple[Fit, Fit]) -> float:
+    return pair[1].cost
+
+
+def _warmer(
+    problem: Problem, trials: Sequence[Trial], climbed: list[list[tuple[Fit, Fit]]]
+) -> list[list[tuple[Fit, Fit]]]:
+    """Let effects that extend another one (a subclass of its class) also start from where that one arrived."""
+    result = list(climbed)
+    for i, trial in enumerate(trials):
+        for simple, fits in zip(trials, climbed, strict=True):
+            if fits and simple is not trial and EFFECTS[trial.effect] in _children(simple.effect):
+                found = {
+                    n.partition(".")[2]: v for n, v in fits[0][1].parameters().items() if n.startswith(simple.added[0])
+                }
+                starts = tuple(
+                    _inside_pars(trial.effect, {**s, **_stiffer(found, f)}) for s in trial.starts for f in (1, 3)
+                )
+                result[i] = sorted([*climbed[i], *_climb(problem, replace(trial, starts=starts))], key=_pair_cost)
+    return result
+
+
+def _children(name: str) -> list[type[Effect]]:
+    parent = EFFECTS[name]
+    return [e for e in EFFECTS.values() if e is not parent and issubclass(e, parent)]
+
+
+def _stiffer(values: dict[str, float], factor: float) -> dict[str, float]:
+    return {n: v * factor if n == "k" else v for n, v in values.items()}
+
+
+def _inside_pars(effect: str, values: dict[str, float]) -> dict[str, float]:
+    pars = EFFECTS[effect].pars()
+    return {
+        n: float(np.clip(v, np.nextafter(pars[n].low, 1.0) if pars[n].positive else pars[n].low, pars[n].high))
+        for n, v in values.items()
+    }
 
 
 def _cost(f: Fit) -> float:
     return f.cost
 
 
-def _descend(problem: Problem, trial: Trial, climbed: list[Fit], serious: bool, filter: Filter | None) -> Ranked | None:
-    """Fit a trial at the low gain, thoroughly if it is a ``serious`` candidate."""
-    low, best = problem.levels[-1], None
-    for g in climbed[: 2 if serious else 1]:
-        if best is not None and g.cost > climbed[0].cost + 50.0:
+def _descend(problem: Problem, trial: Trial, climbed: list[tuple[Fit, Fit]], serious: bool) -> Ranked | None:
+    """Fit a trial at the lower gains, thoroughly if it is a ``serious`` candidate."""
+    best: Ranked | None = None
+    for high, middle in climbed[: 2 if serious else 1]:
+        if best is not None and middle.cost > climbed[0][1].cost + 50.0:
             break
-        found = fit(problem, g.candidate, low, g.theta, 12 if serious else 2, filter)
-        if found and (best is None or found.cost < best.cost):
+        levels = problem.levels[2:] if serious else problem.levels[-1:]
+        lower = descend(problem, middle.candidate, middle.theta, levels, 10 if serious else 2, None)
+        found = ranked(problem, (trial.effect,), tuple(trial.sensors), [high, middle, *lower])
+        if found and (best is None or found.evidence < best.evidence):
             best = found
-    if best is None:
-        return None
-    return Ranked((trial.effect,), tuple(trial.sensors), best, evidence(problem, best, 1))
-
-
-def residual_filter(residuals: Sequence[Array]) -> Filter:
-    """Return the prewhitening for residuals (T, ny): rho of an AR(1) process from the variances of 1st, 2nd and 4th
-    differences, which a slow error of the model does not touch.
-    """
-    rho = [_rho([r[:, c] for r in residuals]) for c in range(residuals[0].shape[1])]
-    return Filter(np.array([r if r > 0.15 else 0.0 for r in rho]))
-
-
-def _ratios(rho: Array) -> Array:
-    """Return var(D^k e) / (its value for white noise) for k = 1, 2, 4 and an AR(1) process of variance 1."""
-    return np.array(
-        [
-            1 - rho,
-            (6 - 8 * rho + 2 * rho**2) / 6,
-            (70 - 112 * rho + 56 * rho**2 - 16 * rho**3 + 2 * rho**4) / 70,
-        ]
-    )
-
-
-def _differences(parts: Sequence[Array]) -> Array:
-    result = []
-    for order, white in ((1, 2.0), (2, 6.0), (4, 70.0)):
-        values = np.concatenate([np.diff(p, order) for p in parts])
-        result.append(np.nanmean(values**2) / white)
-    return np.array(result)
-
-
-def _rho(parts: Sequence[Array]) -> float:
-    """Return rho of an AR(1) process from differences of order 2 and 4 alone."""
-    found = _differences(parts)
-    grid = np.linspace(0.0, 0.97, 195)
-    table = _ratios(grid)
-    wanted = found[2] / max(found[1], 1e-300)
-    return float(grid[int(np.argmin(np.abs(table[2] / table[1] - wanted)))])
-
-
-def noise_floor(residuals: Sequence[Array], filter: Filter) -> Array:
-    """Return the standard deviation (ny) of the noise in residuals whose slow part is the model's error."""
-    result = []
-    for c, rho in enumerate(filter.rho):
-        found = _differences([r[:, c] for r in residuals])
-        result.append(np.sqrt(found[2] / _ratios(np.array([rho]))[2, 0]))
-    return np.array(result)
+    return best
 
 
 def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Executor) -> list[Ranked]:
@@ -256,14 +273,15 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     Only those that explain a fair part of what the best explains at the middle gain are fitted thoroughly at the low.
     """
     climbed = list(run.map(functools.partial(_climb, problem), trials))
+    climbed = _warmer(problem, trials, climbed)
     middle = fit(problem, base.fit.candidate, problem.levels[1], None, 10)
     reference = middle.cost if middle else np.inf
-    gains = [reference - c[0].cost if c else -np.inf for c in climbed]
+    gains = [reference - c[0][1].cost if c else -np.inf for c in climbed]
     limit = min(SERIOUS * max(gains, default=0.0), 1e9)
     serious = [g > limit or max(gains) < 1000.0 for g in gains]
     work = [(t, c, s) for t, c, s in zip(trials, climbed, serious, strict=True) if c]
-    found = run.map(lambda w: _descend(problem, *w, None), work)
+    found = run.map(lambda w: _descend(problem, *w), work)
     return sorted((r for r in found if r is not None), key=lambda r: r.evidence)
 
 
-__all__ = ["Ranked", "Trial", "applicable", "assess", "compete", "noise_floor", "residual_filter"]
+__all__ = ["Ranked", "Trial", "applicable", "assess", "compete", "descend", "ranked"]

@@ -64,7 +64,7 @@ def _motion(problem: Problem, model: Model, s: Segment, X: Array) -> tuple[Array
     return v, np.gradient(v, s.t)
 
 
-def periodic_starts(problem: Problem, model: Model, count: int = 5) -> list[dict[str, float]]:
+def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[dict[str, float]]:
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi); none where there is no velocity state."""
     if model.plant.velocity not in model.states:
         return []
@@ -83,12 +83,13 @@ def periodic_starts(problem: Problem, model: Model, count: int = 5) -> list[dict
     spectrum = np.fft.rfft(np.bincount(place, weights=a, minlength=bins), size)
     orders = 2 * np.pi * np.arange(spectrum.size) * bins / (span * size)
     power = np.where((orders > 4.0 / span) & (orders > 0.2) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
-    starts = []
+    starts: list[dict[str, float]] = []
     for _ in range(count):
         k = int(np.argmax(power))
         if power[k] <= 0:
             break
-        starts.append(_start(q, a, float(orders[k]), inertia))
+        near = (0.0, -1.5 / span, 1.5 / span) if not starts else (0.0,)
+        starts += [_start(q, a, float(orders[k]) + shift, inertia) for shift in near]
         power[np.abs(orders - orders[k]) < 6.0 / span] = 0.0
     return starts
 

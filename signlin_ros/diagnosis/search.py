@@ -10,10 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.fit import Filter, Fit, fit, follow_records
+from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, Whiteness, gain_on, residues, whiteness
-from signlin_ros.diagnosis.problem import Problem, prepare, segment, with_measured_position
-from signlin_ros.diagnosis.rank import Ranked, Trial, applicable, assess, compete, evidence, extended
+from signlin_ros.diagnosis.problem import Problem, pieces, prepare, segment, with_measured_position
+from signlin_ros.diagnosis.rank import Ranked, Trial, applicable, assess, compete, descend, evidence, extended, ranked
+from signlin_ros.effects import find_effect
+from signlin_ros.errors import InputError, SimulationError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -21,8 +23,16 @@ Array = NDArray[np.float64]
 
 TIE = 6.0
 """Difference in evidence below which two explanations are as good as each other."""
-SURE = 2.5
-"""Standard errors by which an effect must lower the error on data that the fit did not see."""
+SURE, LIKELY = 2.0, 1.0
+"""Standard errors by which an effect must lower the error on data that the fit did not see, and by which one must
+whose evidence on the data that it was fitted to is `STRONG`, in white noise."""
+STRONG = 30.0
+SHARE = 0.05
+"""Least share of the squared innovations on unseen data that one more effect must take away from a poor model."""
+NEEDED = 30.0
+"""A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
+REAL = 3.0
+"""Standard errors by which an added effect must differ from nothing."""
 BEAM = 4
 """How many singles are tried with a second effect where no single is enough."""
 DEPTH = 3
@@ -37,12 +47,18 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Step:
-    """A model on the way from the base to the proposal: what it is, and its innovations on unseen data."""
+    """A model on the way from the base to the proposal: what it is, and its innovations on unseen data.
+
+    ``unseen``: at the lowest gain; ``best``: at that of its fit. ``gain``: fall of -2 log likelihood against the step
+    before (singles: the base), ``certainty`` in standard errors, ``share``: of the squared innovations.
+    """
 
     ranked: Ranked
     unseen: tuple[Array, ...]
+    best: tuple[Array, ...] = ()
     gain: float = 0.0
     certainty: float = 0.0
+    share: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -56,7 +72,6 @@ class Findings:
     problem: Problem
     unseen: Problem
     filter: Filter
-    sigma: Array
     steps: tuple[Step, ...]
     singles: tuple[Step, ...]
     pairs: tuple[Ranked, ...]
@@ -83,8 +98,8 @@ def prepared(
     """Return the estimation and the validation problem, which share channels, noise and gains."""
     first, second = (list(data), list(validation)) if validation else held_out(data)
     model = with_measured_position(model, [*first, *second])
-    problem = prepare(model, first)
-    segments = tuple(segment(problem.base, problem.channels, d) for d in second)
+    problem = prepare(model, [piece for d in first for piece in pieces(d)])
+    segments = tuple(segment(problem.base, problem.channels, p) for d in second for p in pieces(d))
     return problem, replace(problem, segments=segments)
 
 
@@ -95,11 +110,15 @@ def search(
     run: Executor | None = None,
     progress: Progress | None = None,
     depth: int = DEPTH,
+    only: str | None = None,
 ) -> Findings:
-    """Find what a model lacks; see `Findings`. ``run``: where candidates are fitted, threads by default."""
+    """Find what a model lacks; see `Findings`. ``run``: where candidates are fitted, threads by default.
+
+    ``only``: one effect that is added in any case. Raises `InputError` where it does not apply or the base diverges.
+    """
     own = ThreadPoolExecutor(os.cpu_count() or 1) if run is None else None
     try:
-        return _Search(*prepared(model, data, validation), run or own, progress or _silent, depth).run()  # type: ignore[arg-type]
+        return _Search(*prepared(model, data, validation), run or own, progress or _silent, depth).run(only)  # type: ignore[arg-type]
     finally:
         if own:
             own.shutdown(wait=True, cancel_futures=True)
@@ -107,6 +126,17 @@ def search(
 
 def _silent(what: str, done: float) -> None:
     return
+
+
+def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
+    """Return the trials of one effect; raise `InputError` if it cannot be added."""
+    find_effect(name, "effect")
+    found = [t for t in trials if t.effect == name]
+    if not found:
+        has = any(use.type == name for use in model.effects.values())
+        why = "the model has it already" if has else f"it does not apply to {model.plant.name}"
+        raise InputError(f"effect {name!r} cannot be added: {why}")
+    return found
 
 
 def _evidence(r: Ranked) -> float:
@@ -125,67 +155,80 @@ class _Search:
     def __init__(self, problem: Problem, unseen: Problem, run: Executor, progress: Progress, depth: int) -> None:
         self.problem, self.unseen, self.executor, self.progress, self.depth = problem, unseen, run, progress, depth
         self.filter = Filter(np.zeros(len(problem.channels)))
-        self.sigma = problem.noise
         self.pairs: list[Ranked] = []
 
-    def run(self) -> Findings:
+    def run(self, only: str | None = None) -> Findings:
         self.progress("preparing", 0.0)
         trials, outside = applicable(self.problem)
+        if only is not None:
+            trials = _only(trials, only, self.problem.base)
         base = assess(self.problem, None)
         if base is None:
-            raise RuntimeError("the base model diverges on this record")
+            raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
         self.progress("single effects", 0.1)
         singles = compete(self.problem, base, trials, self.executor)
         base, singles = self._whiten(base, singles)
-        path = self._path(base, singles, trials)
+        path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.progress("validation", 0.9)
-        shown = self._shown(base, singles)
+        shown = self._shown(path[0], singles)
         final = path[-1]
-        whitened = [self.filter.apply(e) for e in final.ranked.fit.innovations]
+        whitened = [self.filter.apply(e) for e in final.ranked.low.innovations]
         unseen = [self.filter.apply(e) for e in final.unseen]
         return Findings(
             self.problem,
             self.unseen,
             self.filter,
-            self.sigma,
             tuple(path),
             tuple(shown),
             tuple(self.pairs),
             tuple(outside),
-            tuple(residues(final.ranked.fit.innovations)),
-            tuple(whiteness([e[:, c] for e in whitened]) for c in range(self.sigma.size)),
-            tuple(whiteness([e[:, c] for e in unseen]) for c in range(self.sigma.size)),
+            tuple(residues(final.ranked.low.innovations)),
+            tuple(whiteness([e[:, c] for e in whitened]) for c in range(self.filter.rho.size)),
+            tuple(whiteness([e[:, c] for e in unseen]) for c in range(self.filter.rho.size)),
         )
 
     # ------------------------------------------------------------ noise
 
     def _whiten(self, base: Ranked, singles: list[Ranked]) -> tuple[Ranked, list[Ranked]]:
         """Take the noise's colour from the best model so far; where it matters, fit all again with it."""
-        best = min([base, *singles], key=lambda r: r.evidence)
-        left = residues(best.fit.innovations)
-        self._note_noise(left)
+        best = self._polished(min([base, *singles], key=_evidence))
+        left = residues(best.low.innovations)
+        self.filter = Filter(np.array([r.filter for r in left]))
         if not self.filter.rho.any():
             return base, singles
-        refitted = list(self.executor.map(self._again, [base, *singles]))
-        return refitted[0], sorted(refitted[1:], key=lambda r: r.evidence)
+        refitted = self.executor.map(self._again, singles)
+        return self._polished(base), sorted(refitted, key=_evidence)
 
-    def _note_noise(self, left: Sequence[Residue]) -> None:
-        self.filter = Filter(np.array([r.filter for r in left]))
-        variance = np.array([(1 - r.structure) * r.variance for r in left])
-        self.sigma = np.sqrt(np.maximum(variance * (1 - self.filter.rho**2), 1e-300))
+    def _again(self, r: Ranked, steps: int = 4, far: float = FAR) -> Ranked:
+        """Fit a set of effects again at the lowest gain with the present filter."""
+        low = self.problem.levels[-1]
+        found = fit(self.problem, r.low.candidate, low, r.low.theta, steps, self.filter, far)
+        return r if found is None else self._with_low(r, found)
 
-    def _again(self, r: Ranked) -> Ranked:
-        found = fit(self.problem, r.fit.candidate, self.problem.levels[-1], r.fit.theta, 4, self.filter)
-        return r if found is None else replace(r, fit=found, evidence=evidence(self.problem, found, len(r.effects)))
+    def _with_low(self, r: Ranked, low: Fit) -> Ranked:
+        best = low if r.fit is r.low or low.cost < r.fit.cost else r.fit
+        return replace(r, fit=best, low=low, evidence=evidence(self.problem, best, len(r.effects)))
+
+    def _polished(self, r: Ranked) -> Ranked:
+        """Return a set of effects fitted to the very end, so that what is added to it gains nothing by that."""
+        again = self._again(r, 12, 0.0)
+        if again.fit is again.low:
+            return again
+        found = fit(self.problem, r.fit.candidate, r.fit.gains, r.fit.theta, 12, None, 0.0)
+        return (
+            again
+            if found is None
+            else replace(again, fit=found, evidence=evidence(self.problem, found, len(r.effects)))
+        )
 
     # ------------------------------------------------------------ what is added
 
     def _path(self, base: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Step]:
         """Return the steps from the base to the proposal, each beyond doubt on unseen data."""
-        path = [Step(base, self._unseen(base))]
+        path = [self._step(base)]
         options = singles
         for depth in range(self.depth):
-            step = self._best_step(path, options)
+            step = self._best_step(path, [*map(self._polished, options[:2]), *options[2:]])
             if step is not None:
                 path = [*(p for p in path if set(p.ranked.effects) < set(step.ranked.effects)), step]
             elif depth > 0 or self._enough(path[0]):
@@ -195,23 +238,47 @@ class _Search:
                 options = self._more(path[-1].ranked, singles, trials)
         return path
 
+    def _forced(self, base: Ranked, singles: list[Ranked]) -> list[Step]:
+        """Return the base and the best fit of the effect that was asked for, whatever it gains."""
+        if not singles:
+            raise SimulationError(f"{self.problem.base.source}: with this effect the model diverges on these records")
+        first = self._step(base)
+        return [first, self._compared(first, self._polished(singles[0]))]
+
     def _best_step(self, path: list[Step], options: list[Ranked]) -> Step | None:
         """Return the best option that lowers the error on unseen data beyond doubt, or None."""
         last = path[-1]
         for r in sorted(options, key=lambda r: r.evidence)[:3]:
             if r.evidence >= last.ranked.evidence:
                 return None
-            unseen = self._unseen(r)
-            gain, certainty = self._gain(last.unseen, unseen)
-            if gain > 0 and certainty > SURE:
-                return Step(r, unseen, gain, certainty)
+            if not self._real(r, last.ranked):
+                continue
+            step = self._compared(last, r)
+            strong = last.ranked.evidence - r.evidence > STRONG and not self.filter.rho.any()
+            if len(path) > 1 and step.share < SHARE and not self._enough(last):
+                continue
+            if step.gain > 0 and step.certainty > (LIKELY if strong else SURE):
+                return step
         return None
 
+    def _real(self, r: Ranked, before: Ranked) -> bool:
+        """Tell whether what was added differs from nothing: some amplitude by `REAL` standard errors."""
+        known = {c.name for c in before.fit.candidate.coordinates}
+        covariance = np.linalg.pinv(r.fit.hessian, hermitian=True)
+        coordinates = r.fit.candidate.coordinates
+        added = [i for i, c in enumerate(coordinates) if c.name not in known]
+        amplitudes = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
+        sizes = [abs(r.fit.theta[i]) / np.sqrt(max(covariance[i, i], 1e-300)) for i in amplitudes]
+        return not amplitudes or max(sizes) > REAL
+
     def _enough(self, step: Step) -> bool:
-        left = residues(step.ranked.fit.innovations)
-        whitened = [self.filter.apply(e) for e in step.ranked.fit.innovations]
+        low = step.ranked.low
+        if low.cost - step.ranked.fit.cost > NEEDED:
+            return False
+        left = residues(low.innovations)
+        whitened = [self.filter.apply(e) for e in low.innovations]
         return not any(r.structured for r in left) and all(
-            whiteness([e[:, c] for e in whitened]).white for c in range(self.sigma.size)
+            whiteness([e[:, c] for e in whitened]).white for c in range(self.filter.rho.size)
         )
 
     def _more(self, now: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Ranked]:
@@ -243,8 +310,9 @@ class _Search:
         return sorted((r for r in finished if r is not None), key=_evidence)
 
     def _screened(self, before: Ranked, trial: Trial) -> tuple[float, Ranked, Trial, Fit] | None:
-        """Return a trial on top of what was fitted, after two steps at the middle gain."""
-        middle, best = self.problem.levels[1], None
+        """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
+        best = None
+        gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
         for start in trial.starts[:2]:
             c = extended(self.problem, before, trial, start)
             theta = c.start()
@@ -252,7 +320,7 @@ class _Search:
             for i, k in enumerate(c.coordinates):
                 if k.name in known:
                     theta[i] = k.theta(known[k.name])
-            found = fit(self.problem, c, middle, theta, 2)
+            found = fit(self.problem, c, gains, theta, 2)
             if found and (best is None or found.cost < best.cost):
                 best = found
         if best is None:
@@ -260,36 +328,33 @@ class _Search:
         return evidence(self.problem, best, len(before.effects) + 1), before, trial, best
 
     def _finished(self, before: Ranked, trial: Trial, start: Fit) -> Ranked | None:
-        middle, low = self.problem.levels[1:]
-        second = fit(self.problem, start.candidate, middle, start.theta, 8)
-        found = fit(self.problem, start.candidate, low, second.theta, 12, self.filter) if second else None
-        if found is None:
-            return None
-        effects = (*before.effects, trial.effect)
-        sensors = (*before.sensors, *trial.sensors)
-        return Ranked(effects, sensors, found, evidence(self.problem, found, len(effects)))
+        fits = descend(self.problem, start.candidate, start.theta, self.problem.levels, 10, self.filter)
+        return ranked(self.problem, (*before.effects, trial.effect), (*before.sensors, *trial.sensors), fits)
 
     # ------------------------------------------------------------ unseen data
 
-    def _unseen(self, r: Ranked) -> tuple[Array, ...]:
-        """Return the innovations on unseen data at the lowest gain; infinite where the model diverges."""
-        found = follow_records(self.unseen, r.fit.candidate, r.fit.theta, self.unseen.levels[-1], False)
+    def _unseen(self, r: Ranked, low: bool = False) -> tuple[Array, ...]:
+        """Return the innovations on unseen data, at the lowest gain or that of the fit; large where it diverges."""
+        f = r.low if low else r.fit
+        found = follow_records(self.unseen, f.candidate, f.theta, f.gains, False)
         if found is None:
             return tuple(np.full(s.y.shape, 1e3) * self.problem.noise for s in self.unseen.segments)
         return tuple(found[0])
 
-    def _gain(self, before: tuple[Array, ...], after: tuple[Array, ...]) -> tuple[float, float]:
-        block = max(int(BLOCK / self.problem.scale.step), 8)
-        sigma = self.sigma
-        return gain_on(before, after, self.filter, sigma, block)
+    def _step(self, r: Ranked) -> Step:
+        return Step(r, self._unseen(r, low=True), self._unseen(r))
 
-    def _shown(self, base: Ranked, singles: list[Ranked]) -> list[Step]:
-        reference = self._unseen(base)
-        result = []
-        for r in singles:
-            unseen = self._unseen(r)
-            result.append(Step(r, unseen, *self._gain(reference, unseen)))
-        return result
+    def _compared(self, before: Step, r: Ranked) -> Step:
+        """Return a set of effects with what it gains on unseen data."""
+        step = self._step(r)
+        block = max(int(BLOCK / self.problem.scale.step), 8)
+        first = [before.ranked.fit.filter.apply(e) for e in before.best]
+        second = [r.fit.filter.apply(e) for e in step.best]
+        gain, certainty, share = gain_on(first, second, block)
+        return replace(step, gain=gain, certainty=certainty, share=share)
+
+    def _shown(self, base: Step, singles: list[Ranked]) -> list[Step]:
+        return list(self.executor.map(lambda r: self._compared(base, r), singles))
 
 
 __all__ = ["Findings", "Step", "search"]

@@ -20,10 +20,7 @@ class Backlash(CompliantLoad):
     finding = "an inertia of {J:.3g} {J.unit} is driven only after a play of {gap:.3g} {gap.unit} either way is crossed"
 
     gap = Par("Q", nominal=0.01, doc="half width of the play")
-    start = (
-        {"k": 10.0, "c": 0.05, "J": 0.3, "gap": 0.05},
-        {"k": 10.0, "c": 0.05, "J": 0.3, "gap": 0.3},
-    )
+    start = tuple({"k": 10.0, "c": 0.05, "J": 0.3, "gap": gap} for gap in (0.02, 0.1, 0.4))
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling, zero while the play is crossed."""

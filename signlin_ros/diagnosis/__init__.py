@@ -1,0 +1,36 @@
+"""How good a model is on measurements, where it fails, what it lacks.
+
+    from signlin_ros.diagnosis.compare import compare
+    from signlin_ros.diagnosis.data import load_records
+
+    model, data = load_records(Model.load("my_motor.yaml"), ["run.csv"])
+    print(compare(model, data).to_json())
+
+Names below are loaded when first asked for.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+_EXPORTS = {
+    "Comparison": "compare",
+    "Missing": "missing",
+    "Noise": "noise",
+    "Region": "locate",
+    "Score": "scores",
+    "load_records": "data",
+    "noise_level": "noise",
+    "residual_test": "whiteness",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _EXPORTS:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_EXPORTS[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(_EXPORTS)

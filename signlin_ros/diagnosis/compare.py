@@ -1,0 +1,264 @@
+"""How good a model is on measurements: three scores kept apart, what is left in the residual, and where it fails.
+
+``free_run``   the exact simulation from an initial state that is estimated, held against all samples
+``windowed``   non-overlapping windows of the horizon, each from a state estimated from the samples before it
+``inverse``    the effort that the measured motion should have taken (`signlin_ros.diagnosis.inverse`)
+"""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.data import Stretch, as_list, measured_channels, stretches
+from signlin_ros.diagnosis.freerun import FreeRun, free_run
+from signlin_ros.diagnosis.inverse import Inverse, inverse
+from signlin_ros.diagnosis.locate import Region, by_direction, locate
+from signlin_ros.diagnosis.missing import Missing, missing
+from signlin_ros.diagnosis.noise import Noise, noise_level
+from signlin_ros.diagnosis.observer import TRUSTS, Observer
+from signlin_ros.diagnosis.scores import Score, score
+from signlin_ros.diagnosis.tracking import mean_square
+from signlin_ros.diagnosis.whiteness import ResidualTest, residual_test
+from signlin_ros.errors import InputError
+from signlin_ros.model import Model
+from signlin_ros.predict import windows
+from signlin_ros.records import ModelData
+
+Array = NDArray[np.float64]
+
+TRUSTING = 0.003
+"""How much the observer behind the residual tests lets the model be wrong: structure must not be followed away."""
+FOR_NOISE = (0.001, 0.003, 0.01, 0.03)
+"""Observers whose residuals are asked for the colour of the noise."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A measured channel: unit, noise, and what the model's predictions of it are worth (None: see the notes)."""
+
+    unit: str
+    noise: Noise
+    free_run: Score | None
+    windowed: Score | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the channel as the contract writes it, with the noise's colour and step."""
+        scores = {"free_run": self.free_run, "windowed": self.windowed}
+        return {
+            "unit": self.unit,
+            "noise": self.noise.sigma,
+            "noise_correlation": self.noise.rho,
+            "quantum": self.noise.quantum,
+            **{name: s.to_json() if s else None for name, s in scores.items()},
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Traces:
+    """A stretch as measured and as predicted, (T, channels) each, NaN where there is nothing; and how it moved.
+
+    ``states`` (T, n): causal estimates of an observer; ``residual``: innovations of one that trusts the model.
+    """
+
+    source: str
+    t: Array
+    u: Array
+    measured: Array
+    free: Array
+    windowed: Array
+    states: Array
+    residual: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A model held against measurements; ``to_json`` is what `signlin compare --json` prints.
+
+    ``channels`` by name; ``inverse`` by the name of the effort, at most one; ``where``: regions in which the error is
+    concentrated, the worst first; ``residual_tests`` by channel; ``horizon`` s; ``directions``: means of what is
+    missing by name and by direction of motion; ``units`` of the record by name. The arrays behind it: ``traces`` for
+    each stretch of the records without a gap, ``missing``: what the equations lack, over the same stretches.
+    """
+
+    model: Model
+    channels: dict[str, Channel]
+    inverse: dict[str, Inverse]
+    where: tuple[Region, ...]
+    residual_tests: dict[str, ResidualTest]
+    horizon: float
+    samples: int
+    sources: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    directions: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    traces: tuple[Traces, ...] = field(default=(), repr=False)
+    missing: tuple[Missing, ...] = field(default=(), repr=False)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the JSON object of schemas/compare.json."""
+        return {
+            "channels": {name: c.to_json() for name, c in self.channels.items()},
+            "inverse": {name: i.to_json() for name, i in self.inverse.items()},
+            "where": [region.to_json() for region in self.where],
+            "residual_tests": {name: t.to_json() for name, t in self.residual_tests.items()},
+            "missing": {m.name: {**m.to_json(), **self.directions.get(m.name, {})} for m in self.missing},
+            "horizon": self.horizon,
+            "model": self.model.source,
+            "data": list(self.sources),
+            "samples": self.samples,
+            "notes": list(self.notes),
+        }
+
+    def _repr_html_(self) -> str:
+        from signlin_ros.console import compare_text
+
+        return f"<pre>{html.escape(compare_text(self.to_json()))}</pre>"
+
+
+def compare(
+    model: Model,
+    data: ModelData | Sequence[ModelData],
+    horizon: float | None = None,
+    cutoff: float | None = None,
+) -> Comparison:
+    """Hold a model against one record or several.
+
+    ``horizon`` of the windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse
+    model's low-pass in Hz, by default a tenth of the sampling rate or less. Raises `RecordError` where nothing that
+    the model predicts is measured, `InputError` for a horizon or a cut-off that the sampling cannot serve.
+    """
+    records = as_list(data)
+    channels, units = measured_channels(model, records), dict(records[0].units)
+    parts, notes = stretches(model, records, channels)
+    observer = _observer(model, parts, channels)
+    horizon = _checked(model.update_period if horizon is None else horizon, observer.step)
+    free, window = _free(observer, notes), _windowed(observer, horizon, notes)
+    lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
+    effort, where = inverse(model, parts, channels, observer.noise, units, cutoff), locate(observer, lacking, units)
+    return Comparison(
+        model=model,
+        channels=_scored(observer, units, free, window),
+        inverse={effort.name: effort} if effort else {},
+        where=where,
+        residual_tests=_tests(observer, residuals),
+        horizon=horizon,
+        samples=sum(len(record) for record in records),
+        sources=tuple(record.source for record in records),
+        notes=(*_of_records(records), *notes, *_remarks(observer, lacking, where)),
+        directions={m.name: by_direction(observer, m, units) for m in lacking if m.clear},
+        units=units,
+        traces=tuple(_traces(observer, k, free, window, residuals) for k in range(len(parts))),
+        missing=lacking,
+    )
+
+
+def _checked(horizon: float, step: float) -> float:
+    if not 2 * step <= horizon < np.inf:
+        raise InputError(f"horizon: found {horizon:g} s; allowed: at least two samples, {2 * step:.3g} s")
+    return float(horizon)
+
+
+def _of_records(records: Sequence[ModelData]) -> list[str]:
+    return [f"{record.source}: {note}" for record in records for note in record.notes]
+
+
+def _remarks(observer: Observer, lacking: tuple[Missing, ...], where: tuple[Region, ...]) -> list[str]:
+    """Return what a reader should know of how the figures came about."""
+    found = []
+    if any(m.clear for m in lacking) and not where:
+        found.append("no situation holds much more of the error than of the time: what is missing acts everywhere")
+    if not all(noise.even for noise in observer.noise):
+        found.append("unevenly sampled: the noise, its colour and the residual tests are approximate")
+    return found
+
+
+def _observer(model: Model, parts: list[Stretch], channels: tuple[str, ...]) -> Observer:
+    """Return the observers of the model, the noise known from what they leave of the measurements."""
+    white = [_noise(parts, j, []) for j in range(len(channels))]
+    observer = Observer(model, parts, channels, white)
+    left = [[run.innovation for run in observer.runs(observer.design(trust))] for trust in FOR_NOISE]
+    noise = [_noise(parts, j, [[e[:, j] for e in runs] for runs in left]) for j in range(len(channels))]
+    return Observer(model, parts, channels, noise)
+
+
+def _noise(parts: list[Stretch], j: int, residuals: list[list[Array]]) -> Noise:
+    """Return the noise of channel j, from the longest stretch that has it."""
+    k = int(np.argmax([np.isfinite(s.y[:, j]).sum() for s in parts]))
+    return noise_level(parts[k].t, parts[k].y[:, j], [r[k] for r in residuals])
+
+
+def _free(observer: Observer, notes: list[str]) -> list[FreeRun]:
+    """Return the free run of every stretch; a run that fails is noted."""
+    pairs = zip(observer.trackers, observer.rough, strict=True)
+    runs = [free_run(tracker, x[0], observer.reach, observer.effective) for tracker, x in pairs]
+    notes += [f"{s.source}: no free run: {run.why}" for s, run in zip(observer.stretches, runs, strict=True) if run.why]
+    return runs
+
+
+def _windowed(observer: Observer, horizon: float, notes: list[str]) -> list[Array]:
+    """Return the channels (T, ny) predicted over windows, from the observer whose states predict best."""
+    starts = [_starts(s, horizon) for s in observer.stretches]
+    if not any(len(at) > 1 for at in starts):
+        notes.append(f"no windowed prediction: the record is shorter than two windows of {horizon:g} s")
+        return [np.full(s.y.shape, np.nan) for s in observer.stretches]
+    found = []
+    for trust in TRUSTS:
+        shown = _shown_in_windows(observer, observer.states(observer.design(trust)), starts)
+        errors = np.concatenate([s.y - p for s, p in zip(observer.stretches, shown, strict=True)])
+        found.append((float(np.sum(np.log(mean_square(errors) + 1e-300))), trust, shown))
+    return min(found, key=lambda item: item[:2])[2]
+
+
+def _starts(stretch: Stretch, horizon: float) -> list[int]:
+    return [first for first, _ in windows(stretch.t, horizon)] or [0]
+
+
+def _shown_in_windows(observer: Observer, states: list[Array], starts: list[list[int]]) -> list[Array]:
+    """Return the channels (T, ny) predicted from the states (T, n) at the starts; NaN in the first window, before
+    which nothing was measured.
+    """
+    shown = []
+    for tracker, x, at in zip(observer.trackers, states, starts, strict=True):
+        run = tracker.restarted(x, np.array(at))
+        predicted = tracker.outputs(np.nan_to_num(run.state))
+        predicted[~np.isfinite(run.state).all(axis=1)] = np.nan
+        predicted[: at[1] + 1 if len(at) > 1 else len(x)] = np.nan
+        shown.append(predicted)
+    return shown
+
+
+def _scored(observer: Observer, units: dict[str, str], free: list[FreeRun], window: list[Array]) -> dict[str, Channel]:
+    y = np.concatenate([s.y for s in observer.stretches])
+    runs, windowed = np.concatenate([run.shown for run in free]), np.concatenate(window)
+    failed = any(run.why for run in free)
+    return {
+        name: Channel(
+            units[name],
+            noise,
+            None if failed else score(y[:, j], runs[:, j], noise.sigma),
+            score(y[:, j], windowed[:, j], noise.sigma),
+        )
+        for j, (name, noise) in enumerate(zip(observer.channels, observer.noise, strict=True))
+    }
+
+
+def _tests(observer: Observer, residuals: list[Array]) -> dict[str, ResidualTest]:
+    inputs = [s.u for s in observer.stretches]
+    return {
+        name: residual_test([e[:, j] for e in residuals], inputs, observer.noise[j].rho)
+        for j, name in enumerate(observer.channels)
+    }
+
+
+def _traces(observer: Observer, k: int, free: list[FreeRun], window: list[Array], residuals: list[Array]) -> Traces:
+    s = observer.stretches[k]
+    return Traces(s.source, s.t, s.u, s.y, free[k].shown, window[k], observer.best_states[k], residuals[k])
+
+
+__all__ = ["Channel", "Comparison", "Traces", "compare"]

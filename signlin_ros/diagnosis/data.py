@@ -1,0 +1,115 @@
+"""Records as the diagnosis takes them: read for a model, cut at gaps, freed of what the sensors add."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.errors import RecordError
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData, read_for_model
+
+Array = NDArray[np.float64]
+
+HOLE = 5.0
+"""A step of more than this many median steps is a gap: what drove the model in it is not known."""
+MANY = 0.05
+"""Where more than this share of the steps is that long, the record is unevenly sampled rather than full of gaps."""
+SHORTEST = 20
+"""A stretch between gaps needs this many samples."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Samples without a gap: t (T,) s, u (T, m), y (T, channels) true values with NaN for missing samples.
+
+    ``source`` names the record, ``record`` counts them from 0; ``first`` is where the stretch begins in it.
+    """
+
+    t: Array
+    u: Array
+    y: Array
+    source: str
+    record: int
+    first: int
+
+    @property
+    def step(self) -> float:
+        """The median time between samples in s."""
+        return float(np.median(np.diff(self.t)))
+
+
+def load_records(
+    model: Model, paths: Sequence[str], signals: Mapping[str, str] | None = None
+) -> tuple[Model, list[ModelData]]:
+    """Read records for a model; a motor whose position is recorded gets it as a state, so that it is compared too."""
+    optional = model.plant.position_optional and model.plant.position not in model.states
+    wider = model.with_options(with_position=True) if optional else model
+    data = [read_for_model(path, wider, signals) for path in paths]
+    if optional and not all(model.plant.position in d.measured for d in data):
+        return model, [read_for_model(path, model, signals) for path in paths]
+    return wider, data
+
+
+def as_list(data: ModelData | Sequence[ModelData]) -> list[ModelData]:
+    """Return one record or several as a list; raise `RecordError` if there is none."""
+    found = [data] if isinstance(data, ModelData) else list(data)
+    if not found:
+        raise RecordError("at least one record is needed")
+    return found
+
+
+def measured_channels(model: Model, data: Sequence[ModelData]) -> tuple[str, ...]:
+    """Return the states and outputs that every record measures; raise `RecordError` if there is none."""
+    known = dict.fromkeys((*model.states, *model.outputs))
+    found = tuple(c for c in known if all(np.isfinite(d.measured.get(c, np.nan)).any() for d in data))
+    if not found:
+        raise RecordError(f"{data[0].source}: nothing to compare with: none of {', '.join(known)} is measured")
+    return found
+
+
+def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Stretch], list[str]]:
+    """Cut records at their gaps; returns the stretches, and notes on gaps and on what is too short to be used."""
+    found, notes = [], []
+    for number, record in enumerate(data):
+        y = np.column_stack([_true(model, record, name) for name in channels])
+        edges = gaps(record.t)
+        if len(edges) > 2:
+            notes.append(f"{record.source}: {len(edges) - 2} gap(s) in time; every run starts anew after each")
+        for first, last in pairwise(edges):
+            part = slice(first, last)
+            if last - first >= SHORTEST and np.isfinite(y[part]).any():
+                found.append(Stretch(record.t[part], record.u[part], y[part], record.source, number, first))
+            else:
+                notes.append(f"{record.source}: {last - first} samples at t = {record.t[first]:.6g} s are left out")
+    if not found:
+        raise RecordError(f"{data[0].source}: fewer than {SHORTEST} samples without a gap")
+    return found, notes
+
+
+def gaps(t: Array) -> list[int]:
+    """Return the samples of t (T,) at which stretches without a gap begin, and T."""
+    steps = np.diff(t)
+    long = np.flatnonzero(steps > HOLE * np.median(steps)) + 1
+    if long.size > max(1.0, MANY * steps.size):
+        long = long[:0]
+    return [0, *long.tolist(), t.size]
+
+
+def _true(model: Model, record: ModelData, name: str) -> Array:
+    """Return what a sensor says of the model's quantity (T,): without its gain and offset, and at the right time."""
+    sensor = model.sensors[name]
+    values = np.asarray(sensor.true(record.measured[name]))
+    if sensor.delay == 0.0:
+        return values
+    good = np.isfinite(values)
+    moved = np.interp(record.t + sensor.delay, record.t[good], values[good], right=np.nan)
+    lost = np.interp(record.t + sensor.delay, record.t, (~good).astype(float)) > 0
+    return np.where(lost, np.nan, moved)
+
+
+__all__ = ["SHORTEST", "Stretch", "as_list", "gaps", "load_records", "measured_channels", "stretches"]
