@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.fit import Fit, follow_records
 from signlin_ros.diagnosis.judge import correlations, residues
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, linear_base
+from signlin_ros.diagnosis.rank import free_parameters
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
-from signlin_ros.diagnosis.search import EXPLAINED, NEEDED, SURE, TIE, Findings, Progress, Step, search
+from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, NEEDED, SURE, TIE, Findings, Progress, Step, search
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model
@@ -26,6 +27,8 @@ from signlin_ros.trace import resolve_unit
 
 Array = NDArray[np.float64]
 
+PARTLY = 0.4
+"""Least share of the missing motion that an effect explains which is named though structure remains."""
 MOST = 6
 """Most effects that `refine` adds."""
 ORDINARY = 0.1
@@ -302,7 +305,7 @@ def _sentence(f: Findings, verdict: str, explained: float, structure: bool) -> s
     if verdict == "adequate":
         return "Nothing is missing that this record could show: the residual is noise."
     if verdict == "unexplained":
-        partly = f"; {_named(effects)} explains {100 * explained:.0f} % of it at most" if effects else ""
+        partly = f"; {_named(effects)} explains {100 * explained:.0f} % of it" if effects else ""
         return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
     rest = " Some structure remains that no listed effect explains." if structure else ""
     return (
@@ -320,6 +323,8 @@ def _rivals(f: Findings, effect: str) -> list[str]:
     for r in options:
         if set(r.effects) >= others and len(r.effects) == len(final.effects) and effect not in r.effects:
             new = (set(r.effects) - others).pop()
+            if free_parameters(f.problem, r.fit) > free_parameters(f.problem, final.fit):
+                continue
             if abs(r.evidence - final.evidence) < TIE and new not in found:
                 found.append(new)
     return found
@@ -361,8 +366,10 @@ def _entry(
         status = "ambiguous" if tied else "confirmed"
         why = _why_named(f, effect, parameters, tied)
         if verdict == "unexplained":
-            status = "rejected"
-            why += "; but most of the residual remains, so this is a likeness and not the cause"
+            share = _explained(f)
+            if share < PARTLY or f.final.certainty < CERTAIN:
+                status = "rejected"
+            why += f"; but {100 * (1 - share):.0f} % of the missing motion remains unexplained"
     elif any(effect in names for names in rivals.values()) and verdict != "unexplained":
         owner = next(e for e, names in rivals.items() if effect in names)
         status, tied = "ambiguous", (owner, *(n for n in rivals[owner] if n != effect))

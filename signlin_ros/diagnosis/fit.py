@@ -240,7 +240,9 @@ def follow_records(
     )
     scale = np.where(scale > 0, scale, _own_scale(problem, c))
     delay = max(_delay_of(c, p), 0.0)
-    rows, lags = gains.rows(c.model.states), _lags(problem, c, p)
+    lags = _lags(problem, c, p)
+    shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
+    rows = gains.rows(c.model.states) / np.array(shown)
     errors, derivatives, states = [], [], []
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))

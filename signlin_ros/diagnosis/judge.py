@@ -47,7 +47,12 @@ class Residue:
 
     @property
     def filter(self) -> float:
-        """Coefficient of the first-order prewhitening that suits the noise, 0 where it is nearly white."""
+        """Coefficient of the first-order prewhitening that suits the noise.
+
+        0 where it is nearly white, and where it lasts so long that it is no noise.
+        """
+        if self.rho > MOST_COLOUR - 0.02:
+            return 0.0
         noise = self.coloured + self.white
         first = self.coloured * self.rho / noise if noise > 0 else 0.0
         return first if first > WORTH else 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 SETTLED = 25.0
 """Variance of the initial state in variances of the measurement noise."""
 LEAST_SAMPLES = 100
+LONG, CHUNKS = 6000, 4
+"""Starts are searched on at most so many samples, in so many stretches of a longer record."""
 
 
 @dataclass(frozen=True)
@@ -114,16 +116,36 @@ def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment
     if data.t.size < LEAST_SAMPLES:
         raise RecordError(f"{data.source}: {data.t.size} samples; at least {LEAST_SAMPLES} are needed")
     y = np.ascontiguousarray(np.column_stack([data.measured[c] for c in channels]))
+    t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(data.u)
+    return Segment(t, u, y, _start(model, channels, t, y), data.source)
+
+
+def _start(model: Model, channels: tuple[str, ...], t: Array, y: Array) -> dict[str, float]:
+    """Return the measured states at the first sample, and a velocity from the first positions where need be."""
     start = {}
-    for name in model.states:
-        if name in data.measured:
-            values = data.measured[name]
-            first = np.flatnonzero(np.isfinite(values))[:1]
-            start[name] = float(values[first[0]]) if first.size else 0.0
+    for c, name in enumerate(channels):
+        first = np.flatnonzero(np.isfinite(y[:, c]))[:1]
+        if name in model.states:
+            start[name] = float(y[first[0], c]) if first.size else 0.0
     position, velocity = model.plant.position, model.plant.velocity
     if position in start and velocity in model.states and velocity not in start:
-        start[velocity] = _first_slope(data.t, data.measured[position])
-    return Segment(np.ascontiguousarray(data.t), np.ascontiguousarray(data.u), y, start, data.source)
+        start[velocity] = _first_slope(t, y[:, channels.index(position)])
+    return start
+
+
+def shortened(problem: Problem) -> Problem:
+    """Return the problem on `CHUNKS` stretches of its records, spread evenly, where these are long."""
+    if problem.samples <= LONG:
+        return problem
+    parts = []
+    size = LONG // CHUNKS
+    for s in problem.segments:
+        share = max(1, round(CHUNKS * s.t.size / problem.samples))
+        for first in np.linspace(0, max(s.t.size - size, 0), share).astype(int):
+            part = slice(first, first + size)
+            t, u, y = s.t[part], s.u[part], s.y[part]
+            parts.append(Segment(t, u, y, _start(problem.base, problem.channels, t, y), s.source))
+    return replace(problem, segments=tuple(parts))
 
 
 def _first_slope(t: Array, values: Array, count: int = 8) -> float:
@@ -193,10 +215,14 @@ def design(
     return Gains(tau, states, values[:used].copy())
 
 
-def time_constants(dt: float, duration: float) -> tuple[float, ...]:
-    """Return the observer's time constants from high to low gain in s."""
+def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:
+    """Return the observer's time constants from high to low gain in s; ``horizon``: over which the model is used.
+
+    The first is for searching only; models are compared at the others, which are not shorter than the horizon.
+    """
     high, low = 8 * dt, max(min(2.0, duration / 8), 16 * dt)
-    return (high, float(np.sqrt(high * low)), float(high**0.25 * low**0.75), low)
+    middle = float(np.clip(max(np.sqrt(high * low), horizon), high, low))
+    return (high, middle, float(np.sqrt(middle * low)), low)
 
 
 def first_look(model: Model, segments: Sequence[Segment], channels: tuple[str, ...], gains: Gains) -> list[Array]:
@@ -238,7 +264,7 @@ def prepare(model: Model, data: Sequence[ModelData]) -> Problem:
     noise = np.maximum(noise, 1e-6 * np.maximum(spread, 1e-300))
     sizes = {c: float(max(v, 1e-12)) for c, v in zip(channels, np.nanmax(np.abs(everything), axis=0), strict=True)}
     sizes = _guess_velocity(model, segments, channels, sizes)
-    taus = time_constants(dt, duration)
+    taus = time_constants(dt, duration, model.update_period)
     look = first_look(model, segments, channels, design(model, channels, noise, sizes, dt, taus[0]))
     X = np.concatenate(look)
     peaks = np.nanmax(np.abs(X), axis=0)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit
-from signlin_ros.diagnosis.problem import Gains, Problem
+from signlin_ros.diagnosis.problem import Gains, Problem, shortened
 from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, load_entry_points
 from signlin_ros.effects.base import Effect
@@ -61,7 +61,7 @@ def ranked(problem: Problem, effects: tuple[str, ...], sensors: tuple[str, ...],
     """Return fits of one model, from high to low gain, as one entry; None if it was not followed to the lowest."""
     if not fits or fits[-1].gains is not problem.levels[-1]:
         return None
-    best = min(fits, key=_cost)
+    best = min((f for f in fits if f.gains is not problem.levels[0]), key=_cost)
     return Ranked(effects, sensors, best, fits[-1], evidence(problem, best, len(effects)))
 
 
@@ -181,11 +181,15 @@ def _from_nominal(problem: Problem, c: Candidate) -> Candidate:
     return replace(c, values=values)
 
 
+def free_parameters(problem: Problem, f: Fit) -> int:
+    """Return how many free parameters a fit has beyond those of the base model."""
+    base = _base_names(problem)
+    return sum(1 for c in f.candidate.coordinates if c.name not in base)
+
+
 def evidence(problem: Problem, f: Fit, effects: int) -> float:
     """Return -2 log likelihood + prior + p ln n + a price for every effect; p counts what is not a base parameter."""
-    base = sum(1 for c in f.candidate.coordinates if np.isfinite(c.spread) and c.name in _base_names(problem))
-    free = len(f.candidate.coordinates) - base
-    return f.cost + free * float(np.log(f.count.sum())) + PRICE * effects
+    return f.cost + free_parameters(problem, f) * float(np.log(f.count.sum())) + PRICE * effects
 
 
 def _base_names(problem: Problem) -> set[str]:
@@ -203,10 +207,13 @@ def assess(problem: Problem, filter: Filter | None) -> Ranked | None:
 def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     """Search at high gain from all starts of a trial, and follow the best to the middle gain; best pair first."""
     high, middle = problem.levels[:2]
+    short = shortened(problem)
     candidates = [extended(problem, None, trial, start) for start in trial.starts]
-    first = [f for f in (fit(problem, c, high, None, 4) for c in candidates) if f]
-    first.sort(key=_cost)
-    second = [(g, fit(problem, g.candidate, middle, g.theta, 6)) for g in first[:3]]
+    first = [f for f in (fit(short, c, high, None, 4) for c in candidates) if f]
+    first = sorted(first, key=_cost)[:3]
+    if short is not problem:
+        first = [f for f in (fit(problem, g.candidate, high, g.theta, 3) for g in first[:2]) if f]
+    second = [(g, fit(problem, g.candidate, middle, g.theta, 6)) for g in first]
     return sorted(((g, f) for g, f in second if f), key=_pair_cost)
 
 
@@ -284,4 +291,4 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     return sorted((r for r in found if r is not None), key=lambda r: r.evidence)
 
 
-__all__ = ["Ranked", "Trial", "applicable", "assess", "compete", "descend", "ranked"]
+__all__ = ["Ranked", "Trial", "applicable", "assess", "compete", "descend", "free_parameters", "ranked"]

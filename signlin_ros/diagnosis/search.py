@@ -12,9 +12,20 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, Whiteness, gain_on, residues, whiteness
-from signlin_ros.diagnosis.problem import Problem, pieces, prepare, segment, with_measured_position
-from signlin_ros.diagnosis.rank import Ranked, Trial, applicable, assess, compete, descend, evidence, extended, ranked
-from signlin_ros.effects import find_effect
+from signlin_ros.diagnosis.problem import Problem, pieces, prepare, segment, shortened, with_measured_position
+from signlin_ros.diagnosis.rank import (
+    Ranked,
+    Trial,
+    applicable,
+    assess,
+    compete,
+    descend,
+    evidence,
+    extended,
+    free_parameters,
+    ranked,
+)
+from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError, SimulationError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -26,9 +37,13 @@ TIE = 6.0
 SURE, LIKELY = 2.0, 1.0
 """Standard errors by which an effect must lower the error on data that the fit did not see, and by which one must
 whose evidence on the data that it was fitted to is `STRONG`, in white noise."""
+CERTAIN = 2.5
+"""Standard errors for a second and further effect in a model that stays imperfect with it."""
 STRONG = 30.0
 SHARE = 0.05
 """Least share of the squared innovations on unseen data that one more effect must take away from a poor model."""
+SIMPLE = 0.15
+"""Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
 REAL = 3.0
@@ -37,7 +52,7 @@ BEAM = 4
 """How many singles are tried with a second effect where no single is enough."""
 DEPTH = 3
 """Most effects that one diagnosis adds."""
-EXPLAINED = 0.85
+EXPLAINED = 0.95
 """Least share of the missing part of the motion that the named effects must explain on unseen data."""
 BLOCK = 0.25
 """Length of the blocks in s by which errors on unseen data are compared."""
@@ -156,6 +171,7 @@ class _Search:
         self.problem, self.unseen, self.executor, self.progress, self.depth = problem, unseen, run, progress, depth
         self.filter = Filter(np.zeros(len(problem.channels)))
         self.pairs: list[Ranked] = []
+        self.short = shortened(problem)
 
     def run(self, only: str | None = None) -> Findings:
         self.progress("preparing", 0.0)
@@ -248,18 +264,31 @@ class _Search:
     def _best_step(self, path: list[Step], options: list[Ranked]) -> Step | None:
         """Return the best option that lowers the error on unseen data beyond doubt, or None."""
         last = path[-1]
-        for r in sorted(options, key=lambda r: r.evidence)[:3]:
+        for r in self._simplest_first(sorted(options, key=_evidence))[:3]:
             if r.evidence >= last.ranked.evidence:
                 return None
             if not self._real(r, last.ranked):
                 continue
             step = self._compared(last, r)
             strong = last.ranked.evidence - r.evidence > STRONG and not self.filter.rho.any()
+            needed = (LIKELY if strong else SURE) if len(path) == 1 or self._enough(step) else CERTAIN
             if len(path) > 1 and step.share < SHARE and not self._enough(last):
                 continue
-            if step.gain > 0 and step.certainty > (LIKELY if strong else SURE):
+            if step.gain > 0 and step.certainty > needed:
                 return step
         return None
+
+    def _simplest_first(self, options: list[Ranked]) -> list[Ranked]:
+        """Where even the best leaves structure, put simpler ones before it that explain nearly as much.
+
+        Likelihoods then exaggerate: what an imperfect model gains by one more parameter is often imitation.
+        """
+        if not options or self._enough(Step(options[0], ())):
+            return options
+        best = options[0]
+        near = [r for r in options if r.fit.cost - best.fit.cost < SIMPLE * float(best.fit.count.max())]
+        first = min(near, key=lambda r: (free_parameters(self.problem, r.fit), r.evidence))
+        return [first, *(r for r in options if r is not first)]
 
     def _real(self, r: Ranked, before: Ranked) -> bool:
         """Tell whether what was added differs from nothing: some amplitude by `REAL` standard errors."""
@@ -306,26 +335,26 @@ class _Search:
         ]
         screened = [r for r in self.executor.map(lambda j: self._screened(*j), jobs) if r is not None]
         screened.sort(key=lambda s: s[0])
-        finished = list(self.executor.map(lambda s: self._finished(*s[1:]), screened[:6]))
+        finished = list(self.executor.map(lambda s: self._finished(*s[1:]), screened[:4]))
         return sorted((r for r in finished if r is not None), key=_evidence)
 
     def _screened(self, before: Ranked, trial: Trial) -> tuple[float, Ranked, Trial, Fit] | None:
         """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
         best = None
         gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
-        for start in trial.starts[:2]:
+        for start in trial.starts[:3]:
             c = extended(self.problem, before, trial, start)
             theta = c.start()
             known = before.fit.parameters()
             for i, k in enumerate(c.coordinates):
                 if k.name in known:
                     theta[i] = k.theta(known[k.name])
-            found = fit(self.problem, c, gains, theta, 2)
+            found = fit(self.short, c, gains, theta, 4 if EFFECTS[trial.effect].states else 2)
             if found and (best is None or found.cost < best.cost):
                 best = found
         if best is None:
             return None
-        return evidence(self.problem, best, len(before.effects) + 1), before, trial, best
+        return evidence(self.short, best, len(before.effects) + 1), before, trial, best
 
     def _finished(self, before: Ranked, trial: Trial, start: Fit) -> Ranked | None:
         fits = descend(self.problem, start.candidate, start.theta, self.problem.levels, 10, self.filter)
