@@ -177,6 +177,46 @@ def compare_text(content: dict[str, Any]) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
+def diagnosis_text(content: dict[str, Any]) -> str:
+    """Return a diagnosis as text: verdict, what is missing and why, the ladder of the error, parameters."""
+    parts = [f"{content['verdict'].upper()}: {content['sentence']}", _ladder(content), _named(content)]
+    parts += [_fitted(content["parameters"]), "\n".join(f"note: {note}" for note in content["notes"])]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _ladder(content: dict[str, Any]) -> str:
+    kind = content["ladder"][0]["validation"]["score"].replace("_", " ")
+    rows = [["", "channel", "fitted to", "/ noise", "unseen", "fit", "/ noise"]]
+    for rung in content["ladder"]:
+        name = " + ".join(rung["effects"]) or "the model as it is"
+        for channel, s in rung["validation"].items():
+            if channel != "score":
+                before = _score(rung["estimation"][channel])
+                rows.append([name, channel, before[0], before[2], *_score(s)])
+                name = ""
+    return f"Error ({kind}, RMS)\n" + table(rows, right=range(2, 7))
+
+
+def _named(content: dict[str, Any]) -> str:
+    shown = [e for e in content["ranking"] if e["status"] in ("confirmed", "ambiguous")]
+    proposed = content["ladder"][-1]["effects"]
+    shown += [e for e in content["ranking"] if e["effect"] in proposed and e not in shown]
+    best = [e for e in content["ranking"] if e["status"] == "rejected" and e not in shown][:3]
+    unseen = [e["effect"] for e in content["ranking"] if e["status"] == "not_excited"]
+    lines = [f"{e['effect']}: {e['status']}\n    {e['why']}" for e in (*shown, *best)]
+    if unseen:
+        lines.append(f"this record cannot tell: {', '.join(unseen)}")
+    return "\n".join(lines)
+
+
+def _fitted(parameters: dict[str, Any]) -> str:
+    rows = [["parameter", "value", "±", "unit", ""]]
+    for name, p in parameters.items():
+        std = "-" if p["std"] is None else f"{p['std']:.2g}"
+        rows.append([name, f"{p['value']:.5g}", std, "" if p["unit"] == "-" else p["unit"], p.get("note", "")])
+    return table(rows, right=(1, 2)) if rows[1:] else ""
+
+
 def _scores(content: dict[str, Any]) -> str:
     ahead = f"next {content['horizon']:g} s"
     rows = [["", "unit", "noise", "free run", "fit", "/ noise", ahead, "fit", "/ noise"]]
@@ -189,6 +229,8 @@ def _score(score: dict[str, Any] | None) -> list[str]:
     if score is None:
         return ["-", "-", "-"]
     fit = "-" if score["fit_percent"] is None else f"{score['fit_percent']:.1f} %"
+    if score["rmse"] is None:
+        return ["diverges", "-", "-"]
     return [_short(score["rmse"]), fit, "-" if score["rmse_over_noise"] is None else _short(score["rmse_over_noise"])]
 
 

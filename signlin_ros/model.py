@@ -328,6 +328,17 @@ class Model:
 # -------------------------------------------------------------------- files
 
 
+def check_output(path: str | Path, model: str | Path) -> None:
+    """Refuse a model file that cannot be written, or that would replace the model it is made from."""
+    target = Path(path)
+    if target.suffix not in (".yaml", ".yml"):
+        raise InputError(f"-o {path}: a model file ends in .yaml")
+    if not target.parent.is_dir():
+        raise InputError(f"-o {path}: the folder {target.parent} does not exist")
+    if target.exists() and Path(model).exists() and target.samefile(model):
+        raise InputError(f"-o {path}: would replace the model that it is made from")
+
+
 def shipped_models() -> dict[str, Path]:
     """Return the model files that come with the package, by name."""
     here = Path(__file__).parent

@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -117,7 +118,8 @@ def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
     errors = [np.full_like(y, np.nan) for y in measured]
     low = problem.levels[-1]
     if kind == "free_run":
-        settle = Gains(low.tau, low.names, np.concatenate([low.values[:200], np.zeros((1, *low.values.shape[1:]))]))
+        values = np.concatenate([low.values[:200], np.zeros((1, *low.values.shape[1:]))])
+        settle = Gains(low.tau, low.names, values, np.ones((0, len(problem.channels))))
         found = follow_records(problem, f.candidate, f.theta, settle, False)
         errors = found[0] if found else errors
         errors = [np.where(np.arange(e.shape[0])[:, None] >= min(200, e.shape[0] // 4), e, np.nan) for e in errors]
@@ -136,7 +138,8 @@ def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
 def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
     """Return the errors (T, ny) of runs over windows of the update period, each started from X (T, n)."""
     errors = np.full_like(s.y, np.nan)
-    free = Gains(np.inf, problem.levels[0].names, np.zeros((1, *problem.levels[0].values.shape[1:])))
+    shape = problem.levels[0].values.shape[1:]
+    free = Gains(np.inf, problem.levels[0].names, np.zeros((1, *shape)), np.ones((0, shape[1])))
     for first, last in windows(s.t, problem.base.update_period)[1:]:
         part = slice(first, last + 1)
         start = dict(zip(f.candidate.model.states, X[first], strict=True))
@@ -481,30 +484,34 @@ def _said_position(problem: Problem) -> bool:
 
 
 def yaml_of(model: Model, f: Findings) -> str:
-    """Return the model file, with a comment of where each fitted value came from."""
+    """Return the model file, with comments of where the fitted values came from."""
     found = f.final.ranked.fit
-    names = [c.name for c in found.candidate.coordinates]
-    fitted = estimates(found, names, f)
-    sources = ", ".join(s.source for s in f.problem.segments)
-    lines, section, key = [], "", ""
+    fitted = estimates(found, [c.name for c in found.candidate.coordinates], f)
+    sources = ", ".join(dict.fromkeys(Path(s.source).name for s in f.problem.segments))
+    lines = [f"# Fitted to {sources}; what follows ± is the standard error."]
     for line in model.to_yaml().splitlines():
-        indent = len(line) - len(line.lstrip())
-        match = re.match(r"\s*([\w.]+):(.*)", line)
-        if match:
-            name, rest = match.groups()
-            if indent == 4:
-                section, key = name, ""
-            elif indent == 6 and section == "effects" and not rest.strip():
-                key = name
-            full = name if section == "parameters" and indent == 6 else f"{key}.{name}" if indent == 8 else ""
-            if full in fitted:
-                p = fitted[full]
-                old = f", was {f.problem.base.parameters[name]:g}" if section == "parameters" else ""
-                lines.append(f"{line}  # fitted: ± {p.std or 0:.2g} {p.unit}{old}")
-                continue
+        match = re.match(r"( *)([\w.]+):", line)
+        key = match.group(2) if match else ""
+        names = [n for n in fitted if (n.rpartition(".")[0] or "parameters") == key or n.partition(".")[0] == key]
+        lines += [f"{match.group(1)}# {_origin(n, fitted[n], f.problem.base)}" for n in names if match]
         lines.append(line)
-    head = [f"# Fitted to {sources}."] if fitted else []
-    return "\n".join([*head, *lines]) + "\n"
+    return "\n".join(lines) + "\n"
+
+
+def _origin(name: str, p: Estimate, base: Model) -> str:
+    was = base.parameters.get(name)
+    return f"{name}: fitted, {p}" + (f"; was {was:g}" if was is not None else "") + (f"; {p.note}" if p.note else "")
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    target = Path(path)
+    part = target.with_name(f".{target.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _notes(f: Findings) -> tuple[str, ...]:
@@ -515,4 +522,4 @@ def _notes(f: Findings) -> tuple[str, ...]:
     return tuple(notes)
 
 
-__all__ = ["add", "describe", "diagnose", "refine"]
+__all__ = ["add", "describe", "diagnose", "refine", "write_text"]

@@ -1,41 +1,42 @@
-"""What the record itself shows of a named effect: the force that the motion lacks, over the coordinate that matters.
+"""What unseen data show of a named effect: what the motion lacks without it, over the coordinate that matters.
 
-The model without the effect, its other parameters as fitted, predicts every sample from the one before. What the
-measurement does beyond that, divided by what a unit of force would have done, is the missing force. The same is taken
-from the motion of the model *with* the effect: sticking, delays and own states are in it. Both pass one short filter,
-so that one may be laid over the other. What acts in the winding is shown as a voltage, what acts in an output or a
-sensor in the unit of that channel. Everything is computed on the data that the fit did not see.
+See `signlin_ros.diagnosis.onestep` for how it is computed, `signlin_ros.diagnosis.coordinates` for the coordinate.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
-from signlin_ros.diagnosis.coordinates import Place, Track, places
+from signlin_ros.diagnosis.coordinates import Place, place_of
 from signlin_ros.diagnosis.curves import Band, band, memory
-from signlin_ros.diagnosis.onestep import Motion, Target, lacking, smoothed, target
+from signlin_ros.diagnosis.onestep import Motion, Target, lacking, motion_of, smoothed, target, target_at
 from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.diagnosis.search import Findings
 
 Array = NDArray[np.float64]
 
-QUIET = 0.5
-"""The filter is as short as leaves no more noise than this share of what the effect does (RMS),"""
-LONGEST = 65
-"""and no longer than so many samples,"""
+QUIET = 1.5
+"""The filter is just so long that no more noise is left than this share of what the effect does (RMS),"""
+WIDTHS = (1, 3, 5, 9, 17, 33, 65)
 SLOWEST = 0.1
-"""nor than so many seconds."""
+"""and no longer than so many seconds."""
+FLOOR = 0.02
+"""Errors of means below this share of the largest mean do not count."""
+PARTS = 30
+"""Into so many parts of time something is divided that is shown for each unit of something else."""
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
     """What the motion lacks without an effect, ``measured`` (N,), and what the effect makes of it, ``computed`` (N,).
 
-    The effect's other parameters, and those of the base, are those of its own fit.
+    All other parameters are those of the fit with ``effects``. ``found`` and ``curve`` are the means of both over the
+    coordinate, one for each direction of motion that is told apart.
     """
 
     effect: str
@@ -47,54 +48,110 @@ class Explanation:
 
     @property
     def share(self) -> float:
-        """How much of the binned means (of their square, weighed by their errors) the effect's curve explains."""
-        mean, curve, error = (
-            np.concatenate([getattr(b, name) for b in bands])
-            for bands, name in ((self.found, "mean"), (self.curve, "mean"), (self.found, "two_errors"))
-        )
-        weight = 1.0 / (error**2 + (0.02 * np.max(np.abs(mean), initial=1e-300)) ** 2)
-        return float(1.0 - np.sum(weight * (mean - curve) ** 2) / max(np.sum(weight * mean**2), 1e-300))
+        """The share of the means (of their squares, each weighed by its error) that the effect explains."""
+        mean, curve, error = (np.concatenate(parts) for parts in zip(*map(_row, self.found, self.curve), strict=True))
+        weight = 1.0 / (error**2 + (FLOOR * np.max(np.abs(mean), initial=1e-300)) ** 2)
+        return float(1.0 - np.sum(weight * (mean - curve) ** 2) / max(float(np.sum(weight * mean**2)), 1e-300))
+
+
+def _row(found: Band, curve: Band) -> tuple[Array, Array, Array]:
+    return found.mean, curve.mean, found.two_errors
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """The evidence for one effect, over the coordinate ``place`` that tells most of it, beside its nearest rival.
+    """The evidence for one effect, beside its nearest rival on the same data.
 
-    ``quantity`` and ``unit`` of what is lacking; ``x`` (N,) the coordinate, ``side`` (N,) the direction of motion where
-    the two directions are told apart (else 0); ``window`` of the filter in s; ``source`` of the data.
+    ``quantity`` and ``unit`` of what is lacking; ``place``: the coordinate, with x (N,); ``window`` of the filter in s;
+    ``sources`` of the data.
     """
 
     quantity: str
     unit: str
     place: Place
-    x: Array
-    side: Array
     window: float
-    source: str
+    sources: tuple[str, ...]
     named: Explanation
     rival: Explanation | None
 
-    @cached_property
-    def sides(self) -> tuple[float, ...]:
-        """The directions of motion that are told apart."""
-        return tuple(float(s) for s in np.unique(self.side))
-
 
 def evidence(f: Findings, effect: str, within: Ranked | None = None) -> Evidence | None:
-    """Return the evidence for an effect of the proposal (or of ``within``); None where nothing can be shown."""
-    ranked = f.final.ranked if within is None else within
-    motion = Motion.of(f, ranked, effect)
+    """Return the evidence for an effect of the proposal (or of ``within``); None where nothing can be shown of it."""
+    ranked = within or f.final.ranked
+    motion = motion_of(f.unseen, ranked, effect)
     goal = target(motion) if motion else None
     if motion is None or goal is None:
         return None
     measured, computed = lacking(motion, goal)
     width = _width(measured, computed, motion.step)
-    track = Track.of(motion, goal, width)
-    smooth = smoothed(computed, width)
-    place = places(track, motion, smooth)
-    x, side, keep = place.x, place.side, place.inside
-    named = _explanation(ranked, effect, smoothed(measured, width), smooth, place)
-    other = nearest_rival(f, ranked, effect)
-    rival = _rival(f, other, ranked, goal, width, place) if other else None
-    source = ", ".join(s.source for s in f.unseen.segments)
-    return Evidence(goal.quantity, goal.unit, place, x[keep], side[keep], width * motion.step, source, named, rival)
+    place = place_of(motion, goal, width, smoothed(computed, 1))
+    quantity, unit = ("resistance", "Ohm") if place.per is not None else (goal.quantity, goal.unit)
+    named = _explanation(ranked, effect, place, measured, computed, width)
+    rival = _rival(f, ranked, effect, goal, place, width)
+    place = replace(place, x=place.x[place.inside], side=place.side[place.inside])
+    sources = tuple(dict.fromkeys(s.source for s in f.unseen.segments))
+    return Evidence(quantity, unit, place, width * motion.step, sources, named, rival)
+
+
+def _width(measured: Sequence[Array], computed: Sequence[Array], step: float) -> int:
+    """Return the length of the filter in samples."""
+    noise = [m - c for m, c in zip(measured, computed, strict=True)]
+    best = WIDTHS[0]
+    for best in WIDTHS:
+        left, does = (float(np.nanstd(smoothed(parts, best))) for parts in (noise, computed))
+        if left <= QUIET * does or 2 * best * step > SLOWEST:
+            break
+    return best
+
+
+def nearest_rival(f: Findings, ranked: Ranked, effect: str) -> tuple[Ranked, str] | None:
+    """Return the best other effect in place of one, with all others kept, as fitted; None if none was tried."""
+    others = set(ranked.effects) - {effect}
+    options = [s.ranked for s in f.singles] if not others else list(f.pairs)
+    fitting = [
+        r
+        for r in options
+        if set(r.effects) > others and len(r.effects) == len(ranked.effects) and effect not in r.effects
+    ]
+    best = min(fitting, key=lambda r: r.evidence, default=None)
+    return None if best is None else (best, (set(best.effects) - others).pop())
+
+
+def _rival(f: Findings, ranked: Ranked, effect: str, goal: Target, place: Place, width: int) -> Explanation | None:
+    found = nearest_rival(f, ranked, effect)
+    motion = motion_of(f.unseen, *found) if found else None
+    if found is None or motion is None:
+        return None
+    goal = _same(motion, goal)
+    return _explanation(found[0], found[1], place, *lacking(motion, goal), width)
+
+
+def _same(motion: Motion, goal: Target) -> Target:
+    """Return the target for another model: the inertia may have been fitted anew."""
+    return goal if goal.kind == "sensor" else target_at(motion, goal.name)
+
+
+def _explanation(
+    ranked: Ranked, effect: str, place: Place, measured: Sequence[Array], computed: Sequence[Array], width: int
+) -> Explanation:
+    a, b = (_for_each_unit(smoothed(parts, width), place)[place.inside] for parts in (measured, computed))
+    x, side = place.x[place.inside], place.side[place.inside]
+    good = np.isfinite(a) & np.isfinite(b)
+    block = max(memory(a[good] - b[good]), 2 * width)
+    found, curve = [], []
+    for s in np.unique(side):
+        own = good & (side == s)
+        found.append(band(x[own], a[own], block, dense_at_zero=place.dense))
+        curve.append(band(x[own], b[own], block, dense_at_zero=place.dense))
+    return Explanation(effect, ranked.effects, a, b, tuple(found), tuple(curve))
+
+
+def _for_each_unit(values: Array, place: Place) -> Array:
+    """Return what is lacking (N,) for each unit of what ``place`` says, e.g. a resistance: minus voltage per ampere."""
+    if place.per is None:
+        return values
+    mean = uniform_filter1d(np.nan_to_num(place.per) ** 2, max(1, values.size // PARTS), mode="nearest")
+    return np.asarray(-values * place.per / np.maximum(mean, 1e-12 * mean.max()))
+
+
+__all__ = ["Evidence", "Explanation", "evidence", "nearest_rival"]

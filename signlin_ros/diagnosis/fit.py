@@ -250,8 +250,11 @@ def follow_records(
         arguments = (eq.flags(with_s), s.t, s.u, s.y, rows, _initial(c, s), p, scale, delay, lags)
         if follow(eq.head, eq.whole, *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
             return None
+        first = min(gains.weights.shape[0], s.t.size)
+        E[:first] *= gains.weights[:first]
         if with_s:
             D *= slopes
+            D[:first] *= gains.weights[:first, :, None]
             if not np.isfinite(D.sum()):
                 return None
         errors.append(E)

@@ -435,13 +435,18 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, 
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def kalman_gains(A, C, Q, R, P0, gains):
-    """Fill ``gains`` (G, n, ny) with the gains of the Kalman filter from P0 on; returns how many are needed."""
+def kalman_gains(A, C, Q, R, P0, gains, variances):
+    """Fill ``gains`` (G, n, ny) with the gains of the Kalman filter from P0 on, and ``variances`` (G, ny) with those
+    of the innovations; returns how many are needed.
+    """
     n, ny = A.shape[0], C.shape[0]
     P = P0.copy()
     for k in range(gains.shape[0]):
         PC = P @ C.T
-        K = np.ascontiguousarray(np.linalg.solve(C @ PC + R, PC.T).T)
+        S = C @ PC + R
+        K = np.ascontiguousarray(np.linalg.solve(S, PC.T).T)
+        for j in range(ny):
+            variances[k, j] = S[j, j]
         gains[k] = K
         P = A @ (P - K @ PC.T) @ A.T + Q
         P = 0.5 * (P + P.T)

@@ -40,11 +40,15 @@ class Segment:
 
 @dataclass(frozen=True)
 class Gains:
-    """Kalman gains (G, n, ny) for the states ``names``; ``tau`` is the observer's time constant in s."""
+    """Kalman gains (G, n, ny) for the states ``names``; ``tau`` is the observer's time constant in s.
+
+    ``weights`` (G, ny): what the first innovations count, made uncertain as they are by the unknown initial state.
+    """
 
     tau: float
     names: tuple[str, ...]
     values: Array
+    weights: Array
 
     def rows(self, states: tuple[str, ...]) -> Array:
         """Return the gains for a model with these states: an effect's own position or velocity moves with the
@@ -211,8 +215,9 @@ def design(
     Q = _process_noise(model, states, measured, dt, tau)
     P0 = np.diag([SETTLED * measured[s] ** 2 if s in measured else sizes.get(s, 1.0) ** 2 for s in states])
     values = np.zeros((20_000, len(states), len(channels)))
-    used = kalman_gains(expm(A * dt), np.ascontiguousarray(C), Q, np.diag(noise**2), P0, values)
-    return Gains(tau, states, values[:used].copy())
+    variances = np.zeros((20_000, len(channels)))
+    used = kalman_gains(expm(A * dt), np.ascontiguousarray(C), Q, np.diag(noise**2), P0, values, variances)
+    return Gains(tau, states, values[:used].copy(), np.sqrt(variances[used - 1] / variances[:used]))
 
 
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:

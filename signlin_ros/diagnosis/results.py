@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import html
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from signlin_ros.diagnosis.scores import Score
 from signlin_ros.model import Model
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
 
 STATUSES = ("confirmed", "ambiguous", "not_excited", "rejected", "not_applicable")
 VERDICTS = ("adequate", "missing", "unexplained")
@@ -25,7 +30,7 @@ class Estimate:
 
     def to_json(self) -> dict[str, Any]:
         """Return what the contract calls one of PARAMETERS."""
-        found: dict[str, Any] = {"value": self.value, "std": self.std, "unit": self.unit}
+        found: dict[str, Any] = {"value": self.value, "std": _finite(self.std), "unit": self.unit}
         return {**found, "note": self.note} if self.note else found
 
     def __str__(self) -> str:
@@ -42,7 +47,8 @@ class Scores:
 
     def to_json(self) -> dict[str, Any]:
         """Return what the contract calls SCORES, with the key ``score``."""
-        return {**{name: s.to_json() for name, s in self.channels.items()}, "score": self.kind}
+        channels = {name: {k: _finite(v) for k, v in s.to_json().items()} for name, s in self.channels.items()}
+        return {**channels, "score": self.kind}
 
     @property
     def over_noise(self) -> float:
