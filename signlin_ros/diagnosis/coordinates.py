@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.onestep import Motion, Target, measured_columns, smoothed
+from signlin_ros.diagnosis.onestep import Motion, Target, dependence, measured_columns, smoothed
 from signlin_ros.effects import Effect, find_effect
 
 Array = NDArray[np.float64]
@@ -24,9 +24,12 @@ FLAT = 0.02
 """Variance over square of the mean below which an effect does the same everywhere."""
 TELLS = 0.6
 """A coordinate that tells less of what an effect does is no use; then it is shown over time."""
+MATTERS = 0.1
+"""A coordinate is asked if what the effect does depends on it at least by this share of what it depends on most."""
 BINS = 40
 SLOW = 0.02
 """Slower than this share of the RMS velocity is not told from standing when reversals are looked for."""
+STANDING = 0.002
 SETTLED, BEYOND = 0.1, 3.0
 """After a reversal an effect has settled where so much of its change is left; shown is so many times that travel."""
 
@@ -36,7 +39,7 @@ class Place:
     """A coordinate: ``x`` (N,) in ``unit``, and ``side`` (N,), the direction of motion where it is told apart (else 0).
 
     ``inside`` (N,): what is shown; ``dense``: bins are narrow near 0. ``per`` (N,): what is lacking is shown for a unit
-    of this, e.g. a voltage for each ampere. ``over_time``: x is the time.
+    of this, e.g. a voltage for each ampere. ``single``: x is the time, and samples are shown, not means.
     """
 
     name: str
@@ -46,7 +49,7 @@ class Place:
     inside: Mask
     dense: bool = False
     per: Array | None = None
-    over_time: bool = False
+    single: bool = False
 
     @property
     def label(self) -> str:
@@ -59,12 +62,15 @@ def place_of(motion: Motion, goal: Target, width: int, does: Array) -> Place:
     scene = _Scene(motion, goal, width, does)
     kind = find_effect(motion.effect, "effects")
     if kind.resistance is not Effect.resistance and goal.kind == "state" and goal.name == "current":
-        return scene.place("time", "s", scene.time, per=scene.column("current"), over_time=True)
+        return scene.place("time", "s", scene.time, per=scene.column("current"))
     options = list(_options(scene, kind))
-    known = np.isfinite(does)
+    known = np.isfinite(does) & ~scene.standing()
+    does = np.where(known, does, np.nan)
     if np.var(does[known]) < FLAT * np.mean(does[known]) ** 2:
         return options[0]
     shares = [share_told(option, does) for option in options]
+    if kind.spring is not Effect.spring and shares[0] > TELLS:  # the loop of a spring is what everybody knows
+        return options[0]
     if max(shares) < TELLS:
         return scene.busiest()
     return next(o for o, share in zip(options, shares, strict=True) if share >= max(shares) - AS_GOOD)
@@ -134,6 +140,12 @@ class _Scene:
             since = np.concatenate([[-1], turned])[np.searchsorted(turned, np.arange(v.size), side="right")]
             yield side[1:], np.where(since < 0, np.nan, q - q[np.maximum(since, 0)])[1:]
 
+    def standing(self) -> Mask:
+        """Return where (N,) the machine stands: what dry friction does there depends on everything."""
+        parts = [np.abs(self._motion(i)) for i in range(len(self.records))]
+        size = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+        return self._at(parts) < STANDING * size
+
     def _motion(self, i: int) -> Array:
         name = self.plant.velocity
         if name in self.motion.model.states:
@@ -151,7 +163,7 @@ class _Scene:
         first = int(np.argmax(power))
         inside = np.zeros(self.does.size, dtype=np.bool_)
         inside[first : first + count] = True
-        return replace(self.place("time", "s", self.time, over_time=True), inside=inside)
+        return replace(self.place("time", "s", self.time, single=True), inside=inside)
 
 
 # -------------------------------------------------------------------- what to choose from
@@ -166,28 +178,39 @@ def _options(scene: _Scene, kind: type[Effect]) -> Iterator[Place]:
         yield from _of_memory(scene, kind)
     if scene.motion.model.delay > scene.motion.without.delay:
         yield _late(scene)
-    plain = [option for option in (find(scene) for find in (_velocity, _position, _current, _input)) if option]
-    yield from plain
+    needed = dependence(scene.motion, scene.goal)
     direction = scene.direction()
-    for option in plain[1:]:
-        yield replace(option, side=direction)
+    plain = [option for find in (_velocity, _position, _turned, _current, _input) for option in find(scene, needed)]
+    yield from plain
+    yield from (replace(option, side=direction) for option in plain if not option.dense)
+    if not plain:
+        yield scene.busiest()
 
 
-def _velocity(scene: _Scene) -> Place | None:
-    name = scene.plant.velocity
-    x = scene.column(name) if name in scene.known else scene.input()
-    return scene.place(name, scene.motion.model.units[name], x, dense=True)
+def _named(scene: _Scene, name: str, needed: dict[str, float]) -> Iterator[str]:
+    """Yield a name if what the effect does depends on it, as far as that is known."""
+    if name in scene.known | set(scene.motion.model.inputs) and needed.get(name, 0.0 if needed else 1.0) >= MATTERS:
+        yield name
 
 
-def _position(scene: _Scene) -> Place | None:
-    name, unit = scene.plant.position, scene.plant.position_unit
-    if name not in scene.known:
-        return None
-    x = scene.column(name)
-    period = _period(scene, float(np.nanmax(x) - np.nanmin(x)))
-    if period is None:
-        return scene.place(name, unit, x)
-    return scene.place(f"{name} within its period of {period:.4g} {unit}", unit, np.mod(x, period))
+def _velocity(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
+    for name in _named(scene, scene.plant.velocity, needed):
+        x = scene.column(name) if name in scene.known else scene.input()
+        yield scene.place(name, scene.motion.model.units[name], x, dense=True)
+
+
+def _position(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
+    for name in _named(scene, scene.plant.position, needed):
+        yield scene.place(name, scene.plant.position_unit, scene.column(name))
+
+
+def _turned(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
+    """Yield the position within its period."""
+    for name in _named(scene, scene.plant.position, needed):
+        x, unit = scene.column(name), scene.plant.position_unit
+        period = _period(scene, float(np.nanmax(x) - np.nanmin(x)))
+        if period is not None:
+            yield scene.place(f"{name} within its period of {period:.4g} {unit}", unit, np.mod(x, period))
 
 
 def _period(scene: _Scene, travel: float) -> float | None:
@@ -202,13 +225,15 @@ def _period(scene: _Scene, travel: float) -> float | None:
     return 2 * np.pi if scene.plant.position_unit == "rad" and travel > 2 * np.pi else None
 
 
-def _current(scene: _Scene) -> Place | None:
-    return scene.place("current", "A", scene.column("current")) if "current" in scene.known else None
+def _current(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
+    for name in _named(scene, "current", needed):
+        yield scene.place(name, "A", scene.column(name))
 
 
-def _input(scene: _Scene) -> Place | None:
-    name = scene.motion.model.inputs[0]
-    return None if name == scene.plant.velocity else scene.place(name, scene.motion.model.units[name], scene.input())
+def _input(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
+    for name in _named(scene, scene.motion.model.inputs[0], needed):
+        if name != scene.plant.velocity:
+            yield scene.place(name, scene.motion.model.units[name], scene.input())
 
 
 def _late(scene: _Scene) -> Place:
@@ -225,16 +250,17 @@ def _late(scene: _Scene) -> Place:
 
 def _of_memory(scene: _Scene, kind: type[Effect]) -> Iterator[Place]:
     motion = scene.motion
+    side, since = (np.concatenate(parts) for parts in zip(*scene.travels(), strict=True))
+    loops = [replace(position, side=side) for position in _position(scene, {})]
+    if kind.spring is not Effect.spring:
+        yield from loops
     names = [n for n in motion.model.states if n not in motion.without.states and n.endswith(".position")]
     if names and scene.plant.position in motion.model.states:
         twist = scene.own(scene.plant.position) - scene.own(names[0])
         yield scene.place("twist of the coupling", scene.plant.position_unit, twist)
-    side, since = (np.concatenate(parts) for parts in zip(*scene.travels(), strict=True))
     place = scene.place("travel since the last reversal", scene.plant.position_unit, since)
-    yield replace(place, inside=place.inside & _settling(since, scene.does * side))
-    position = _position(scene)
-    if position is not None:
-        yield replace(position, side=side)
+    yield replace(place, side=side, inside=place.inside & _settling(since, scene.does * side))
+    yield from loops
 
 
 def _settling(travel: Array, along: Array) -> Mask:

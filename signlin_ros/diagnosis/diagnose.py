@@ -124,7 +124,7 @@ def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
         errors = found[0] if found else errors
         errors = [np.where(np.arange(e.shape[0])[:, None] >= min(200, e.shape[0] // 4), e, np.nan) for e in errors]
     else:
-        found = follow_records(problem, f.candidate, f.theta, low, False)
+        found = follow_records(problem, f.candidate, f.theta, problem.levels[1], False)
         if found:
             errors = [_windowed(problem, f, s, X) for s, X in zip(problem.segments, found[2], strict=True)]
     y, e = np.concatenate(measured), np.concatenate(errors)
@@ -246,7 +246,7 @@ def describe(f: Findings) -> Diagnosis:
         Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
         for s in f.steps
     )
-    model = proposal(f)
+    model, ranking = proposal(f), _ranking(f, kind, unseen, verdict)
     base = f.steps[0].ranked.fit
     names = [c.name for c in final.fit.candidate.coordinates]
     return Diagnosis(
@@ -255,11 +255,12 @@ def describe(f: Findings) -> Diagnosis:
         base=estimates(base, [c.name for c in base.candidate.coordinates], f),
         base_validation=ladder[0].validation,
         parameters=estimates(final.fit, names, f),
-        ranking=_ranking(f, kind, unseen, verdict),
+        ranking=ranking,
         ladder=ladder,
         model=model,
         range=dict(problem.ranges),
         noise=dict(zip(problem.channels, noise.tolist(), strict=True)),
+        experiments=_experiments(ranking),
         notes=_notes(f),
         yaml=yaml_of(model, f),
         findings=f,
@@ -512,6 +513,18 @@ def write_text(path: str | Path, text: str) -> None:
         part.replace(target)
     finally:
         part.unlink(missing_ok=True)
+
+
+def _experiments(ranking: Sequence[Entry]) -> tuple[str, ...]:
+    """Return what to record so that ties are decided and what was not excited shows."""
+    found = []
+    for e in ranking:
+        clause = find_effect(e.effect, "effects").experiment
+        if clause and e.status == "ambiguous":
+            found.append(f"to decide on {e.effect.replace('_', ' ')}: {clause}")
+        elif clause and e.status == "not_excited":
+            found.append(f"to see {e.effect.replace('_', ' ')}: {clause}")
+    return tuple(found)
 
 
 def _notes(f: Findings) -> tuple[str, ...]:

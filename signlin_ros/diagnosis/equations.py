@@ -27,9 +27,9 @@ STEEP = 1e4
 class Equations:
     """Machine code of a structure for given measured channels and given free parameters.
 
-    ``parameters``: names of everything in p, the model's own in the trace's order, then ``sensor_gain.<channel>``,
-    ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel. ``free``: those with sensitivities. ``delay_free``: index among the
-    free ones of the parameter that is the input delay, -1 without. ``substeps``: least number between two samples.
+    ``parameters``: names of everything in p: the model's own in the trace's order, then ``sensor_gain.<channel>``,
+    ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel. ``free``: those with sensitivities.
+    ``substeps``: least number between two samples. ``keep``: the tape, for points one by one.
     """
 
     head: int

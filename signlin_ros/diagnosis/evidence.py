@@ -20,13 +20,12 @@ from signlin_ros.diagnosis.search import Findings
 
 Array = NDArray[np.float64]
 
-QUIET = 1.5
-"""The filter is just so long that no more noise is left than this share of what the effect does (RMS),"""
+QUIET, QUIET_OVER_TIME = 1.5, 0.3
+"""The filter is just so long that no more noise is left than this multiple of what the effect does (RMS), where means
+are shown, and where every sample counts;"""
 WIDTHS = (1, 3, 5, 9, 17, 33, 65)
 SLOWEST = 0.1
-"""and no longer than so many seconds."""
-FLOOR = 0.02
-"""Errors of means below this share of the largest mean do not count."""
+"""where means are shown it is no longer than so many seconds."""
 PARTS = 30
 """Into so many parts of time something is divided that is shown for each unit of something else."""
 
@@ -35,8 +34,8 @@ PARTS = 30
 class Explanation:
     """What the motion lacks without an effect, ``measured`` (N,), and what the effect makes of it, ``computed`` (N,).
 
-    All other parameters are those of the fit with ``effects``. ``found`` and ``curve`` are the means of both over the
-    coordinate, one for each direction of motion that is told apart.
+    All other parameters are those of the fit with ``effects``; an empty ``effect`` is none at all. ``found`` and
+    ``curve`` are the means of both over the coordinate, one for each direction of motion that is told apart.
     """
 
     effect: str
@@ -45,17 +44,6 @@ class Explanation:
     computed: Array
     found: tuple[Band, ...]
     curve: tuple[Band, ...]
-
-    @property
-    def share(self) -> float:
-        """The share of the means (of their squares, each weighed by its error) that the effect explains."""
-        mean, curve, error = (np.concatenate(parts) for parts in zip(*map(_row, self.found, self.curve), strict=True))
-        weight = 1.0 / (error**2 + (FLOOR * np.max(np.abs(mean), initial=1e-300)) ** 2)
-        return float(1.0 - np.sum(weight * (mean - curve) ** 2) / max(float(np.sum(weight * mean**2)), 1e-300))
-
-
-def _row(found: Band, curve: Band) -> tuple[Array, Array, Array]:
-    return found.mean, curve.mean, found.two_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +73,9 @@ def evidence(f: Findings, effect: str, within: Ranked | None = None) -> Evidence
     measured, computed = lacking(motion, goal)
     width = _width(measured, computed, motion.step)
     place = place_of(motion, goal, width, smoothed(computed, 1))
-    quantity, unit = ("resistance", "Ohm") if place.per is not None else (goal.quantity, goal.unit)
+    if place.single:
+        width = _width(measured, computed, motion.step, QUIET_OVER_TIME)
+    quantity, unit = ("missing resistance", "Ohm") if place.per is not None else (goal.quantity, goal.unit)
     named = _explanation(ranked, effect, place, measured, computed, width)
     rival = _rival(f, ranked, effect, goal, place, width)
     place = replace(place, x=place.x[place.inside], side=place.side[place.inside])
@@ -93,13 +83,13 @@ def evidence(f: Findings, effect: str, within: Ranked | None = None) -> Evidence
     return Evidence(quantity, unit, place, width * motion.step, sources, named, rival)
 
 
-def _width(measured: Sequence[Array], computed: Sequence[Array], step: float) -> int:
+def _width(measured: Sequence[Array], computed: Sequence[Array], step: float, quiet: float = QUIET) -> int:
     """Return the length of the filter in samples."""
     noise = [m - c for m, c in zip(measured, computed, strict=True)]
     best = WIDTHS[0]
     for best in WIDTHS:
         left, does = (float(np.nanstd(smoothed(parts, best))) for parts in (noise, computed))
-        if left <= QUIET * does or 2 * best * step > SLOWEST:
+        if left <= quiet * does or (quiet == QUIET and 2 * best * step > SLOWEST):
             break
     return best
 
@@ -118,12 +108,15 @@ def nearest_rival(f: Findings, ranked: Ranked, effect: str) -> tuple[Ranked, str
 
 
 def _rival(f: Findings, ranked: Ranked, effect: str, goal: Target, place: Place, width: int) -> Explanation | None:
+    """Return the nearest rival's explanation; where there is no rival, what is left if nothing takes the place."""
     found = nearest_rival(f, ranked, effect)
+    if found is None:
+        rest = next((s.ranked for s in f.steps if set(s.ranked.effects) == set(ranked.effects) - {effect}), None)
+        found = (rest, "") if rest else None
     motion = motion_of(f.unseen, *found) if found else None
     if found is None or motion is None:
         return None
-    goal = _same(motion, goal)
-    return _explanation(found[0], found[1], place, *lacking(motion, goal), width)
+    return _explanation(*found, place, *lacking(motion, _same(motion, goal)), width)
 
 
 def _same(motion: Motion, goal: Target) -> Target:

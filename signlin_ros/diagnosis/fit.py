@@ -218,6 +218,7 @@ def _initial(c: Candidate, s: Segment) -> Array:
     return np.array(x0)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def follow_records(
     problem: Problem,
     c: Candidate,
@@ -320,6 +321,7 @@ def _normal(
     return cost, rss, number, gradient, hessian
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def fit(
     problem: Problem,
     c: Candidate,

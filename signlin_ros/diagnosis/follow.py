@@ -101,7 +101,7 @@ def _choose(head, sizes, z, out):
 @njit(cache=True, error_model="numpy", nogil=True)
 def _linearized(whole, sizes, z, out, mode, s, J, P):
     """Fill J (n, n) and P (n, np), the derivatives of F in force at z, and leave F itself in out."""
-    n, m, ny, count = sizes[0], sizes[1], sizes[2], sizes[3]
+    n, ny, count = sizes[0], sizes[2], sizes[3]
     stuck = _slope(whole, sizes, z, out, mode, s)
     if mode == 0 and sizes[5]:
         z[z.size - 1] = stuck

@@ -125,7 +125,7 @@ def target(motion: Motion) -> Target | None:
     problem, plant = motion.problem, motion.model.plant
     if motion.of_sensor:
         channel = next(c for c in problem.channels if motion.sensors[c] != motion.blind[c])
-        return Target("sensor", channel, channel, motion.model.units[channel])
+        return Target("sensor", channel, f"{channel} shown too much", motion.model.units[channel])
     changes = _changes(motion)
     seen = [n for n in problem.channels if n in changes]
     if plant.velocity in changes and plant.velocity not in seen:
@@ -142,32 +142,71 @@ def target_at(motion: Motion, name: str) -> Target:
     """Return the state or the output of that name as a target."""
     model, plant = motion.without, motion.model.plant
     if name not in model.states:
-        return Target("output", name, name, model.units[name])
+        return Target("output", name, f"missing {name}", model.units[name])
     if name == plant.velocity:
-        quantity = "force" if plant.force_unit == "N" else "torque"
+        quantity = "missing force" if plant.force_unit == "N" else "missing torque"
         return Target("state", name, quantity, plant.force_unit, float(per_force(model)[model.states.index(name)]))
     states, _, B, _ = linear_base(model, motion.problem.channels)
-    return Target("state", name, model.inputs[0], plant.input_unit, float(B[states.index(name), 0]))
+    return Target("state", name, f"missing {model.inputs[0]}", plant.input_unit, float(B[states.index(name), 0]))
 
 
 def _changes(motion: Motion) -> dict[str, float]:
     """Return by how much the effect changes the rate of every state of the plant, and every output: RMS over RMS."""
-    problem, model, without = motion.problem, motion.model, motion.without
-    with_it, without_it = ([] for _ in range(2))
-    for s, X in zip(problem.segments, motion.after, strict=True):
-        with_it.append(_rates(problem, model, X, _arriving(model, s)))
-        columns = [model.states.index(n) for n in without.states]
-        without_it.append(_rates(problem, without, X[:-1, columns], _arriving(without, s)))
-    a, b = np.concatenate(with_it), np.concatenate(without_it)
-    found = {}
-    names = [*without.states, *(c for c in problem.channels if c not in without.states)]
+    problem, without = motion.problem, motion.without
+    X, late, u = _along(motion)
+    a, b = _rates(problem, motion.model, X, late), _rates(problem, without, X[:, _shared(motion)], u)
     plant = set(bare(without).states) - {without.plant.position}
-    for name in names:
+    found = {}
+    for name in [*without.states, *(c for c in problem.channels if c not in without.states)]:
         if name in plant or name not in without.states:
-            i, j = _column(problem, model, name), _column(problem, without, name)
-            size = float(np.sqrt(np.mean(a[:, i] ** 2)))
-            found[name] = float(np.sqrt(np.mean((a[:, i] - b[:, j]) ** 2))) / size if size > 0 else 0.0
+            i, j = _column(problem, motion.model, name), _column(problem, without, name)
+            size = _rms(a[:, i])
+            found[name] = _rms(a[:, i] - b[:, j]) / size if size > 0 else 0.0
     return found
+
+
+def dependence(motion: Motion, goal: Target) -> dict[str, float]:
+    """Return how much of what the effect does at the target goes with each state and input: the RMS change when its
+    values are dealt out to the samples anew, over the largest of these; nothing where it does not act there at once.
+    """
+    X, late, u = _along(motion)
+    order = np.random.default_rng(0).permutation(len(X))
+    does = _does(motion, goal, X, late, u)
+    found = {}
+    for j, name in enumerate(motion.model.states):
+        moved = X.copy()
+        moved[:, j] = X[order, j]
+        found[name] = _rms(_does(motion, goal, moved, late, u) - does)
+    for j, name in enumerate(motion.model.inputs):
+        parts = [v.copy() for v in (late, u)]
+        for v in parts:
+            v[:, j] = v[order, j]
+        found[name] = _rms(_does(motion, goal, X, parts[0], parts[1]) - does)
+    most = max(found.values())
+    return {name: size / most for name, size in found.items()} if most > 1e-9 * _rms(does) > 0 else {}
+
+
+def _does(motion: Motion, goal: Target, X: Array, late: Array, u: Array) -> Array:
+    """Return what the effect changes at the target (T,) at states X (T, n) and inputs with and without its delay."""
+    a = _rates(motion.problem, motion.model, X, late)[:, _column(motion.problem, motion.model, goal.name)]
+    b = _rates(motion.problem, motion.without, X[:, _shared(motion)], u)
+    return np.asarray(a - b[:, _column(motion.problem, motion.without, goal.name)])
+
+
+def _along(motion: Motion) -> tuple[Array, Array, Array]:
+    """Return states (T, n), and inputs (T, m) as late as with and as without the effect, all records end to end."""
+    segments = motion.problem.segments
+    X = np.concatenate([x[:-1] for x in motion.after])
+    late, u = (np.concatenate([_arriving(m, s) for s in segments]) for m in (motion.model, motion.without))
+    return X, late, u
+
+
+def _shared(motion: Motion) -> list[int]:
+    return [motion.model.states.index(n) for n in motion.without.states]
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
 
 
 def _column(problem: Problem, model: Model, name: str) -> int:
@@ -176,14 +215,13 @@ def _column(problem: Problem, model: Model, name: str) -> int:
 
 
 def _rates(problem: Problem, model: Model, X: Array, u: Array) -> Array:
-    """Return rates of the states and values of the channels (T, n + ny) at X (T or T + 1, n) and inputs u (T, m)."""
+    """Return rates of the states and values of the channels (T, n + ny) at X (T, n) and inputs u (T, m)."""
     eq = equations(model.structure, problem.channels, ())
     n, ny = len(model.states), len(problem.channels)
-    X = X[: len(u)]
     velocity = _velocity(model, X, u)
     columns = [*X.T, *u.T, *model.p, *neutral_sensors(ny), np.sign(velocity)]
     out = eq.keep.batch([np.broadcast_to(c, (len(X),)) for c in columns])
-    return np.concatenate([out[:n], out[2 * n + 3 : 2 * n + 3 + ny]]).T
+    return np.asarray(np.concatenate([out[:n], out[2 * n + 3 : 2 * n + 3 + ny]]).T)
 
 
 def _velocity(model: Model, X: Array, u: Array) -> Array:
@@ -254,7 +292,7 @@ def _shown(sensors: Sensors, name: str, t: Array, x: Array) -> Array:
 def measured_columns(motion: Motion, i: int) -> dict[str, Array]:
     """Return position and velocity, and every other channel, of record i (T,) as measured; velocities are derived."""
     problem, plant, s = motion.problem, motion.model.plant, motion.problem.segments[i]
-    found = dict(zip(problem.channels, _true(motion.blind, problem, s).T, strict=True))
+    found: dict[str, Array] = dict(zip(problem.channels, _true(motion.blind, problem, s).T, strict=True))
     if plant.position in found and plant.velocity not in found and plant.velocity in motion.without.states:
         found[plant.velocity] = np.gradient(found[plant.position], s.t)
     return found
@@ -266,7 +304,7 @@ def _seen(motion: Motion, i: int, held: Array) -> Array:
     for j, name in enumerate(motion.without.states):
         if name in known:
             X[:, j] = known[name]
-    return X
+    return np.asarray(X)
 
 
 def _own(motion: Motion, i: int, held: Array, goal: Target) -> tuple[Array, Array]:
@@ -286,7 +324,7 @@ def _own(motion: Motion, i: int, held: Array, goal: Target) -> tuple[Array, Arra
 def _as_shown(motion: Motion, name: str, t: Array, x: Array) -> Array:
     """Return a true state (T,) as the sensors show it, freed of what the known ones among them add."""
     if name not in motion.sensors or motion.sensors[name] == motion.blind[name]:
-        return x
+        return np.asarray(x)
     shown = _shown(motion.sensors, name, t, x)
     return np.asarray(motion.blind[name].true(shown))
 
@@ -298,13 +336,13 @@ def _beyond(motion: Motion, goal: Target, s: Segment, start: Array, end: Array) 
     states, A, _, _ = linear_base(model, motion.problem.channels)
     decay = float(A[states.index(goal.name), states.index(goal.name)]) * steps
     effective = steps * np.where(np.abs(decay) > 1e-6, np.expm1(decay) / np.where(decay == 0, 1.0, decay), 1.0)
-    predicted = _stepped(motion.problem, model, start[:-1], _arriving(model, s), steps, np.linalg.eigvals(A))
+    predicted = _stepped(motion.problem, model, start[:-1], _arriving(model, s), steps, np.abs(np.linalg.eigvals(A)))
     return np.asarray((end[:, row] - predicted[:, row]) / (effective * goal.per_unit))
 
 
 def _stepped(problem: Problem, model: Model, X: Array, u: Array, steps: Array, rates: Array) -> Array:
     """Return the states (T, n) a step later, with Runge and Kutta's method in substeps."""
-    fastest = float(np.max(np.abs(rates), initial=0.0)) * float(np.median(steps))
+    fastest = float(np.max(rates, initial=0.0)) * float(np.median(steps))
     count = int(np.clip(np.ceil(fastest / SUBSTEP), LEAST, MOST))
     h, n, x = (steps / count)[:, None], X.shape[1], X
     for _ in range(count):
@@ -313,7 +351,7 @@ def _stepped(problem: Problem, model: Model, X: Array, u: Array, steps: Array, r
         k3 = _rates(problem, model, x + h / 2 * k2, u)[:, :n]
         k4 = _rates(problem, model, x + h * k3, u)[:, :n]
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return x
+    return np.asarray(x)
 
 
 def _in_channel(motion: Motion, goal: Target, i: int) -> tuple[Array, Array]:
@@ -321,13 +359,12 @@ def _in_channel(motion: Motion, goal: Target, i: int) -> tuple[Array, Array]:
     problem, s = motion.problem, motion.problem.segments[i]
     c = problem.channels.index(goal.name)
     shown = s.y[:, c] - motion.innovations[i][:, c]
-    states = [motion.model.states.index(n) for n in motion.without.states]
     X = motion.before[i]
     if goal.name in motion.model.states:
         true = X[:, motion.model.states.index(goal.name)]
     else:
         u = np.concatenate([_arriving(motion.without, s), s.u[-1:]])
-        true = _rates(problem, motion.without, X[:, states], u)[:, _column(problem, motion.without, goal.name)]
+        true = _rates(problem, motion.without, X[:, _shared(motion)], u)[:, _column(problem, motion.without, goal.name)]
     expected = _shown(motion.blind, goal.name, s.t, true)
     return s.y[1:, c] - expected[1:], shown[1:] - expected[1:]
 
@@ -347,4 +384,14 @@ def smoothed(parts: Sequence[Array], width: int) -> Array:
     return np.concatenate(found)
 
 
-__all__ = ["Motion", "Target", "lacking", "measured_columns", "motion_of", "smoothed", "target", "target_at"]
+__all__ = [
+    "Motion",
+    "Target",
+    "dependence",
+    "lacking",
+    "measured_columns",
+    "motion_of",
+    "smoothed",
+    "target",
+    "target_at",
+]

@@ -17,6 +17,7 @@ class AsymmetricViscousFriction(Effect):
     name = "asymmetric_viscous_friction"
     equation = "-b_p v for v > 0, -b_n v for v < 0"
     finding = "the residual {F} grows with the {V}, by {b_p:.3g} {b_p.unit} forward and {b_n:.3g} backward"
+    experiment = "move both ways at several speeds"
     dissipative = True
 
     b_p = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity, forward")

@@ -18,6 +18,7 @@ class Backlash(CompliantLoad):
     name = "backlash"
     equation = "-T, T = k dz(q - q2) + c (v - v2) in contact only, J v2' = T"
     finding = "an inertia of {J:.3g} {J.unit} is driven only after a play of {gap:.3g} {gap.unit} either way is crossed"
+    experiment = "reverse the drive slowly while the load lags"
 
     gap = Par("Q", nominal=0.01, doc="half width of the play")
     start = tuple({"k": 10.0, "c": 0.05, "J": 0.3, "gap": gap} for gap in (0.02, 0.1, 0.4))

@@ -37,6 +37,8 @@ class Effect(HasPars):
     """What a record shows where this is missing, as a sentence: ``{mu:.3g}`` a parameter's value, ``{mu.unit}`` its
     unit, ``{F}``, ``{Q}``, ``{V}`` the plant's words for force, position and velocity.
     """
+    experiment: ClassVar[str] = ""
+    """What to record so that it shows, as an imperative clause."""
     states: ClassVar[dict[str, str]] = {}
     """Own states and their units (``F`` and ``Q`` as in `Par`)."""
     plants: ClassVar[tuple[str, ...]] = ()

@@ -18,6 +18,7 @@ class BoucWenHysteresis(Effect):
     name = "bouc_wen_hysteresis"
     equation = "k q -> alpha k q + (1 - alpha) D k h, h' = [lambda v - beta |v| |h|^(n-1) h - gamma v |h|^n] / D"
     finding = "the residual {F} against the {Q} is a loop: {alpha:.2f} of the stiffness stays elastic, the rest yields"
+    experiment = "cycle slowly between two positions, with several amplitudes"
     states = {"h": "-"}
 
     alpha = Par("-", nominal=0.5, high=1.0, doc="share of the stiffness that stays elastic")

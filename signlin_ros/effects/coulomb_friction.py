@@ -20,6 +20,7 @@ class CoulombFriction(Effect):
         "the residual {F} is {mu:.3g} {mu.unit} against the motion at any {V}:"
         " it jumps by twice that where the {V} changes sign and is flat elsewhere"
     )
+    experiment = "reverse the motion slowly, many times"
     dissipative = True
 
     mu = Par("F", nominal=0.03, doc="friction while sliding")

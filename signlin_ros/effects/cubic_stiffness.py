@@ -17,6 +17,7 @@ class CubicStiffness(Effect):
     name = "cubic_stiffness"
     equation = "-k3 q^3"
     finding = "the residual {F} grows with the cube of the {Q}: {k3:.3g} {k3.unit}"
+    experiment = "move further out to both sides"
     external = True
 
     k3 = Par("F/Q³", nominal=0.1, low=-1e12, high=1e12, doc="cubic stiffness; positive hardens")

@@ -20,6 +20,7 @@ class DahlPresliding(Effect):
         "the residual {F} lags behind reversals: it settles at {F_c:.3g} {F_c.unit},"
         " with a slope of {sigma:.3g} {sigma.unit} after each"
     )
+    experiment = "ramp the force slowly up and down without breaking away"
     states = {"z": "Q"}
 
     F_c = Par("F", nominal=0.03, positive=True, doc="friction while sliding")

@@ -18,6 +18,7 @@ class GravityLoad(Effect):
     name = "gravity_load"
     equation = "-A sin(q - q0)"
     finding = "the residual {F} is one sine of the {Q}, {A:.3g} {A.unit} high, zero at {q0:.3g} {q0.unit}"
+    experiment = "rest at several positions over a full turn"
     external = True
 
     A = Par("F", nominal=0.05, low=-1e9, doc="largest gravity torque")

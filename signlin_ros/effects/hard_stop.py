@@ -17,6 +17,7 @@ class HardStop(Effect):
     name = "hard_stop"
     equation = "-k_s [max(q - gap, 0) - max(-q - gap, 0)]"
     finding = "the residual {F} is zero up to {gap:.3g} {gap.unit} of travel and rises by {k_s:.3g} {k_s.unit} beyond"
+    experiment = "move to both ends of the travel"
 
     gap = Par("Q", nominal=0.5, doc="travel to either stop")
     k_s = Par("F/Q", nominal=10.0, doc="stiffness of the stops")

@@ -18,6 +18,7 @@ class InputDeadzone(Effect):
     name = "input_deadzone"
     equation = "u -> max(u - d, 0) - max(-u - d, 0)"
     finding = "inputs below {d:.3g} {d.unit} have no effect, and larger ones lack as much"
+    experiment = "ramp the input slowly through zero"
 
     d = Par("U", nominal=0.5, doc="threshold")
     start = ({"d": 0.05}, {"d": 0.2})

@@ -17,6 +17,7 @@ class InputDelay(Effect):
     name = "input_delay"
     equation = "u(t) -> u(t - T)"
     finding = "the response comes {T:.3g} s after the input"
+    experiment = "apply steps of the input and sample faster"
 
     T = Par("s", nominal=0.005, high=10.0, doc="delay")
     start = ({"T": 1.5}, {"T": 4.5})

@@ -21,6 +21,7 @@ class LuGreFriction(Effect):
         "the residual {F} bends like a spring of {sigma0:.3g} {sigma0.unit} after reversals,"
         " breaks away at {F_s:.3g} {F_s.unit} and slides at {F_c:.3g}"
     )
+    experiment = "ramp the force slowly up to breakaway and back"
     states = {"z": "Q"}
 
     sigma0 = Par("F/Q", nominal=10.0, positive=True, doc="stiffness of the bristles")

@@ -18,6 +18,7 @@ class SensorDelay(SensorEffect):
     name = "sensor_delay"
     equation = "y(t) = x(t - T)"
     finding = "the {channel} is seen {value:.3g} s late"
+    experiment = "apply steps of the input and sample faster"
 
     T = Par("s", nominal=0.005, high=1.0, default=0.0, doc="delay")
 

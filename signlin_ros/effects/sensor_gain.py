@@ -18,6 +18,7 @@ class SensorGain(SensorEffect):
     name = "sensor_gain"
     equation = "y = gain x"
     finding = "the {channel} reads {value:.4g} times what the other channels say"
+    experiment = "record motion between two known values"
 
     gain = Par("-", nominal=1.0, high=10.0, default=1.0, positive=True, doc="what the sensor shows for each unit")
 

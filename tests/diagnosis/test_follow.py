@@ -1,0 +1,99 @@
+"""The compiled loop of the diagnosis: its paths against the simulation, its sensitivities against differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis.equations import equations, neutral_sensors
+from signlin_ros.diagnosis.follow import follow
+from signlin_ros.model import Model
+from signlin_ros.simulate import simulate
+
+T, DT = 1200, 0.005
+TIMES = np.arange(T) * DT
+INPUT = (4 * np.sign(np.sin(2 * np.pi * 0.7 * TIMES)) + 2 * np.sin(2 * np.pi * 1.7 * TIMES))[:, None]
+CHANNELS = ("current", "speed", "position")
+SCALE = np.array([5.0, 20.0, 30.0, 1.0, 1.0, 1.0])
+CASES = {
+    "none": {},
+    "coulomb_friction": {"mu": 0.033},
+    "stribeck_friction": {"mu": 0.025, "excess": 0.02, "v_s": 2.0},
+    "dahl_presliding": {"F_c": 0.03, "sigma": 1.0},
+    "cogging_torque": {"A": 0.02, "N": 3.0, "phi": 0.3},
+    "hard_stop": {"gap": 3.0, "k_s": 1.0},
+    "input_deadzone": {"d": 0.5},
+    "input_delay": {"T": 0.0123},
+    "load_dependent_friction": {"kappa_d": 0.1, "kappa_e": 0.0},
+}
+
+
+def motor(effect: str) -> Model:
+    model = Model.load("dc_motor").without_effect("coulomb_friction").with_options(with_position=True)
+    return model if effect == "none" else model.with_effect(effect, **CASES[effect])
+
+
+def run(model, free=(), change=None, y=None, gains=None, lags=None):
+    eq = equations(model.structure, CHANNELS, tuple(free))
+    p = np.concatenate([model.p, neutral_sensors(3)])
+    for name, shift in (change or {}).items():
+        p[eq.parameters.index(name)] += shift
+    delay = next((p[i] for i, name in enumerate(eq.parameters) if name == "input_delay.T"), 0.0)
+    n, count = eq.sizes[0], eq.sizes[3]
+    y = np.zeros((T, 3)) if y is None else y
+    gains = np.zeros((1, n, 3)) if gains is None else gains
+    E, D, X = np.zeros((T, 3)), np.zeros((T if free else 0, 3, count)), np.zeros((T, n))
+    lags = np.zeros((0, 3)) if lags is None else lags
+    arguments = (eq.flags(bool(free)), TIMES, INPUT, y, gains, np.zeros(n), p, SCALE[:n], delay, lags)
+    assert follow(eq.head, eq.whole, *arguments, E, D, X) == T
+    return E, D, X
+
+
+@pytest.mark.parametrize("effect", CASES)
+def test_free_run_is_the_exact_simulation(effect):
+    model = motor(effect)
+    exact = simulate(model, TIMES, INPUT, rtol=1e-8).x
+    _, _, found = run(model)
+    error = np.sqrt(np.mean((found - exact) ** 2, axis=0)) / np.std(exact, axis=0)
+    assert error[:3].max() < (5e-3 if effect == "load_dependent_friction" else 1e-3)  # |current| is a kink
+
+
+@pytest.mark.parametrize("effect", CASES)
+def test_sensitivities_are_those_of_finite_differences(effect):
+    model = motor(effect)
+    rng = np.random.default_rng(3)
+    _, _, X = run(model)
+    y = X[:, :3] * 1.05 + rng.normal(size=(T, 3)) * 0.01 * np.std(X[:, :3], axis=0)
+    gains = np.zeros((1, X.shape[1], 3))
+    gains[0, :3, :] = np.diag([0.1, 0.2, 0.3])
+    free = [name for name in model.trace.parameters if name not in ("L_a", "B")]
+    _, D, _ = run(model, free, y=y, gains=gains)
+    for i, name in enumerate(free):
+        h = 1e-5 * max(abs(model.value(name)), 1e-3)
+        up, down = (run(model, change={name: s * h}, y=y, gains=gains)[0] for s in (1, -1))
+        difference = (up - down) / (2 * h)
+        if name == "load_dependent_friction.kappa_e":
+            continue
+        assert np.linalg.norm(D[:, :, i] - difference) < 0.06 * np.linalg.norm(difference), name  # trapezoidal rule
+
+
+def test_a_late_sensor_shows_what_was():
+    model = motor("none")
+    _, _, X = run(model)
+    lag = 0.0123
+    fine = np.arange(0, TIMES[-1] + 1e-9, DT / 50)
+    held = INPUT[np.minimum((fine / DT + 1e-6).astype(int), T - 1)]
+    speed = simulate(model, fine, held, rtol=1e-9).x[:, 1]
+    late = np.interp(TIMES - lag, fine, speed)
+    E, _, _ = run(model, y=X[:, :3] * 0, lags=np.array([[0, 0, -1], [lag, 1, -1], [0, 2, -1.0]]))
+    assert np.max(np.abs(-E[5:, 1] - late[5:])) < 1e-3 * np.std(speed)
+
+
+def test_a_run_out_of_bounds_says_where():
+    model = Model.load("mass_spring_damper").with_effect("cubic_stiffness", k3=-1e6)
+    eq = equations(model.structure, ("displacement",), ())
+    p = np.concatenate([model.p, neutral_sensors(1)])
+    E, X = np.zeros((T, 1)), np.zeros((T, 2))
+    arguments = (eq.flags(False), TIMES, 100 * INPUT, np.zeros((T, 1)), np.zeros((1, 2, 1)), np.zeros(2), p)
+    done = follow(eq.head, eq.whole, *arguments, np.ones(2), 0.0, np.zeros((0, 3)), E, np.zeros((0, 1, 0)), X)
+    assert 0 < done < T
