@@ -340,6 +340,8 @@ def fit(
     if found is None:
         return None
     cost, rss, number, gradient, hessian = _normal(problem, c, x, found, whiten)
+    if not (np.isfinite(cost) and np.isfinite(hessian).all()):
+        return None
     damping, taken = 1e-3, 0
     for _ in range(steps):
         new = _step(x, gradient, hessian, damping, low, high)
@@ -350,7 +352,7 @@ def fit(
         taken += 1
         if trial is not None:
             results = _normal(problem, c, new, trial, whiten)
-            if results[0] < cost:
+            if results[0] < cost and np.isfinite(results[4]).all():
                 gain = cost - results[0]
                 x, found = new, trial
                 cost, rss, number, gradient, hessian = results
