@@ -21,6 +21,7 @@ SECTIONS = {
     "linearization": "A_k, B_k beside python-control and NumPy by hand",
     "simulation": "exact simulation beside SciPy's solve_ivp with events",
     "prediction": "what the method gains on measured data (EMPS)",
+    "diagnosis": "what a diagnosis takes, and names beside PySINDy",
     "startup": "start-up and cold compilation",
     "ros_latency": "the nodes: latency, CPU share, rate (takes over a minute)",
 }

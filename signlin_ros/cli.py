@@ -416,10 +416,10 @@ def _stage(what: str, share: float) -> None:
     _progress(f"  {100 * share:3.0f} %  {what}")
 
 
-def _report_writer(name: str) -> Callable[[Any, Any], Any]:
+def _report_writer(name: str) -> Callable[..., Any]:
     """Return the function of `signlin_ros.report` that writes a report; raise `InputError` where there is none."""
     try:
-        return cast("Callable[[Any, Any], Any]", getattr(importlib.import_module("signlin_ros.report"), name))
+        return cast("Callable[..., Any]", getattr(importlib.import_module("signlin_ros.report"), name))
     except (ImportError, AttributeError) as error:
         raise InputError("--report: this version writes no reports yet; leave it out, or take --json") from error
 

@@ -1,0 +1,193 @@
+"""The report on a comparison: how good a model is on measurements, and where it fails."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from signlin_ros import __version__
+from signlin_ros.diagnosis import pictures
+from signlin_ros.diagnosis.compare import Comparison
+from signlin_ros.diagnosis.scores import Score
+from signlin_ros.errors import SignlinError
+from signlin_ros.report.files import write_report
+from signlin_ros.report.page import Block, Code, Items, Page, Picture, Section, Table, Text
+
+
+def compare_report(comparison: Comparison, path: str | Path, command: str = "") -> Path:
+    """Write the report on a comparison to ``path`` (HTML) and its pictures beside it; return the path.
+
+    ``command``: the command line that leads to it. Raises `InputError` where it cannot be written.
+    """
+    c = comparison
+    sections = [
+        Section("Scores", [scores_table(c), *_effort(c)]),
+        Section("Measured and predicted", _traces(c)),
+        Section("Where it fails", where(c)),
+        Section("What is missing", _missing(c)),
+        Section("What is left in the residual", [_tests(c), *_spectrum(c)]),
+        Section("Notes", notes(c.notes)),
+        Section("To reproduce", reproduce(command)),
+    ]
+    title = f"Comparison of {name_of(c.model.source)} with {names_of(c.sources)}"
+    return write_report(Page(title, ("", ""), _lead(c), sections, foot()), path)
+
+
+def name_of(source: str) -> str:
+    """Return the file name of a source."""
+    return Path(source).name
+
+
+def names_of(sources: Sequence[str]) -> str:
+    """Return file names; several as their number and the first."""
+    names = list(dict.fromkeys(name_of(s) for s in sources))
+    return ", ".join(names) if len(names) < 4 else f"{len(names)} records ({names[0]}, ...)"
+
+
+def foot() -> str:
+    """Return the last line of a report."""
+    return f"signlin_ros {__version__}, {dt.date.today().isoformat()}"
+
+
+def number(value: float | None, unit: str = "") -> str:
+    """Return a number as in tables."""
+    return "-" if value is None else f"{value:.3g} {unit}".rstrip()
+
+
+def percent(value: float | None) -> str:
+    """Return per cent as in tables."""
+    return "-" if value is None else f"{value:.1f} %"
+
+
+def _lead(c: Comparison) -> str:
+    worst = max(c.channels, key=lambda n: _over(c.channels[n].windowed))
+    score = c.channels[worst].windowed
+    if score is None or score.rmse_over_noise is None:
+        return f"{c.samples} samples."
+    noise = (
+        "no larger than the noise" if score.rmse_over_noise < 1.1 else f"{score.rmse_over_noise:.3g} times the noise"
+    )
+    which = "Every prediction" if score.rmse_over_noise < 1.1 else f"The prediction of the {worst}"
+    where = f"; most of the error: {c.where[0].name}" if c.where else ""
+    return f"{which} over the next {c.horizon:g} s is {noise}{where}."
+
+
+def _over(score: Score | None) -> float:
+    return score.rmse_over_noise or 0.0 if score else 0.0
+
+
+def scores_table(c: Comparison) -> Table:
+    """Return the scores of every channel."""
+    ahead = f"next {c.horizon:g} s"
+    head = [
+        "",
+        "unit",
+        "noise",
+        *(f"{k}: {w}" for k in ("free run", ahead) for w in ("RMS error", "fit", "over noise")),
+    ]
+    rows = [
+        [name, channel.unit, number(channel.noise.sigma), *_score(channel.free_run), *_score(channel.windowed)]
+        for name, channel in c.channels.items()
+    ]
+    return Table(head, rows, right=range(2, 9))
+
+
+def _score(s: Score | None) -> list[str]:
+    return [number(s.rmse), percent(s.fit_percent), number(s.rmse_over_noise)] if s else ["-"] * 3
+
+
+def _effort(c: Comparison) -> list[Block]:
+    return [
+        Text(
+            f"The {name} computed from the measured motion is {number(i.rmse, i.unit)} off (RMS),"
+            f" {percent(i.relative_error_percent)} of the measured one, below {i.cutoff:g} Hz."
+        )
+        for name, i in c.inverse.items()
+    ]
+
+
+def _traces(c: Comparison) -> list[Block]:
+    caption = "Black: measured. Orange: simulated from the start. Blue: predicted over windows, each from what was"
+    picture = Picture(
+        "measured_and_simulated",
+        pictures.measured_and_simulated(c),
+        f"{caption} measured before it. Shaded: where the error is concentrated, or else large.",
+        "every channel over time, measured and predicted",
+    )
+    return [picture]
+
+
+def where(c: Comparison) -> list[Block]:
+    """Return the situations in which a model fails, as a table."""
+    if not c.where:
+        clear = any(m.clear for m in c.missing)
+        rest = "what is missing acts everywhere." if clear else "nothing stands out of the noise."
+        return [Text(f"No situation holds much more of the error than of the time: {rest}")]
+    rows = [
+        [
+            r.name,
+            f"{r.share_of_error:.0f} %",
+            f"{r.share_of_time:.0f} %",
+            "" if r.kind == "frequency" else f"{r.mean:.3g} ± {2 * r.mean_std:.1g} {r.unit}",
+        ]
+        for r in c.where
+    ]
+    head = ["situation", "of the error", "of the time", f"missing {c.where[0].what} there, mean ± 2 standard errors"]
+    return [Table(head, rows, right=(1, 2))]
+
+
+def _missing(c: Comparison) -> list[Block]:
+    if not c.missing:
+        return [Text("What is missing cannot be told: the record does not measure enough.")]
+    found: list[Block] = []
+    for name, (draw, caption) in _OF_WHAT_IS_MISSING.items():
+        found += drawing(name, draw, caption, c)
+    return found
+
+
+_OF_WHAT_IS_MISSING = {
+    "missing_force": (
+        pictures.missing_against,
+        "What the equations lack, against each coordinate; the band is the mean with two standard errors.",
+    ),
+    "error_map": (pictures.error_map, "How much is missing, over two coordinates at once."),
+    "loop": (
+        pictures.hysteresis_loop,
+        "The force with which springs and friction resist. An open loop that the model does not have is friction.",
+    ),
+}
+
+
+def drawing(name: str, draw: Any, caption: str, *arguments: Any) -> list[Block]:
+    """Return a picture, nothing where it cannot be drawn of this record."""
+    try:
+        figure = draw(*arguments)
+    except SignlinError:
+        return []
+    return [Picture(name, figure, caption, caption.split(".", maxsplit=1)[0])]
+
+
+def _tests(c: Comparison) -> Table:
+    yes = {True: "yes", False: "no"}
+    rows = [[n, f"{t.lag1:.2f}", yes[t.white], yes[t.input_correlated]] for n, t in c.residual_tests.items()]
+    return Table(["", "correlation of neighbours", "white", "follows the input"], rows, right=(1,))
+
+
+def _spectrum(c: Comparison) -> list[Block]:
+    caption = "Spectra of what was measured and of what is left of it. Dashed: the noise of the sensor."
+    return drawing("spectrum", pictures.spectrum, caption, c)
+
+
+def notes(texts: Sequence[str]) -> list[Block]:
+    """Return notes as a list."""
+    return [Items([("", text) for text in texts])] if texts else []
+
+
+def reproduce(command: str) -> list[Block]:
+    """Return the command line that leads to a report."""
+    return [Code(command)] if command else []
+
+
+__all__ = ["compare_report"]

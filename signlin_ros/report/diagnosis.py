@@ -1,0 +1,282 @@
+"""The report on a diagnosis: the verdict, the evidence for it, and what the record cannot tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from signlin_ros.diagnosis import diagnosis_pictures as drawn
+from signlin_ros.diagnosis import pictures
+from signlin_ros.diagnosis.compare import Comparison, compare
+from signlin_ros.diagnosis.evidence import Evidence, evidence
+from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Scores
+from signlin_ros.diagnosis.search import held_out
+from signlin_ros.errors import SignlinError
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.report.comparison import drawing, foot, name_of, names_of, notes, number, percent, reproduce, where
+from signlin_ros.report.files import write_report
+from signlin_ros.report.formulas import formula
+from signlin_ros.report.page import Block, Code, Fold, Items, Page, Picture, Section, Table, Text
+
+Records = ModelData | Sequence[ModelData]
+BADGES = {"missing": "an effect is missing", "adequate": "nothing is missing", "unexplained": "unexplained"}
+
+
+def diagnosis_report(
+    diagnosis: Diagnosis,
+    path: str | Path,
+    command: str = "",
+    data: tuple[Records, Records | None] | None = None,
+    model: Model | None = None,
+    comparisons: tuple[Comparison, Comparison] | None = None,
+) -> Path:
+    """Write the report on a diagnosis, or on what `add` or `refine` did, and its pictures beside it; return the path.
+
+    ``data``: the records of the fit, and those for validation (None: the last third was held out); ``model``: the base
+    model as given. Both models are compared with the validation data for the report, unless ``comparisons`` (before
+    and after) are given. ``command``: the command line that leads to it. Raises `InputError` where it cannot be
+    written.
+    """
+    d, remarks = diagnosis, list(diagnosis.notes)
+    if comparisons is None and data is not None and model is not None:
+        comparisons = _compared(model, d.model, *data, remarks)
+    base = model or (d.findings.problem.base if d.findings else None)
+    before = comparisons[0] if comparisons else None
+    sections = [
+        Section("What the record shows", _shown(d)),
+        Section("The error, step by step", _ladder(d)),
+        Section("Before and after", _before_and_after(d, comparisons)),
+        Section("Where the base model fails", _fails(before)),
+        Section("Where the proposal still fails", _still(d, comparisons)),
+        Section("Parameters", _parameters(d, base)),
+        Section("What else was tried", _others(d)),
+        Section("What this record cannot tell", _unknown(d)),
+        Section("Notes", notes(remarks)),
+        Section("To reproduce", _reproduce(d, command)),
+    ]
+    title = f"Diagnosis of {name_of((base or d.model).source)}" + _with(d)
+    page = Page(title, (d.verdict, BADGES.get(d.verdict, d.verdict)), d.sentence, sections, foot())
+    return write_report(page, path)
+
+
+def _with(d: Diagnosis) -> str:
+    """Return which data it is about."""
+    if d.findings is None:
+        return ""
+    fitted, seen = (names_of([s.source for s in p.segments]) for p in (d.findings.problem, d.findings.unseen))
+    return f": fitted to {fitted}, " + ("checked on its last third" if fitted == seen else f"checked on {seen}")
+
+
+def _compared(
+    base: Model, proposal: Model, data: Records, validation: Records | None, remarks: list[str]
+) -> tuple[Comparison, Comparison] | None:
+    """Return both models held against data that the fit did not see; a remark where that does not work."""
+    first, second = ([d] if isinstance(d, ModelData) else list(d or []) for d in (data, validation))
+    unseen = second or held_out(first)[1]
+    try:
+        return compare(base, unseen), compare(proposal, unseen)
+    except SignlinError as error:
+        remarks.append(f"before and after are not shown: {error}")
+        return None
+
+
+# -------------------------------------------------------------------- evidence
+
+
+def _shown(d: Diagnosis) -> list[Block]:
+    """Return what speaks for each named effect; where there is none, for the best of those that were tried."""
+    blocks: list[Block] = []
+    for entry in d.missing:
+        blocks += [Text(entry.effect.replace("_", " ").capitalize(), "head"), formula(entry.effect, d.model)]
+        blocks += [Text(f"{entry.why[:1].upper()}{entry.why[1:]}."), *_tie(entry), *_evidence(d, entry)]
+    if not d.missing and d.verdict == "unexplained":
+        blocks += _nearest(d)
+    return blocks
+
+
+def _tie(entry: Entry) -> list[Block]:
+    if not entry.indistinguishable_from:
+        return []
+    names = drawn.words(entry.indistinguishable_from).replace(" + ", ", ")
+    return [Text(f"A tie: {names} would explain this record as well. See what this record cannot tell, below.", "note")]
+
+
+def _evidence(d: Diagnosis, entry: Entry) -> list[Block]:
+    found = evidence(d.findings, entry.effect) if d.findings else None
+    return [_picture(found, entry.effect)] if found else []
+
+
+def _nearest(d: Diagnosis) -> list[Block]:
+    """Return the picture of the best effect that did not make it."""
+    if d.findings is None or not d.findings.singles:
+        return []
+    best = d.findings.singles[0].ranked
+    found = evidence(d.findings, best.label, best)
+    text = f"The nearest of the listed effects is {best.label.replace('_', ' ')}; it does not explain the residual."
+    return [Text(text), _picture(found, best.label)] if found else []
+
+
+def _picture(e: Evidence, effect: str) -> Picture:
+    place = e.place.name.split(" [", maxsplit=1)[0]
+    name, source = effect.replace("_", " "), names_of(e.sources)
+    caption = (
+        f"Left: what the measured motion lacks without {name} over {place}, and, in blue, the same computed from the"
+        f" motion of the model with it. {_second(e)}"
+        + ("" if e.place.single else "Right: what each curve leaves of the means; around zero if it is right. ")
+        + f"Data: {source}, which the fit never saw; filter of {1e3 * e.window:.3g} ms on both."
+    )
+    return Picture(f"evidence_{effect}", drawn.evidence_picture(e), caption, f"missing force over {place}, {name}")
+
+
+def _second(e: Evidence) -> str:
+    if e.rival is None:
+        return ""
+    if not e.rival.effect:
+        return "Beside it: the same with nothing in its place, all other parameters fitted anew. "
+    return f"Beside it: the same with {e.rival.effect.replace('_', ' ')} instead, all parameters fitted anew. "
+
+
+# -------------------------------------------------------------------- errors
+
+
+def _ladder(d: Diagnosis) -> list[Block]:
+    caption = (
+        "RMS error of every channel on data that the fit never saw, in brackets over the noise. The dashed line is the"
+        " noise: no model can be better."
+    )
+    rows = []
+    for rung in d.ladder:
+        own = _rows(d, rung.estimation, rung.validation)
+        labels = [drawn.words(rung.effects) or "base model, refitted", *[""] * (len(own) - 1)]
+        rows += [[label, *row] for label, row in zip(labels, own, strict=True)]
+    head = ["model", "channel", "unit", "data of the fit", "unseen data", "over noise", "fit"]
+    table = Table(head, rows, right=(3, 4, 5, 6))
+    return [Picture("ladder", drawn.ladder(d), caption, "bars of the error from the base model to the noise"), table]
+
+
+def _rows(d: Diagnosis, estimation: Scores, validation: Scores) -> list[list[str]]:
+    rows = []
+    for name, score in validation.channels.items():
+        seen = estimation.channels[name]
+        numbers = [number(seen.rmse), number(score.rmse), number(score.rmse_over_noise), percent(score.fit_percent)]
+        rows.append([name, d.model.units[name], *numbers])
+    return rows
+
+
+def _before_and_after(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> list[Block]:
+    if comparisons is None:
+        return []
+    free = d.base_validation.kind == "free_run"
+    how = "simulated from the start" if free else f"predicted over windows of {comparisons[0].horizon:g} s"
+    caption = (
+        f"Every channel as measured, and as {how} by the base model and by the proposal; the middle column is enlarged"
+        f" where the base model is worst. Right: the errors; grey is the noise (± 2 standard deviations)."
+        f" Data: {names_of(comparisons[0].sources)}, which the fit never saw."
+    )
+    figure = drawn.before_and_after(*comparisons, free)
+    return [Picture("before_and_after", figure, caption, "measured and predicted, before and after")]
+
+
+def _fails(before: Comparison | None) -> list[Block]:
+    """Return where the base model fails: the situations with the stretches shaded, and what its equations lack."""
+    if before is None:
+        return []
+    blocks = where(before)
+    if any(region.mask for region in before.where):
+        caption = (
+            "Base model as given; the first situation of the table is shaded. Orange: simulated from the start; blue:"
+            " predicted over windows."
+        )
+        blocks += drawing("where_it_fails", pictures.measured_and_simulated, caption, before)
+    force = "What its equations lack, against each coordinate; the band is the mean with two standard errors."
+    return blocks + drawing("missing_force", pictures.missing_against, force, before)
+
+
+def _still(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> list[Block]:
+    """Return where the proposal still fails, if it does."""
+    if comparisons is None or not d.ladder[-1].effects:
+        return []
+    return where(comparisons[1])
+
+
+# -------------------------------------------------------------------- parameters, rivals, limits
+
+
+def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
+    names = dict.fromkeys([*d.parameters, *d.base])
+    given = base.parameters if base else {}
+    rows = []
+    for name in names:
+        before, after = d.base.get(name), d.parameters.get(name)
+        known = after or before
+        note = "; ".join(dict.fromkeys(e.note for e in (after,) if e and e.note))
+        given_text = number(given[name], _unit(known)) if name in given else "-"
+        rows.append([name, given_text, *(str(e) if e else "-" for e in (before, after)), note])
+    head = ["parameter", "as given", "base model, refitted", "proposal", ""]
+    text = "± is one standard error; it allows for what correlation is left in the residual."
+    return [Table(head, rows), Text(text, "note")]
+
+
+def _unit(e: Estimate | None) -> str:
+    return "" if e is None or e.unit == "-" else e.unit
+
+
+def _others(d: Diagnosis) -> list[Block]:
+    """Return everything that was tried and did not make it, folded away; what does not apply in one line."""
+    rest = [e for e in d.ranking if e not in d.missing and e.status != "not_applicable"]
+    outside = [e.effect.replace("_", " ") for e in d.ranking if e.status == "not_applicable"]
+    blocks: list[Block] = [Items([(_status(e), e.why) for e in rest if e.status == "ambiguous"])] if rest else []
+    rows = [[e.effect.replace("_", " "), e.status.replace("_", " "), _worst(e), _values(e), e.why] for e in rest]
+    head = ["effect", "status", "error over noise", "fitted alone", "why"]
+    if rows:
+        blocks.append(Fold(f"{len(rows)} other effects, best first", [Table(head, rows, right=(2,))]))
+    if outside:
+        blocks.append(Text(f"Not applicable to this plant: {', '.join(outside)}.", "note"))
+    return [b for b in blocks if not (isinstance(b, Items) and not b.items)]
+
+
+def _status(e: Entry) -> str:
+    return f"{e.effect.replace('_', ' ')} ({e.status})"
+
+
+def _worst(e: Entry) -> str:
+    return number(e.validation.over_noise) if e.validation else "-"
+
+
+def _values(e: Entry) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in e.parameters.items())
+
+
+def _unknown(d: Diagnosis) -> list[Block]:
+    """Return the range that was visited, ties, what was not excited, and experiments that would decide."""
+    units = d.model.units
+    rows = [[n, units.get(n, ""), number(low), number(high)] for n, (low, high) in d.range.items()]
+    blocks: list[Block] = [
+        Text("The records of the fit visited this range; beyond it nothing is known, of the proposal either."),
+        Table(["", "unit", "from", "to"], rows, right=(2, 3)),
+    ]
+    ties = [(e.effect, e.indistinguishable_from) for e in d.missing if e.indistinguishable_from]
+    quiet = [(e.effect.replace("_", " "), e.why) for e in d.ranking if e.status == "not_excited"]
+    if ties:
+        items = [
+            (a.replace("_", " "), f"as good by this record: {drawn.words(b).replace(' + ', ', ')}") for a, b in ties
+        ]
+        blocks += [Text("Ties", "head"), Items(items)]
+    if quiet:
+        blocks += [Text("Effects that this record would not show", "head"), Items(quiet)]
+    if d.experiments:
+        blocks += [Text("What to record to find out", "head"), Items([("", e) for e in d.experiments])]
+    return blocks
+
+
+def _reproduce(d: Diagnosis, command: str) -> list[Block]:
+    blocks = reproduce(command)
+    if d.yaml:
+        run = "ros2 run signlin_ros linearizer --ros-args --params-file proposal.yaml"
+        text = "The proposal as a model file, for the command line and for the linearizer node alike:"
+        blocks += [Text(text), Code(d.yaml), Text("Saved as proposal.yaml:"), Code(run)]
+    return blocks
+
+
+__all__ = ["diagnosis_report"]
