@@ -1,7 +1,9 @@
-"""Compiled inner loops of simulation: a virtual machine for tapes, and three integrators over held inputs.
+"""Compiled inner loops of simulation: three integrators over held inputs, and a model at many points.
 
-Everything here is generic: the model comes in as a `signlin_ros.tape.Tape`, so nothing is compiled per model. Numba
-compiles each kernel once per machine and keeps it on disk.
+Everything here is generic: the model comes in as machine code of its own (`signlin_ros.native`), so that Numba
+compiles each kernel once per machine and keeps it on disk. A run works in one array ``w`` of float64; a plan says
+where things lie in it. (Numba counts references to every array that a function takes; with many small functions that
+costs more than what they do.)
 
 Sources: Dormand and Prince 1980 with Shampine's interpolant (coefficients: SciPy); RODAS, Hairer and Wanner, Solving
 ODEs II, 1996, sec. IV.7; set-valued friction: Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems,
@@ -16,128 +18,203 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, types
+from numba.extending import intrinsic
 from scipy.integrate import RK45
 
-from signlin_ros.tape import OPERATIONS, Tape
+from signlin_ros.native import call, call_within
 
 OK, DIVERGED, TOO_STIFF, CHATTER = 0, 1, 2, 3
 """How a run ended."""
+STUCK, SIGNED, OPEN = 0.0, 1.0, 2.0
+"""Modes of a surface: its sign is what keeps it there, is 1 or -1, or is 0 with nothing that pushes."""
+COORDINATE, SWITCH = 0, 1
+"""Rows of ``links`` (2, q): which state a surface is, and which switch; -1 for none."""
 MAX_STEPS = 20_000_000
 SMALLEST = 1e-5
 """States smaller than this are resolved absolutely, to rtol times this."""
 BREAKAWAY = 1e-9
 """How far |s| may pass 1 before a stuck surface slips: keeps the acceleration of the first slip definite."""
 
-_A = np.array(RK45.A)
-_B = np.array(RK45.B)
+_A = np.zeros((7, 6))
+_A[:6, :5], _A[6] = RK45.A, RK45.B
 _E = np.array(RK45.E)
 _P = np.array(RK45.P)
 
-
-def _operation_source() -> str:
-    """Return the source of ``operate(op, a, b)``: one branch for each line of the table of operations."""
-    lines = ["def operate(op, a, b):"]
-    lines += [f"    if op == {op}:\n        return {text}" for op, text in OPERATIONS.items()]
-    return "\n".join([*lines, "    return np.nan"]).replace("np.where(a != 0.0, b, 0.0)", "b if a != 0.0 else 0.0")
+_compiled: Any = njit(cache=True, error_model="numpy")
 
 
-_inlined: Any = njit(cache=True, error_model="numpy", forceinline=True)
-"""For the small parts of an inner loop: passing a tuple of arrays costs more than what they do."""
-
-_scope: dict[str, Any] = {"np": np}
-exec(_operation_source(), _scope)
-operate: Any = njit(error_model="numpy", forceinline=True)(_scope["operate"])
-
-
-@_inlined
-def _evaluate(tape, inputs, work, result, k_end, n_out):
-    op, a, b, constants, picks, ends = tape
-    n_in = ends[0]
-    base = n_in + constants.size
-    for i in range(n_in):
-        work[i] = inputs[i]
-    for i in range(constants.size):
-        work[n_in + i] = constants[i]
-    for k in range(k_end):
-        work[base + k] = operate(op[k], work[a[k]], work[b[k]])
-    for i in range(n_out):
-        result[i] = work[picks[i]]
+def _plan(code: tuple[int, int], numbers: dict[str, int], lengths: dict[str, int]) -> np.void:
+    """Return native code, numbers, where each part begins in the work array, and its ``size``; as attributes."""
+    ends = np.cumsum(list(lengths.values())).tolist()
+    starts = dict(zip(lengths, [0, *ends[:-1]], strict=True))
+    fields = {"whole": code[0], "head": code[1], **numbers, **starts, "size": ends[-1]}
+    plan: np.void = np.array([tuple(fields.values())], dtype=[(name, np.int64) for name in fields])[0]
+    return plan
 
 
-@njit(cache=True, error_model="numpy")
-def evaluate(tape, inputs, work, result):
-    """Run a tape: ``inputs`` (n_in) to ``result`` (n_out)."""
-    _evaluate(tape, inputs, work, result, tape[0].size, tape[4].size)
+def _keep_small(typing_context: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        builder.function.attributes.add("optsize")
+        builder.function.attributes.add("noinline")
+        return context.get_dummy_value()
+
+    return types.void(), generate
 
 
-@_inlined
-def evaluate_head(tape, inputs, work, result):
-    """Run only the head of a tape: the first ``n_head`` outputs."""
-    _evaluate(tape, inputs, work, result, tape[5][2], tape[5][1])
+_small: Any = intrinsic(_keep_small)
+"""Makes LLVM keep the function that calls it as it is, instead of unrolling its loops in all that it is a part of:
+loops over a handful of states gain nothing, and the first compilation would take a quarter longer."""
 
 
-@njit(cache=True, error_model="numpy")
-def solve_in_place(matrix, right):
-    """Solve matrix x = right by Gaussian elimination with pivoting; both are overwritten, x is in ``right``."""
-    n = right.size
+# --------------------------------------------------------------------------- parts
+
+
+@_compiled
+def _factor(w, a, pivots, n):
+    """Factor the matrix (n, n) at ``a`` by Gaussian elimination with pivoting, in place; pivots (n) are numbers."""
+    _small()
     for k in range(n):
-        pivot = k + np.argmax(np.abs(matrix[k:, k]))
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(w[a + i * n + k]) > abs(w[a + pivot * n + k]):
+                pivot = i
+        w[pivots + k] = pivot
         if pivot != k:
             for j in range(n):
-                matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
-            right[k], right[pivot] = right[pivot], right[k]
+                w[a + k * n + j], w[a + pivot * n + j] = w[a + pivot * n + j], w[a + k * n + j]
         for i in range(k + 1, n):
-            factor = matrix[i, k] / matrix[k, k]
-            matrix[i, k] = factor
+            factor = w[a + i * n + k] / w[a + k * n + k]
+            w[a + i * n + k] = factor
             for j in range(k + 1, n):
-                matrix[i, j] -= factor * matrix[k, j]
-            right[i] -= factor * right[k]
+                w[a + i * n + j] -= factor * w[a + k * n + j]
+
+
+@_compiled
+def _substitute(w, a, pivots, b, n):
+    """Solve with the factors at ``a``: the right side (n) at ``b`` becomes the solution."""
+    _small()
+    for k in range(n):
+        pivot = int(w[pivots + k])
+        w[b + k], w[b + pivot] = w[b + pivot], w[b + k]
+    for i in range(n):
+        for j in range(i):
+            w[b + i] -= w[a + i * n + j] * w[b + j]
     for i in range(n - 1, -1, -1):
         for j in range(i + 1, n):
-            right[i] -= matrix[i, j] * right[j]
-        right[i] /= matrix[i, i]
+            w[b + i] -= w[a + i * n + j] * w[b + j]
+        w[b + i] /= w[a + i * n + i]
 
 
-@_inlined
-def _error_norm(error, x, x_new, peak, rtol):
+@_compiled
+def _copy(w, source, target, count):
+    _small()
+    for i in range(count):
+        w[target + i] = w[source + i]
+
+
+@_compiled
+def _error_norm(w, error, x, x_new, peak, n, rtol):
     """Largest component of an error relative to rtol times the largest |x| seen so far; inf if not finite.
 
     States count as at least `SMALLEST` in SI units, so that a start from rest is not resolved below rounding.
     """
     worst = 0.0
-    for i in range(x.size):
-        size = max(abs(x[i]), abs(x_new[i]), peak[i], SMALLEST)
-        ratio = abs(error[i]) / (rtol * size)
+    for i in range(n):
+        size = max(abs(w[x + i]), abs(w[x_new + i]), w[peak + i], SMALLEST)
+        ratio = abs(w[error + i]) / (rtol * size)
         if not ratio <= 1e300:
             return np.inf
         worst = max(worst, ratio)
     return worst
 
 
-@_inlined
+@_compiled
 def _new_step(h, norm, order):
     if norm == np.inf:
         return 0.1 * h
     return h * min(5.0, max(0.2, 0.9 * (norm + 1e-20) ** (-1.0 / order)))
 
 
-@njit(cache=True, error_model="numpy")
+@_compiled
+def _accept(w, x, x_new, peak, n):
+    """Take over the new state; returns whether it is bounded."""
+    bounded = True
+    for i in range(n):
+        w[x + i] = w[x_new + i]
+        w[peak + i] = max(w[peak + i], abs(w[x + i]))
+        if not abs(w[x + i]) < 1e150:
+            bounded = False
+    return bounded
+
+
+@_compiled
+def _prepared(at, constants):
+    """Return a work array with the constants in it."""
+    w = np.zeros(at.size)
+    for i in range(constants.size):
+        w[at.constants + i] = constants[i]
+    return w
+
+
+@_compiled
+def _put(at, w, x):
+    """Make x (n,) the present state, with nothing before it."""
+    for i in range(at.n):
+        w[at.x + i], w[at.peak + i] = x[i], abs(x[i])
+
+
+@_compiled
+def _hold(at, w, u):
+    """Hold the input u (m,) from now on."""
+    for i in range(at.m):
+        w[at.z + at.n + i] = u[i]
+
+
+@_compiled
+def _show(at, w, x, y):
+    """Write the present state to x and, if wanted, the outputs there to y."""
+    for i in range(at.n):
+        x[i] = w[at.x + i]
+    if y.size:
+        _copy(w, at.x, at.z, at.n)
+        call_within(at.whole, w, at.z, at.f)
+        for i in range(y.size):
+            y[i] = w[at.y + i]
+
+
+@_compiled
+def run_batch(address, x, u, constants, results):
+    """Evaluate native code at x (T, n), u (T, m) and the same ``constants`` everywhere; to ``results`` (T, n_out)."""
+    n, m = x.shape[1], u.shape[1]
+    z = np.empty(n + m + constants.size)
+    z[n + m :] = constants
+    for k in range(x.shape[0]):
+        for i in range(n):
+            z[i] = x[k, i]
+        for i in range(m):
+            z[n + i] = u[k, i]
+        call(address, z, results[k])
+
+
+@_compiled
 def slope_at_end(t, values, degree):
     """Return the slope at the last sample of the least-squares polynomial (degree 1 or 2) through all samples."""
-    size = t[-1] - t[0]
-    normal, right = np.zeros((degree + 1, degree + 1)), np.zeros(degree + 1)
+    size, n = t[-1] - t[0], degree + 1
+    w = np.zeros(n * n + 2 * n)
+    pivots, right = n * n, n * n + n
     for k in range(t.size):
         age, value = (t[k] - t[-1]) / size, values[k] - values[-1]
-        for i in range(degree + 1):
-            right[i] += age**i * value
-            for j in range(degree + 1):
-                normal[i, j] += age ** (i + j)
-    solve_in_place(normal, right)
-    return right[1] / size
+        for i in range(n):
+            w[right + i] += age**i * value
+            for j in range(n):
+                w[i * n + j] += age ** (i + j)
+    _factor(w, 0, pivots, n)
+    _substitute(w, 0, pivots, right, n)
+    return w[right + 1] / size
 
 
-@njit(cache=True, error_model="numpy")
+@_compiled
 def causal_slopes(t, values, window, degree, least, slopes):
     """Fill ``slopes`` (T,) with `slope_at_end` of the last ``window`` seconds, at least ``least`` samples."""
     first = 0
@@ -151,363 +228,350 @@ def causal_slopes(t, values, window, degree, least, slopes):
 # --------------------------------------------------------------------------- exact: set-valued signs
 
 
-@njit(cache=True, error_model="numpy")
-def _stuck_state(tape, sizes, z, work, res, s, mode, stuck):
+def exact_plan(code: tuple[int, int], n: int, m: int, n_p: int, q: int, k: int, n_y: int) -> np.void:
+    """Return the plan for n states, m inputs, n_p parameters, q surfaces, k switches and n_y outputs.
+
+    The code takes z, i.e. x (n), u (m), p, then the signs (q), and returns F (n), g (q), dg/dt (q), dF/ds (n, k),
+    the coupling d(dg/dt)/ds (k, k) of the switches, and y; its head ends before dF/ds.
+    """
+    inputs = {"z": n, "u": m, "constants": n_p, "signs": q}
+    results = {"f": n, "g": q, "rate": q, "slope": n * k, "coupling": k * k, "y": n_y}
+    step = {"x": n, "peak": n, "K": 7 * n, "error": n, "x_new": n}
+    surfaces = dict.fromkeys(("s", "mode", "reached", "on", "g_tol", "rate_before", "s_before"), q)
+    solver = {"matrix": k * k, "pivots": k, "right": k}
+    return _plan(code, {"n": n, "m": m, "q": q, "k": k}, {**inputs, **results, **step, **surfaces, **solver})
+
+
+@_compiled
+def _stuck_state(at, links, w):
     """Evaluate with stuck signs at zero, then solve for them: dg/dt = 0 on every stuck surface; see `_state_of`."""
-    n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_rate, i_slope, i_m = n + q, n + 2 * q, n + 2 * q + n * k
-    evaluate(tape, z, work, res)
-    matrix, right, members = np.empty((stuck, stuck)), np.empty(stuck), np.empty(stuck, np.int64)
-    row = 0
+    n, q, k = at.n, at.q, at.k
+    call_within(at.whole, w, at.z, at.f)
     for j in range(q):
-        if mode[j] == 0:
-            members[row] = j
-            row += 1
-    for r in range(stuck):
-        right[r] = -res[i_rate + members[r]]
-        for c in range(stuck):
-            matrix[r, c] = res[i_m + switch_of[members[r]] * k + switch_of[members[c]]]
-    solve_in_place(matrix, right)
-    for r in range(stuck):
-        j = members[r]
-        s[j] = right[r]
-        for i in range(n):
-            res[i] += res[i_slope + i * k + switch_of[j]] * right[r]
-    for r in range(stuck):
-        if coordinate[members[r]] >= 0:
-            res[coordinate[members[r]]] = 0.0
+        row = links[SWITCH, j]
+        if row < 0:
+            continue
+        held = w[at.mode + j] == STUCK
+        w[at.right + row] = -w[at.rate + j] if held else 0.0
+        for i in range(q):
+            column = links[SWITCH, i]
+            if column >= 0:
+                both = held and w[at.mode + i] == STUCK
+                alone = 1.0 if i == j else 0.0
+                w[at.matrix + row * k + column] = w[at.coupling + row * k + column] if both else alone
+    _factor(w, at.matrix, at.pivots, k)
+    _substitute(w, at.matrix, at.pivots, at.right, k)
+    for j in range(q):
+        if w[at.mode + j] == STUCK:
+            s = w[at.s + j] = w[at.right + links[SWITCH, j]]
+            for i in range(n):
+                w[at.f + i] += w[at.slope + i * k + links[SWITCH, j]] * s
+    for j in range(q):
+        if w[at.mode + j] == STUCK and links[COORDINATE, j] >= 0:
+            w[at.f + links[COORDINATE, j]] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def _state_of(tape, sizes, z, work, res, s, mode):
-    """Evaluate the tape at z (x, u, p, s): ``res`` gets F (n), g (q) and dg/dt (q).
+@_compiled
+def _state_of(at, links, w):
+    """Evaluate at z: F, g and dg/dt with the present signs and modes.
 
-    Where something is stuck, ``res`` also gets dF/ds (n, k), the coupling (k, k) and y, and F holds the stuck signs,
-    which are written to ``s``.
+    Where something is stuck, all that the code returns is there, and F holds the stuck signs, which go to ``s``.
     """
-    base = z.size - s.size
-    stuck = 0
-    for j in range(s.size):
-        z[base + j] = 0.0 if mode[j] == 0 else s[j]
-        stuck += mode[j] == 0
-    if stuck == 0:
-        evaluate_head(tape, z, work, res)
+    stuck = False
+    for j in range(at.q):
+        w[at.signs + j] = w[at.s + j]
+        if w[at.mode + j] == STUCK:
+            w[at.signs + j] = 0.0
+            stuck = True
+    if stuck:
+        _stuck_state(at, links, w)
     else:
-        _stuck_state(tape, sizes, z, work, res, s, mode, stuck)
+        call_within(at.head, w, at.z, at.f)
 
 
-@njit(cache=True, error_model="numpy")
-def _resolve(tape, sizes, z, work, res, s, mode, at):
-    """Choose every sign and branch at the present point: what is off its surface follows g, what is on it (``at``,
-    stuck, or g = 0) sticks if the set-valued law allows it, else slips the way that it is pushed.
-    """
-    n, m, n_p, q, k, coordinate, switch_of = sizes
-    base, i_g, i_rate, i_m = n + m + n_p, n, n + q, n + 2 * q + n * k
-    on = np.zeros(q, np.bool_)
+@_compiled
+def _sides(at, links, w):
+    """Mark in ``on`` what is on its surface (``reached``, stuck, or g = 0); the rest gets the sign of g."""
     for _ in range(2):
-        for j in range(q):
-            z[base + j] = s[j]
-        evaluate(tape, z, work, res)
-        for j in range(q):
-            on[j] = at[j] or mode[j] == 0 or mode[j] == 2 or res[i_g + j] == 0.0
-            if not on[j]:
-                s[j] = 1.0 if res[i_g + j] > 0.0 else -1.0
-                mode[j] = 1
-            elif switch_of[j] < 0 and res[i_rate + j] != 0.0:
-                s[j] = 1.0 if res[i_rate + j] > 0.0 else -1.0
-    for j in range(q):
-        z[base + j] = s[j]
-    evaluate(tape, z, work, res)
+        _copy(w, at.s, at.signs, at.q)
+        call_within(at.whole, w, at.z, at.f)
+        for j in range(at.q):
+            g, rate = w[at.g + j], w[at.rate + j]
+            on = w[at.reached + j] != 0.0 or w[at.mode + j] == STUCK or g == 0.0
+            w[at.on + j] = 1.0 if on else 0.0
+            if not on:
+                w[at.s + j] = 1.0 if g > 0.0 else -1.0
+            elif links[SWITCH, j] < 0 and rate != 0.0:
+                w[at.s + j] = 1.0 if rate > 0.0 else -1.0
+
+
+@_compiled
+def _project(at, links, w, j):
+    """Give the switch j on its surface the sign in [-1, 1] that keeps it there best; returns how far that moved it."""
+    k, row = at.k, links[SWITCH, j]
+    diagonal, rate, old = w[at.coupling + row * k + row], w[at.rate + j], w[at.s + j]
+    if diagonal < 0.0:
+        new = min(1.0, max(-1.0, old - rate / diagonal))
+    else:
+        alone = rate - diagonal * old
+        new = 1.0 if alone > 0.0 else (-1.0 if alone < 0.0 else 0.0)
+    w[at.s + j] = new
+    for i in range(at.q):
+        if links[SWITCH, i] >= 0:
+            w[at.rate + i] += w[at.coupling + links[SWITCH, i] * k + row] * (new - old)
+    return abs(new - old)
+
+
+@_compiled
+def _resolve(at, links, w):
+    """Choose every sign and branch at the present point: what is off its surface follows g, what is on it sticks if
+    the set-valued law allows it, else slips the way that it is pushed.
+    """
+    _sides(at, links, w)
+    _copy(w, at.s, at.signs, at.q)
+    call_within(at.whole, w, at.z, at.f)
     for _ in range(1000):
         moved = 0.0
-        for j in range(q):
-            if not on[j] or switch_of[j] < 0:
-                continue
-            diagonal = res[i_m + switch_of[j] * k + switch_of[j]]
-            rate = res[i_rate + j]
-            if diagonal < 0.0:
-                new = min(1.0, max(-1.0, s[j] - rate / diagonal))
-            else:
-                alone = rate - diagonal * s[j]
-                new = 1.0 if alone > 0.0 else (-1.0 if alone < 0.0 else 0.0)
-            step = new - s[j]
-            s[j] = new
-            moved = max(moved, abs(step))
-            for i in range(q):
-                if switch_of[i] >= 0:
-                    res[i_rate + i] += res[i_m + switch_of[i] * k + switch_of[j]] * step
+        for j in range(at.q):
+            if w[at.on + j] != 0.0 and links[SWITCH, j] >= 0:
+                moved = max(moved, _project(at, links, w, j))
         if moved <= 1e-14:
             break
-    for j in range(q):
-        if on[j] and switch_of[j] >= 0:
-            diagonal = res[i_m + switch_of[j] * k + switch_of[j]]
-            mode[j] = 0 if (diagonal < 0.0 and abs(s[j]) < 1.0) else (1 if s[j] != 0.0 else 2)
+    for j in range(at.q):
+        row, s = links[SWITCH, j], w[at.s + j]
+        if w[at.on + j] == 0.0:
+            w[at.mode + j] = SIGNED
+        elif row >= 0:
+            holds = w[at.coupling + row * at.k + row] < 0.0 and abs(s) < 1.0
+            w[at.mode + j] = STUCK if holds else (SIGNED if s != 0.0 else OPEN)
 
 
-@_inlined
-def _violated(sizes, res, s, mode, g_tol):
+@_compiled
+def _violated(at, w):
     """Tell whether the present point lies beyond what the signs and branches assume."""
-    n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_g = n
-    for j in range(q):
-        if mode[j] == 0:
-            if abs(s[j]) > 1.0 + BREAKAWAY:
+    for j in range(at.q):
+        if w[at.mode + j] == STUCK:
+            if abs(w[at.s + j]) > 1.0 + BREAKAWAY:
                 return True
-        elif res[i_g + j] * s[j] < -g_tol[j]:
+        elif w[at.g + j] * w[at.s + j] < -w[at.g_tol + j]:
             return True
     return False
 
 
-@njit(cache=True, error_model="numpy")
-def _stages(tape, sizes, z, work, res, s, mode, x, h, K):
-    """Take one Dormand-Prince step from x (K[0] is known); the new state is left in ``z``, its slope in K[6]."""
-    n = x.size
+@_compiled
+def _stages(at, links, w, h):
+    """Take one Dormand-Prince step from x (K[0] is known); the new state is left in z, its slope in K[6]."""
+    n = at.n
     for stage in range(1, 7):
         for i in range(n):
             total = 0.0
             for j in range(stage):
-                total += (_A[stage, j] if stage < 6 else _B[j]) * K[j, i]
-            z[i] = x[i] + h * total
-        _state_of(tape, sizes, z, work, res, s, mode)
-        K[stage, :] = res[:n]
+                total += _A[stage, j] * w[at.K + j * n + i]
+            w[at.z + i] = w[at.x + i] + h * total
+        _state_of(at, links, w)
+        _copy(w, at.f, at.K + stage * n, n)
 
 
-@njit(cache=True, error_model="numpy")
-def _interpolate(x, h, K, theta, z):
-    for i in range(x.size):
+@_compiled
+def _interpolate(at, w, h, theta):
+    """Put the state after the share ``theta`` of the step h into z."""
+    for i in range(at.n):
         total = 0.0
         for j in range(7):
-            total += K[j, i] * theta * (_P[j, 0] + theta * (_P[j, 1] + theta * (_P[j, 2] + theta * _P[j, 3])))
-        z[i] = x[i] + h * total
+            weight = theta * (_P[j, 0] + theta * (_P[j, 1] + theta * (_P[j, 2] + theta * _P[j, 3])))
+            total += w[at.K + j * at.n + i] * weight
+        w[at.z + i] = w[at.x + i] + h * total
 
 
-@_inlined
-def _may_dip(sizes, res, s, mode, rates, s_before):
+@_compiled
+def _beyond(at, links, w, h, theta):
+    """Tell whether the point after the share ``theta`` of the step h is `_violated`."""
+    _interpolate(at, w, h, theta)
+    _state_of(at, links, w)
+    return _violated(at, w)
+
+
+@_compiled
+def _may_dip(at, w):
     """Tell whether a surface may be passed and passed back inside the step, judged from both ends."""
-    n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_rate = n + q
-    for j in range(q):
-        if mode[j] == 0:
-            if max(abs(s[j]), abs(s_before[j])) > 0.9:
+    for j in range(at.q):
+        s = w[at.s + j]
+        if w[at.mode + j] == STUCK:
+            if max(abs(s), abs(w[at.s_before + j])) > 0.9:
                 return True
-        elif rates[j] * s[j] < 0.0 and res[i_rate + j] * s[j] > 0.0:
+        elif w[at.rate_before + j] * s < 0.0 and w[at.rate + j] * s > 0.0:
             return True
     return False
 
 
-@njit(cache=True, error_model="numpy")
-def _first_violation(tape, sizes, z, work, res, s, mode, x, h, K, g_tol, dip):
-    """Return the smallest theta in (0, 1] at which a surface is passed, by bisection; 2 if none is.
+@_compiled
+def _first_violation(at, links, w, h):
+    """Return the smallest share in (0, 1] of the step h at which a surface is passed, by bisection; 2 if none is.
 
-    On entry ``res`` belongs to the end of the step; inner points are looked at only if ``dip``.
+    The point at hand is the end of the step; inner points are looked at only if they may differ.
     """
-    low, high = 0.0, 2.0
-    if dip:
-        for part in range(1, 4):
-            theta = part / 4
-            _interpolate(x, h, K, theta, z)
-            _state_of(tape, sizes, z, work, res, s, mode)
-            if _violated(sizes, res, s, mode, g_tol):
-                low, high = theta - 0.25, theta
-                break
-    if high > 1.0:
-        _interpolate(x, h, K, 1.0, z)
-        if dip:
-            _state_of(tape, sizes, z, work, res, s, mode)
-        if not _violated(sizes, res, s, mode, g_tol):
-            return 2.0
-        high = 1.0
+    low, high = 0.0, 1.0
+    if _may_dip(at, w):
+        while not _beyond(at, links, w, h, low + 0.25):
+            low += 0.25
+            if low == 1.0:
+                return 2.0
+        high = low + 0.25
+    elif not _violated(at, w):
+        return 2.0
     while high - low > 1e-15:
         theta = 0.5 * (low + high)
         if theta <= low or theta >= high:
             break
-        _interpolate(x, h, K, theta, z)
-        _state_of(tape, sizes, z, work, res, s, mode)
-        if _violated(sizes, res, s, mode, g_tol):
+        if _beyond(at, links, w, h, theta):
             high = theta
         else:
             low = theta
     return high
 
 
-@njit(cache=True, error_model="numpy")
-def _land(tape, sizes, z, work, res, s, mode, x, h, K, at, g_tol):
-    """Step onto the surface just found, with one Newton correction of the step; mark in ``at`` what was reached.
+@_compiled
+def _land(at, links, w, h):
+    """Step onto the surface just found, with one Newton correction of the step; mark what was ``reached``.
 
     Returns the step taken. A surface that is a coordinate is hit exactly.
     """
-    n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_g, i_rate = n, n + q
-    _stages(tape, sizes, z, work, res, s, mode, x, h, K)
-    for j in range(q):
-        at[j] = mode[j] != 0 and res[i_g + j] * s[j] < g_tol[j] and res[i_rate + j] * s[j] < 0.0
-        if mode[j] == 0:
-            at[j] = abs(s[j]) >= 1.0
-    for j in range(q):
-        if at[j] and mode[j] != 0:
-            correction = -res[i_g + j] / res[i_rate + j]
+    _stages(at, links, w, h)
+    for j in range(at.q):
+        s, g, rate = w[at.s + j], w[at.g + j], w[at.rate + j]
+        passed = g * s < w[at.g_tol + j] and rate * s < 0.0
+        w[at.reached + j] = abs(s) >= 1.0 if w[at.mode + j] == STUCK else passed
+    for j in range(at.q):
+        if w[at.reached + j] != 0.0 and w[at.mode + j] != STUCK:
+            correction = -w[at.g + j] / w[at.rate + j]
             if abs(correction) < 0.5 * h:
                 h += correction
-                _stages(tape, sizes, z, work, res, s, mode, x, h, K)
+                _stages(at, links, w, h)
             break
-    for j in range(q):
-        if at[j] and mode[j] != 0 and coordinate[j] >= 0:
-            z[coordinate[j]] = 0.0
+    for j in range(at.q):
+        if w[at.reached + j] != 0.0 and w[at.mode + j] != STUCK and links[COORDINATE, j] >= 0:
+            w[at.z + links[COORDINATE, j]] = 0.0
     return h
 
 
-@njit(cache=True, error_model="numpy")
-def _memory(sizes, n_work, n_res, x0, p):
-    """Return the arrays that a run works in: z (x, u, p, s), tape work, results, signs, modes and the step's own."""
-    n, m, n_p, q, k, coordinate, switch_of = sizes
-    z = np.zeros(n + m + n_p + q)
-    z[:n], z[n + m : n + m + n_p] = x0, p
-    signs = (np.ones(q), np.ones(q, np.int64), np.zeros(q, np.bool_), np.zeros(q))
-    step = (x0.copy(), np.abs(x0), np.zeros((7, n)), np.zeros(n), np.zeros(n), np.zeros(q), np.zeros(q))
-    return z, np.zeros(n_work), np.zeros(n_res), signs, step
-
-
-@njit(cache=True, error_model="numpy")
-def _begin(tape, sizes, memory, anew):
+@_compiled
+def _begin(at, links, w, anew):
     """Set signs, branches and the slope for a new input; choose them afresh if something may have changed."""
-    z, work, res, (s, mode, at, g_tol), step = memory
-    n = step[0].size
-    z[:n] = step[0]
-    _state_of(tape, sizes, z, work, res, s, mode)
-    if anew or np.any(mode != 1) or _violated(sizes, res, s, mode, g_tol):
-        at[:] = False
-        _resolve(tape, sizes, z, work, res, s, mode, at)
-        _state_of(tape, sizes, z, work, res, s, mode)
-    step[2][0, :] = res[:n]
+    _copy(w, at.x, at.z, at.n)
+    _state_of(at, links, w)
+    for j in range(at.q):
+        anew = anew or w[at.mode + j] != SIGNED
+    if anew or _violated(at, w):
+        for j in range(at.q):
+            w[at.reached + j] = 0.0
+        _resolve(at, links, w)
+        _state_of(at, links, w)
+    _copy(w, at.f, at.K, at.n)
 
 
-@njit(cache=True, error_model="numpy")
-def _try_step(tape, sizes, memory, h, rtol):
+@_compiled
+def _try_step(at, links, w, h, rtol):
     """Take a step of h; returns its error norm, with the new state in z and the slopes in K."""
-    z, work, res, (s, mode, at, g_tol), (x, peak, K, error, x_new, rates, s_before) = memory
-    n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_rate = n + q
-    rates[:] = res[i_rate : i_rate + q]
-    s_before[:] = s
-    _stages(tape, sizes, z, work, res, s, mode, x, h, K)
+    n = at.n
+    _copy(w, at.rate, at.rate_before, at.q)
+    _copy(w, at.s, at.s_before, at.q)
+    _stages(at, links, w, h)
     for i in range(n):
         total = 0.0
         for j in range(7):
-            total += _E[j] * K[j, i]
-        error[i] = h * total
-    norm = _error_norm(error, x, z[:n], peak, rtol)
+            total += _E[j] * w[at.K + j * n + i]
+        w[at.error + i] = h * total
+    norm = _error_norm(w, at.error, at.x, at.z, at.peak, n, rtol)
     if norm > 1.0:
-        res[i_rate : i_rate + q] = rates
+        _copy(w, at.rate_before, at.rate, at.q)
     return norm
 
 
-@njit(cache=True, error_model="numpy")
-def _shorten(tape, sizes, memory, h, rtol):
+@_compiled
+def _shorten(at, links, w, h, rtol):
     """Cut an accepted step of h at the first surface that it passes; returns (step taken, whether one was)."""
-    z, work, res, (s, mode, at, g_tol), (x, peak, K, error, x_new, rates, s_before) = memory
-    n, m, n_p, q, k, coordinate, switch_of = sizes
-    i_g = n
-    for j in range(q):
-        g_tol[j] = max(g_tol[j], 1e-3 * rtol * abs(res[i_g + j]))
-    if q == 0:
-        return h, False
-    x_new[:] = z[:n]
-    dip = _may_dip(sizes, res, s, mode, rates, s_before)
-    theta = _first_violation(tape, sizes, z, work, res, s, mode, x, h, K, g_tol, dip)
+    for j in range(at.q):
+        w[at.g_tol + j] = max(w[at.g_tol + j], 1e-3 * rtol * abs(w[at.g + j]))
+    _copy(w, at.z, at.x_new, at.n)
+    theta = _first_violation(at, links, w, h)
     if theta > 1.0:
-        z[:n] = x_new
+        _copy(w, at.x_new, at.z, at.n)
         return h, False
-    return _land(tape, sizes, z, work, res, s, mode, x, theta * h, K, at, g_tol), True
+    return _land(at, links, w, theta * h), True
 
 
-@njit(cache=True, error_model="numpy")
-def _note(sizes, mode, at, t, events, count):
+@_compiled
+def _note(at, links, w, t, events, count):
     """Append the surfaces just reached to the events; returns how many there are."""
-    switch_of = sizes[6]
-    for j in range(at.size):
-        if at[j] and count < events.shape[0]:
+    for j in range(at.q):
+        if w[at.reached + j] != 0.0 and count < events.shape[0]:
             events[count, 0], events[count, 1] = t, j
-            events[count, 2] = 0 if switch_of[j] < 0 else (1 if mode[j] == 0 else 2)
+            events[count, 2] = 0 if links[SWITCH, j] < 0 else (1 if w[at.mode + j] == STUCK else 2)
             count += 1
     return count
 
 
-@njit(cache=True, error_model="numpy")
-def _march(tape, sizes, memory, t, target, h, rtol, events, count):  # one integrator loop: its parts are above
+@_compiled
+def _march(at, links, w, t, target, h, rtol, events, count):
     """Integrate to ``target`` with the input held; returns (status, time, next step, number of events)."""
-    z, work, res, (s, mode, at, g_tol), (x, peak, K, error, x_new, rates, s_before) = memory
-    n, idle = x.size, 0
+    idle = 0
     for _ in range(MAX_STEPS):
         if target - t <= 1e-14 * abs(target):
             return OK, target, h, count
         step = min(h, target - t)
         if step <= 1e-15 * max(abs(t), abs(target)):
             return DIVERGED, t, h, count
-        norm = _try_step(tape, sizes, memory, step, rtol)
+        norm = _try_step(at, links, w, step, rtol)
         wanted = _new_step(step, norm, 5.0)
         if norm > 1.0 and (norm == np.inf or step > 1e-12 * max(abs(t), 1e-3)):
             h = wanted
             continue
         h = max(h, wanted) if step < h else wanted
-        taken, reached = _shorten(tape, sizes, memory, step, rtol)
+        taken, passed = _shorten(at, links, w, step, rtol)
         idle = idle + 1 if taken <= 1e-13 * max(abs(t), 1e-3) else 0
         t = target if taken == target - t else t + taken
-        for i in range(n):
-            x[i] = z[i]
-            peak[i] = max(peak[i], abs(x[i]))
-        if not np.max(np.abs(x)) < 1e150:
+        if not _accept(w, at.x, at.z, at.peak, at.n):
             return DIVERGED, t, h, count
         if idle > 200:
             return CHATTER, t, h, count
-        if reached:
-            _resolve(tape, sizes, z, work, res, s, mode, at)
-            count = _note(sizes, mode, at, t, events, count)
-            _state_of(tape, sizes, z, work, res, s, mode)
-            K[0, :] = res[:n]
-        else:
-            K[0, :] = K[6, :]
+        if passed:
+            _resolve(at, links, w)
+            count = _note(at, links, w, t, events, count)
+            _state_of(at, links, w)
+        _copy(w, at.f if passed else at.K + 6 * at.n, at.K, at.n)
     return TOO_STIFF, t, h, count
 
 
-@njit(cache=True, error_model="numpy")
-def _output(tape, sizes, memory, y):
-    """Write the outputs at the present state and signs to y."""
-    z, work, res, (s, mode, at, g_tol), step = memory
-    n, q = step[0].size, s.size
-    z[:n], z[z.size - q :] = step[0], s
-    evaluate(tape, z, work, res)
-    y[:] = res[res.size - y.size :]
-
-
-@njit(cache=True, error_model="numpy")
-def run_exact(tape, sizes, n_work, n_res, times, breaks, inputs, x0, p, rtol, X, Y, events):
+@_compiled
+def run_exact(at, links, times, breaks, inputs, x0, p, rtol, X, Y, events):
     """Integrate with set-valued signs; inputs (K, m) hold from breaks (K,) on; states to X (T, n), outputs to Y.
 
     ``events`` (E, 3) takes time, surface and kind (0 crossed, 1 stuck, 2 slips). Returns (status, time, events).
     """
-    n, m, count, next_break, status = x0.size, inputs.shape[1], 0, 0, OK
-    memory = _memory(sizes, n_work, n_res, x0, p)
-    t, h = times[0], np.inf
+    w = _prepared(at, p)
+    _put(at, w, x0)
+    for j in range(at.q):
+        w[at.s + j], w[at.mode + j] = 1.0, SIGNED
+    t, h, count, next_break, status = times[0], np.inf, 0, 0, OK
     for sample in range(times.size):
         while True:
             fresh = sample == 0
             while next_break < breaks.size and breaks[next_break] <= t:
-                memory[0][n : n + m] = inputs[next_break]
+                _hold(at, w, inputs[next_break])
                 next_break += 1
                 fresh = True
             if fresh:
-                _begin(tape, sizes, memory, sample == 0)
+                _begin(at, links, w, sample == 0)
             target = times[sample]
             if next_break < breaks.size:
                 target = min(target, breaks[next_break])
             if t >= target:
                 break
-            status, t, h, count = _march(tape, sizes, memory, t, target, h, rtol, events, count)
+            status, t, h, count = _march(at, links, w, t, target, h, rtol, events, count)
             if status != OK:
                 return status, t, count
-        X[sample] = memory[4][0]
-        if Y.shape[1]:
-            _output(tape, sizes, memory, Y[sample])
+        _copy(w, at.s, at.signs, at.q)
+        _show(at, w, X[sample], Y[sample])
     return OK, t, count
 
 
@@ -521,6 +585,7 @@ _RA = np.array(
         [0.9466785280815826, 0.2557011698983284, 0.0, 0.0, 0.0],
         [3.314825187068521, 2.896124015972201, 0.9986419139977817, 0.0, 0.0],
         [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 0.0],
+        [1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0],
     ]
 )
 _RC = np.array(
@@ -535,38 +600,63 @@ _RC = np.array(
 )
 
 
-@njit(cache=True, error_model="numpy")
-def _rodas_step(tape, z, work, res, x, h, U, error):
-    """Take one step of RODAS from x; the new state is left in ``z``, the error estimate in ``error``."""
-    n = x.size
-    z[:n] = x
-    evaluate(tape, z, work, res)
-    jacobian = res[n : n + n * n].copy().reshape(n, n)
+def smooth_plan(code: tuple[int, int], n: int, m: int, n_c: int, n_y: int, linear: int = 0, rest: int = 0) -> np.void:
+    """Return the plan for n states, m inputs, n_c constants and n_y outputs.
+
+    The code takes z, i.e. x (n), u (m) and constants, and returns f_j (n), its Jacobian (n, n) and y; its head is
+    f_j. ``linear`` is the address of the linearization, if there is one: it takes the same and returns A (n, n),
+    B (n, m), c (n) and ``rest`` numbers more.
+    """
+    inputs = {"z": n, "u": m, "constants": n_c}
+    results = {"f": n, "jacobian": n * n, "y": n_y}
+    step = {"x": n, "peak": n, "U": 6 * n, "error": n, "matrix": n * n, "pivots": n}
+    pieces = {"kept": n, "A": n * n, "B": n * m, "c": n, "rest": rest}
+    exponential = dict.fromkeys(("exponent", "power", "spare"), (n + 1) ** 2 if linear else 0)
+    sizes = {"n": n, "m": m, "linear": linear}
+    return _plan(code, sizes, {**inputs, **results, **step, **pieces, **exponential})
+
+
+@_compiled
+def _rodas_matrix(at, w, h):
+    """Factor 1/(gamma h) - J at x."""
+    n = at.n
+    _copy(w, at.x, at.z, n)
+    call_within(at.whole, w, at.z, at.f)
+    for i in range(n * n):
+        w[at.matrix + i] = -w[at.jacobian + i]
+    for i in range(n):
+        w[at.matrix + i * n + i] += 1.0 / (_GAMMA * h)
+    _factor(w, at.matrix, at.pivots, n)
+
+
+@_compiled
+def _rodas_step(at, w, h):
+    """Take one step of RODAS from x; the new state is left in z, the error estimate in ``error``."""
+    n = at.n
+    _rodas_matrix(at, w, h)
     for stage in range(6):
         if stage > 0:
             for i in range(n):
-                total = x[i]
+                total = w[at.x + i]
                 for j in range(stage):
-                    total += (_RA[stage, j] if stage < 5 else (_RA[4, j] if j < 4 else 1.0)) * U[j, i]
-                z[i] = total
-            evaluate_head(tape, z, work, res)
-        matrix, right = -jacobian, np.empty(n)
+                    total += _RA[stage, j] * w[at.U + j * n + i]
+                w[at.z + i] = total
+            call_within(at.head, w, at.z, at.f)
+        right = at.U + stage * n
         for i in range(n):
-            matrix[i, i] += 1.0 / (_GAMMA * h)
-            right[i] = res[i]
+            total = w[at.f + i]
             for j in range(stage):
-                right[i] += _RC[stage, j] / h * U[j, i]
-        solve_in_place(matrix, right)
-        U[stage, :] = right
+                total += _RC[stage, j] / h * w[at.U + j * n + i]
+            w[right + i] = total
+        _substitute(w, at.matrix, at.pivots, right, n)
     for i in range(n):
-        z[i] += U[5, i]
-        error[i] = U[5, i]
+        w[at.error + i] = w[at.U + 5 * n + i]
+        w[at.z + i] += w[at.error + i]
 
 
-@njit(cache=True, error_model="numpy")
-def flow_smooth(tape, z, work, res, x, peak, t, target, h, rtol, U, error):
-    """Carry x from t to target under f_j with the input in ``z`` held; returns (status, time, next step)."""
-    n = x.size
+@_compiled
+def _flow(at, w, t, target, h, rtol):
+    """Carry x from t to target under f_j with the input in z held; returns (status, time, next step)."""
     for _ in range(MAX_STEPS):
         if t >= target:
             return OK, t, h
@@ -576,144 +666,175 @@ def flow_smooth(tape, z, work, res, x, peak, t, target, h, rtol, U, error):
         step = target - t if last else h
         if step <= 1e-15 * max(abs(t), abs(target)) and not last:
             return DIVERGED, t, h
-        _rodas_step(tape, z, work, res, x, step, U, error)
-        norm = _error_norm(error, x, z[:n], peak, rtol)
+        _rodas_step(at, w, step)
+        norm = _error_norm(w, at.error, at.x, at.z, at.peak, at.n, rtol)
+        wanted = _new_step(step, norm, 4.0)
         if norm > 1.0 and (norm == np.inf or step > 1e-12 * max(abs(t), 1e-3)):
-            h = _new_step(step, norm, 4.0)
+            h = wanted
             continue
         t = target if last else t + step
-        h = max(h, _new_step(step, norm, 4.0)) if last else _new_step(step, norm, 4.0)
-        for i in range(n):
-            x[i] = z[i]
-            peak[i] = max(peak[i], abs(x[i]))
-            if not abs(x[i]) < 1e150:
-                return DIVERGED, t, h
+        h = max(h, wanted) if last else wanted
+        if not _accept(w, at.x, at.z, at.peak, at.n):
+            return DIVERGED, t, h
     return TOO_STIFF, t, h
 
 
-@njit(cache=True, error_model="numpy")
-def run_smooth(tape, n_work, n_res, times, breaks, inputs, x0, constants, rtol, X, Y):
+@_compiled
+def run_smooth(at, times, breaks, inputs, x0, constants, rtol, X, Y):
     """Integrate f_j; inputs (K, m) hold from breaks (K,) on. ``constants``: p and scales. Returns (status, time)."""
-    n, m, n_y = x0.size, inputs.shape[1], Y.shape[1]
-    z, work, res = np.zeros(n + m + constants.size), np.zeros(n_work), np.zeros(n_res)
-    z[n + m :] = constants
-    x, peak, U, error = x0.copy(), np.abs(x0), np.zeros((6, n)), np.zeros(n)
+    w = _prepared(at, constants)
+    _put(at, w, x0)
     t, h, next_break, status = times[0], np.inf, 0, OK
     for sample in range(times.size):
         while True:
             while next_break < breaks.size and breaks[next_break] <= t:
-                z[n : n + m] = inputs[next_break]
+                _hold(at, w, inputs[next_break])
                 next_break += 1
             target = times[sample]
             if next_break < breaks.size and breaks[next_break] < target:
                 target = breaks[next_break]
             if t >= target:
                 break
-            status, t, h = flow_smooth(tape, z, work, res, x, peak, t, target, h, rtol, U, error)
+            status, t, h = _flow(at, w, t, target, h, rtol)
             if status != OK:
                 return status, t
-        X[sample] = x
-        if n_y:
-            z[:n] = x
-            evaluate(tape, z, work, res)
-            Y[sample] = res[n_res - n_y :]
+        _show(at, w, X[sample], Y[sample])
     return OK, t
 
 
-@njit(cache=True, error_model="numpy")
-def flow_many(tape, n_work, n_res, points, inputs, constants, span, rtol):
+@_compiled
+def flow_many(at, points, inputs, constants, span, rtol):
     """Carry every point (T, n) under f_j over ``span`` seconds with its input (T, m) held; in place."""
-    n, m = points.shape[1], inputs.shape[1]
-    z, work, res = np.zeros(n + m + constants.size), np.zeros(n_work), np.zeros(n_res)
-    z[n + m :] = constants
-    U, error = np.zeros((6, n)), np.zeros(n)
+    w = _prepared(at, constants)
     for k in range(points.shape[0]):
-        z[n : n + m] = inputs[k]
-        x = points[k].copy()
-        status, _, _ = flow_smooth(tape, z, work, res, x, np.abs(x), 0.0, span, span, rtol, U, error)
-        if status == OK:
-            points[k] = x
-        else:
-            points[k] = np.nan
+        _hold(at, w, inputs[k])
+        _put(at, w, points[k])
+        status, _, _ = _flow(at, w, 0.0, span, span, rtol)
+        for i in range(at.n):
+            points[k, i] = w[at.x + i] if status == OK else np.nan
 
 
 # --------------------------------------------------------------------------- piecewise linear
 
 
-@njit(cache=True, error_model="numpy")
-def propagate(A, b, h, x):
-    """Carry x over h seconds of x' = A x + b (b constant), by scaling and squaring of the augmented exponential."""
-    n = x.size
-    M = np.zeros((n + 1, n + 1))
-    M[:n, :n], M[:n, n] = A * h, b * h
-    size, squarings = 0.0, 0
+@_compiled
+def _multiply(w, a, b, product, n):
+    """Write the product of the matrices (n, n) at ``a`` and ``b``."""
+    _small()
     for i in range(n):
-        size = max(size, np.sum(np.abs(M[i, :n])))
-    while size > 0.5 and squarings < 1000:
-        size *= 0.5
+        for j in range(n):
+            total = 0.0
+            for k in range(n):
+                total += w[a + i * n + k] * w[b + k * n + j]
+            w[product + i * n + j] = total
+
+
+@_compiled
+def _augment(at, w, h):
+    """Write h [A, B u + c; 0, 0] as the exponent, divided by a power of 2 until it is small; returns that power."""
+    n, worst, squarings = at.n, 0.0, 0
+    size = n + 1
+    for i in range(n):
+        total, drift = 0.0, w[at.c + i]
+        for j in range(at.m):
+            drift += w[at.B + i * at.m + j] * w[at.z + n + j]
+        for j in range(n):
+            w[at.exponent + i * size + j] = h * w[at.A + i * n + j]
+            total += abs(h * w[at.A + i * n + j])
+        w[at.exponent + i * size + n] = h * drift
+        worst = max(worst, total)
+    while worst > 0.5 and squarings < 1000:
+        worst *= 0.5
         squarings += 1
-    M *= 0.5**squarings
-    total, power = np.eye(n + 1), np.eye(n + 1)
-    for order in range(1, 14):
-        power = power @ M / order
-        total += power
+    for i in range(n * size):
+        w[at.exponent + i] *= 0.5**squarings
+    return squarings
+
+
+@_compiled
+def _propagate(at, w, h):
+    """Carry x over h seconds of x' = A x + B u + c, by scaling and squaring of the augmented exponential.
+
+    Taylor's series to order 13, summed by Horner's rule.
+    """
+    n, size = at.n, at.n + 1
+    squarings, power, spare = _augment(at, w, h), at.power, at.spare
+    for i in range(size * size):
+        w[power + i] = 1.0 if i % (size + 1) == 0 else 0.0
+    for order in range(13, 0, -1):
+        _multiply(w, at.exponent, power, spare, size)
+        for i in range(size * size):
+            w[power + i] = w[spare + i] / order + (1.0 if i % (size + 1) == 0 else 0.0)
     for _ in range(squarings):
-        total = total @ total
-    return np.ascontiguousarray(total[:n, :n]) @ x + total[:n, n]
+        _multiply(w, power, power, spare, size)
+        power, spare = spare, power
+    for i in range(n):
+        total = w[power + i * size + n]
+        for j in range(n):
+            total += w[power + i * size + j] * w[at.x + j]
+        w[spare + i] = total
+    return _accept(w, at.x, spare, at.peak, n)
 
 
-@njit(cache=True, error_model="numpy")
-def run_piecewise(linear, smooth, sizes, times, breaks, inputs, x0, linear_p, smooth_p, updates, half, X, Y):
+@_compiled
+def _linearize(at, w, half):
+    """Write A, B and c at the present state, or where f_j arrives from there after ``half`` seconds."""
+    _copy(w, at.x, at.kept, at.n)
+    status = OK
+    if half > 0.0:
+        for i in range(at.n):
+            w[at.peak + i] = abs(w[at.x + i])
+        status, _, _ = _flow(at, w, 0.0, half, half, 1e-9)
+    _copy(w, at.x, at.z, at.n)
+    _copy(w, at.kept, at.x, at.n)
+    call_within(at.linear, w, at.z, at.A)
+    return status
+
+
+@_compiled
+def run_piecewise(at, times, breaks, inputs, x0, constants, updates, half, X, Y):
     """Follow x' = A_k x + B_k u + c_k with a new A_k, B_k, c_k at every time in ``updates``.
 
     ``half`` > 0: linearize where f_j arrives after ``half`` seconds (midpoint). Returns (status, time).
     """
-    n_work, n_res, s_work, s_res = sizes
-    n, m, n_y = x0.size, inputs.shape[1], Y.shape[1]
-    z, work, res = np.zeros(n + m + linear_p.size), np.zeros(n_work), np.zeros(n_res)
-    sz, swork, sres = np.zeros(n + m + smooth_p.size), np.zeros(s_work), np.zeros(s_res)
-    z[n + m :], sz[n + m :] = linear_p, smooth_p
-    U, error, x, u = np.zeros((6, n)), np.zeros(n), x0.copy(), np.zeros(m)
-    A, B, c = np.zeros((n, n)), np.zeros((n, m)), np.zeros(n)
+    w = _prepared(at, constants)
+    _put(at, w, x0)
     t, next_break, next_update = times[0], 0, 0
     for sample in range(times.size):
         while True:
             while next_break < breaks.size and breaks[next_break] <= t:
-                u = inputs[next_break].copy()
+                _hold(at, w, inputs[next_break])
                 next_break += 1
-            if next_update < updates.size and updates[next_update] <= t:
-                while next_update < updates.size and updates[next_update] <= t:
-                    next_update += 1
-                point = x.copy()
-                if half > 0.0:
-                    sz[n : n + m] = u
-                    status, _, _ = flow_smooth(
-                        smooth, sz, swork, sres, point, np.abs(x), 0.0, half, half, 1e-9, U, error
-                    )
-                    if status != OK:
-                        return status, t
-                z[:n], z[n : n + m] = point, u
-                evaluate(linear, z, work, res)
-                A[:, :] = res[: n * n].reshape(n, n)
-                B[:, :] = res[n * n : n * (n + m)].reshape(n, m)
-                c[:] = res[n * (n + m) : n * (n + m + 1)]
+            due = False
+            while next_update < updates.size and updates[next_update] <= t:
+                next_update += 1
+                due = True
+            if due:
+                status = _linearize(at, w, half)
+                if status != OK:
+                    return status, t
             target = times[sample]
-            if next_break < breaks.size and breaks[next_break] < target:
-                target = breaks[next_break]
-            if next_update < updates.size and updates[next_update] < target:
-                target = updates[next_update]
+            if next_break < breaks.size:
+                target = min(target, breaks[next_break])
+            if next_update < updates.size:
+                target = min(target, updates[next_update])
             if t >= target:
                 break
-            x = propagate(A, B @ u + c, target - t, x)
-            t = target
-            if not np.max(np.abs(x)) < 1e150:
+            bounded, t = _propagate(at, w, target - t), target
+            if not bounded:
                 return DIVERGED, t
-        X[sample] = x
-        if n_y:
-            sz[:n], sz[n : n + m] = x, u
-            evaluate(smooth, sz, swork, sres)
-            Y[sample] = sres[s_res - n_y :]
+        _show(at, w, X[sample], Y[sample])
     return OK, t
 
 
-__all__ = ["Tape", "evaluate", "flow_many", "run_exact", "run_piecewise", "run_smooth"]
+__all__ = [
+    "causal_slopes",
+    "exact_plan",
+    "flow_many",
+    "run_batch",
+    "run_exact",
+    "run_piecewise",
+    "run_smooth",
+    "slope_at_end",
+    "smooth_plan",
+]

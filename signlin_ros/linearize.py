@@ -8,6 +8,8 @@ direction-dependent terms, which (26) leaves out.
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -115,14 +117,21 @@ class Linearizer:
             )
         if self._middle is not None:
             points = self._middle.many(points, inputs)  # type: ignore[attr-defined]
-        tape, r = linear_tape(self.model.structure, self.model.sign_order, self.method)
-        constants = [value for array in self._constants for value in array]
-        flat = tape.batch([*points.T.copy(), *inputs.T.copy(), *constants])
-        blocks = {
-            name: np.moveaxis(flat[row.start : row.stop].reshape(*row.shape, -1), -1, 0) for name, row in r.items()
-        }
+        flat = np.empty((len(points), self._out.size))
+        self._many(points, np.ascontiguousarray(inputs), flat)
+        blocks = {name: flat[:, r.start : r.stop].reshape(len(points), *r.shape) for name, r in self._rows.items()}
         valid = blocks["valid"].astype(bool)
         return LinearizationBatch(blocks["A"], blocks["B"], blocks["c"], points, inputs, blocks["f"], valid)
+
+    @functools.cached_property
+    def _many(self) -> Callable[[Array, Array, Array], None]:
+        """Return what fills results (T, ...) from x (T, n) and u (T, m); here because one point needs no compiler."""
+        from signlin_ros.kernels import run_batch
+        from signlin_ros.native import native
+
+        tape, _ = linear_tape(self.model.structure, self.model.sign_order, self.method)
+        address, constants = native(tape)[0], np.concatenate(self._constants)
+        return lambda x, u, results: run_batch(address, x, u, constants, results)
 
 
 def linearize(model: Model, x: ArrayLike, u: ArrayLike | None = None, method: str | None = None) -> Linearization:

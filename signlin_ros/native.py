@@ -1,8 +1,9 @@
 """Machine code for tapes: a recorded function becomes native code in milliseconds, without a compiler.
 
 `signlin_ros.tape.Tape` is a straight line of scalar operations. `native` writes it as LLVM intermediate code and lets
-the LLVM that comes with Numba translate it; compiled kernels call the result through its address (`call`). A kernel
-is thus compiled once per machine and serves every model, at the speed of code written for that model.
+the LLVM that comes with Numba translate it; compiled kernels call the result through its address (`call`,
+`call_within`). A kernel is thus compiled once per machine and serves every model, at the speed of code written for
+that model. What was translated is kept on disk and, as the addresses stay in use, in memory until the process ends.
 """
 
 # Numba and llvmlite carry no types.
@@ -10,10 +11,13 @@ is thus compiled once per machine and serves every model, at the speed of code w
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import os
+import secrets
 import struct
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -24,6 +28,7 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from signlin_ros.tape import Tape
@@ -42,8 +47,6 @@ _INTRINSIC = {
     ca.OP_POW: "pow",
     ca.OP_CONSTPOW: "pow",
     ca.OP_COPYSIGN: "copysign",
-    ca.OP_FMIN: "minnum",
-    ca.OP_FMAX: "maxnum",
 }
 _LIBRARY = {
     ca.OP_TAN: "tan",
@@ -62,7 +65,7 @@ _LIBRARY = {
     ca.OP_EXPM1: "expm1",
     ca.OP_HYPOT: "hypot",
 }
-_TWO = {ca.OP_POW, ca.OP_CONSTPOW, ca.OP_COPYSIGN, ca.OP_FMIN, ca.OP_FMAX, ca.OP_ATAN2, ca.OP_FMOD, ca.OP_HYPOT}
+_TWO = {ca.OP_POW, ca.OP_CONSTPOW, ca.OP_COPYSIGN, ca.OP_ATAN2, ca.OP_FMOD, ca.OP_HYPOT}
 
 
 def _literal(value: float) -> str:
@@ -95,6 +98,9 @@ class _Writer:
     def _number(self, flag: str) -> str:
         return self._new(f"uitofp i1 {flag} to double")
 
+    def _choice(self, kind: str, a: str, b: str, yes: str, no: str) -> str:
+        return self._new(f"select i1 {self._flag(kind, a, b)}, double {yes}, double {no}")
+
     def _truth(self, op: int, a: str, b: str) -> str:
         zero = _literal(0.0)
         first = self._flag("une", a, zero)
@@ -126,9 +132,11 @@ class _Writer:
             return self._new(f"{'fmul' if op == ca.OP_SQ else 'fadd'} double {a}, {a}")
         if op == ca.OP_INV:
             return self._new(f"fdiv double {_literal(1.0)}, {a}")
-        if op == ca.OP_SIGN:
-            up, down = self._flag("ogt", a, _literal(0.0)), self._flag("olt", a, _literal(0.0))
-            return self._new(f"fsub double {self._number(up)}, {self._number(down)}")
+        if op in (ca.OP_FMIN, ca.OP_FMAX):  # like NumPy, nan if either is
+            return self._choice("olt" if op == ca.OP_FMIN else "ogt", a, b, a, self._choice("uno", a, a, a, b))
+        if op == ca.OP_SIGN:  # 0 and nan remain what they are
+            one, minus, zero = _literal(1.0), _literal(-1.0), _literal(0.0)
+            return self._choice("ogt", a, zero, one, self._choice("olt", a, zero, minus, a))
         if op in (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO):
             return self._truth(op, a, b)
         raise NotImplementedError(f"CasADi operation {op}")
@@ -153,7 +161,11 @@ class _Writer:
 
 
 class _Cache:
-    """Keeps machine code on disk, by the text that it came from and the processor that it is for."""
+    """Keeps machine code on disk, by the text that it came from and the processor that it is for.
+
+    A folder that cannot be read or written only costs time; so does a file that is not whole, which LLVM would not
+    survive: a file begins with the digest of the code in it.
+    """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -162,26 +174,36 @@ class _Cache:
         return self.folder / f"{module.name}.o"
 
     def save(self, module: Any, code: bytes) -> None:
-        """Store what was compiled; a folder that cannot be written only costs time."""
+        """Store what was compiled, all at once: other processes may do the same."""
+        part = self.folder / f"{module.name}.{secrets.token_hex(8)}"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            part = self._path(module).with_suffix(f".{os.getpid()}")
-            part.write_bytes(code)
+            part.write_bytes(hashlib.sha256(code).digest() + code)
             part.replace(self._path(module))
         except OSError:
-            return
+            with contextlib.suppress(OSError):
+                part.unlink()
 
     def load(self, module: Any) -> bytes | None:
         """Return what was compiled earlier, if anything."""
         try:
-            return self._path(module).read_bytes()
+            content = self._path(module).read_bytes()
         except OSError:
             return None
+        digest, code = content[:_DIGEST], content[_DIGEST:]
+        return code if hashlib.sha256(code).digest() == digest else None
 
 
-def _cache_folder() -> Path:
-    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "signlin_ros" / "native"
+_DIGEST = hashlib.sha256().digest_size
+
+
+def _cache_folder() -> Path | None:
+    """Return where machine code is kept; None without a home."""
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    try:
+        return Path(base or Path.home() / ".cache") / "signlin_ros" / "native"
+    except RuntimeError:
+        return None
 
 
 @functools.cache
@@ -193,58 +215,95 @@ def _engine() -> tuple[Any, str]:
     features = llvm.get_host_cpu_features().flatten()
     machine = target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-    cache = _Cache(_cache_folder())
-    engine.set_object_cache(cache.save, cache.load)
-    _keep.append((machine, cache))
+    folder = _cache_folder()
+    if folder is not None:
+        cache = _Cache(folder)
+        engine.set_object_cache(cache.save, cache.load)
+        _keep.append(cache)
+    _keep.append(machine)
     return engine, f"{llvm.get_host_cpu_name()} {features} {llvm.llvm_version_info} {numba.__version__}"
 
 
 _keep: list[Any] = []
 """What must live as long as the machine code."""
+_lock = threading.Lock()
+"""LLVM's engine takes one module at a time, and none twice."""
+_addresses: dict[str, tuple[int, ...]] = {}
 
 
-@functools.lru_cache(maxsize=1024)
 def _compiled(text: str, names: tuple[str, ...]) -> tuple[int, ...]:
-    engine, target = _engine()
-    digest = hashlib.sha256(f"{target}\n{text}".encode()).hexdigest()[:32]
-    unique = text.replace("@tape_", f"@t{digest}_")
-    module = llvm.parse_assembly(unique)
-    module.name = digest
-    engine.add_module(module)
-    engine.finalize_object()
-    return tuple(int(engine.get_function_address(f"t{digest}_{name}")) for name in names)
+    """Return the addresses of the functions ``@tape_<name>`` of a text; from any thread."""
+    with _lock:
+        engine, target = _engine()
+        digest = hashlib.sha256(f"{target}\n{text}".encode()).hexdigest()[:32]
+        if digest not in _addresses:
+            module = llvm.parse_assembly(text.replace("@tape_", f"@t{digest}_"))
+            module.name = digest
+            engine.add_module(module)
+            engine.finalize_object()
+            _addresses[digest] = tuple(int(engine.get_function_address(f"t{digest}_{name}")) for name in names)
+        return _addresses[digest]
 
 
 def native(tape: Tape) -> tuple[int, int]:
     """Return the addresses of two functions of (inputs, results): the whole tape, and only its head."""
+    ends = {"all": (tape.op.size, tape.n_out), "head": (tape.k_head, tape.n_head)}
+    if ends["head"] == ends["all"]:
+        del ends["head"]
     parts = []
     declared: set[str] = set()
-    for name, steps, outputs in (("all", tape.op.size, tape.n_out), ("head", tape.k_head, tape.n_head)):
+    for name, (steps, outputs) in ends.items():
         writer = _Writer(tape)
         parts.append(writer.text(f"tape_{name}", steps, outputs))
         declared |= writer.declared
-    text = "\n".join([*sorted(declared), *parts])
-    whole, head = _compiled(text, ("all", "head"))
-    return whole, head
+    addresses = _compiled("\n".join([*sorted(declared), *parts]), tuple(ends))
+    return addresses[0], addresses[-1]
 
 
-@intrinsic
-def call(typing_context: Any, address: Any, inputs: Any, results: Any) -> Any:
-    """Call the native function at ``address`` with the data of two contiguous arrays of float64."""
+_POINTER = ir.DoubleType().as_pointer()
+_FUNCTION = ir.FunctionType(ir.VoidType(), [_POINTER, _POINTER])
+
+
+def _check(*arrays: Any) -> None:
+    for array in arrays:
+        if not (isinstance(array, types.Array) and array.dtype == types.float64 and array.layout == "C"):
+            raise TypingError(f"native code works on contiguous arrays of float64; found {array}")
+
+
+def _data(context: Any, builder: Any, kind: Any, array: Any) -> Any:
+    """Write the pointer to an array's first number."""
+    return builder.bitcast(context.make_array(kind)(context, builder, array).data, _POINTER)
+
+
+def _call(typing_context: Any, address: Any, inputs: Any, results: Any) -> Any:
+    _check(inputs, results)
     signature = types.void(types.intp, inputs, results)
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        pointer = ir.DoubleType().as_pointer()
-        kind = ir.FunctionType(ir.VoidType(), [pointer, pointer])
-        target = builder.inttoptr(arguments[0], kind.as_pointer())
-        data = [
-            builder.bitcast(context.make_array(sig.args[i])(context, builder, arguments[i]).data, pointer)
-            for i in (1, 2)
-        ]
-        builder.call(target, data)
+        target = builder.inttoptr(arguments[0], _FUNCTION.as_pointer())
+        builder.call(target, [_data(context, builder, sig.args[i], arguments[i]) for i in (1, 2)])
         return context.get_dummy_value()
 
     return signature, generate
+
+
+def _call_within(typing_context: Any, address: Any, work: Any, first_input: Any, first_result: Any) -> Any:
+    _check(work)
+    signature = types.void(types.intp, work, types.intp, types.intp)
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        target = builder.inttoptr(arguments[0], _FUNCTION.as_pointer())
+        data = _data(context, builder, sig.args[1], arguments[1])
+        builder.call(target, [builder.gep(data, [arguments[i]]) for i in (2, 3)])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+call: Any = intrinsic(_call)
+"""``call(address, inputs, results)`` calls native code, from a compiled function, with two arrays of float64."""
+call_within: Any = intrinsic(_call_within)
+"""``call_within(address, work, i, k)``: the same with inputs from ``work[i]`` on and results from ``work[k]`` on."""
 
 
 def caller(address: int) -> Callable[[np.ndarray, np.ndarray], None]:
@@ -257,4 +316,4 @@ def _call_once(address, inputs, results):
     call(address, inputs, results)
 
 
-__all__ = ["call", "caller", "native"]
+__all__ = ["call", "call_within", "caller", "native"]

@@ -6,8 +6,8 @@ a stuck shaft stands exactly still. Between crossings it is an adaptive method o
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -17,7 +17,7 @@ from signlin_ros import kernels
 from signlin_ros.compiled import exact_tape, linear_tape, scales, smooth_tape, weights
 from signlin_ros.errors import InputError, SimulationError, choices, suggest
 from signlin_ros.model import Model
-from signlin_ros.tape import Tape
+from signlin_ros.native import native
 from signlin_ros.trace import Structure, trace
 
 Array = NDArray[np.float64]
@@ -102,25 +102,41 @@ def _checked(model: Model, t: ArrayLike, u: ArrayLike, x0: ArrayLike | None) -> 
     return times, inputs, start
 
 
-def _sizes(structure: Structure) -> tuple[Any, ...]:
-    """Return what the exact kernel needs to know of a structure: sizes, which surface is a coordinate, a switch."""
+@functools.lru_cache(maxsize=256)
+def _exact_plan(structure: Structure) -> tuple[np.void, NDArray[np.int64]]:
+    """Return what the exact kernel needs to know: a plan, and which surface is a coordinate and which a switch."""
     t = trace(structure)
     x = ca.vertsplit(t.x)
     coordinate = [next((i for i, e in enumerate(x) if ca.is_equal(e, s.g)), -1) for s in t.surfaces]
     switches = [i for i, s in enumerate(t.surfaces) if s.kind == "switch"]
     switch_of = [switches.index(i) if i in switches else -1 for i in range(len(t.surfaces))]
-    shape = (t.x.numel(), t.u.numel(), t.p.numel(), len(t.surfaces), len(switches))
-    return (*shape, np.array(coordinate, dtype=np.int64), np.array(switch_of, dtype=np.int64))
+    links = np.array([coordinate, switch_of], dtype=np.int64).reshape(2, -1)
+    sizes = (t.x.numel(), t.u.numel(), t.p.numel(), len(t.surfaces), len(switches), t.y.numel())
+    return kernels.exact_plan(native(exact_tape(structure)), *sizes), links
+
+
+@functools.lru_cache(maxsize=256)
+def _smooth_plan(structure: Structure, order: int) -> np.void:
+    t = trace(structure)
+    sizes = (t.x.numel(), t.u.numel(), t.p.numel() + len(t.surfaces), t.y.numel())
+    return kernels.smooth_plan(native(smooth_tape(structure, order)), *sizes)
+
+
+@functools.lru_cache(maxsize=256)
+def _piecewise_plan(structure: Structure, order: int, method: str) -> np.void:
+    t, n = trace(structure), trace(structure).x.numel()
+    sizes = (n, t.u.numel(), t.p.numel() + len(t.surfaces) + n, t.y.numel())
+    tape, rows = linear_tape(structure, order, method)
+    rest = tape.n_out - rows["c"].stop
+    return kernels.smooth_plan(native(smooth_tape(structure, order)), *sizes, native(tape)[0], rest)
 
 
 def _run_exact(
     model: Model, times: Array, breaks: Array, inputs: Array, x0: Array, rtol: float, X: Array, Y: Array
 ) -> tuple[int, float, tuple[tuple[float, str, str], ...]]:
-    tape, sizes = exact_tape(model.structure), _sizes(model.structure)
-    events = np.zeros((10_000 if sizes[3] else 0, 3))
-    status, when, count = kernels.run_exact(
-        tape.arrays, sizes, tape.n_work, tape.n_out, times, breaks, inputs, x0, model.p, rtol, X, Y, events
-    )
+    plan, links = _exact_plan(model.structure)
+    events = np.zeros((10_000 if plan["q"] else 0, 3))
+    status, when, count = kernels.run_exact(plan, links, times, breaks, inputs, x0, model.p, rtol, X, Y, events)
     names = [s.name for s in model.trace.surfaces]
     found = tuple((float(e[0]), names[int(e[1])], _EVENT_NAMES[int(e[2])]) for e in events[:count])
     return status, when, found
@@ -133,42 +149,21 @@ def _smooth_constants(model: Model) -> Array:
 def _run_smooth(
     model: Model, times: Array, breaks: Array, inputs: Array, x0: Array, rtol: float, X: Array, Y: Array
 ) -> tuple[int, float, tuple[()]]:
-    tape = smooth_tape(model.structure, model.sign_order)
-    constants = _smooth_constants(model)
-    status, when = kernels.run_smooth(
-        tape.arrays, tape.n_work, tape.n_out, times, breaks, inputs, x0, constants, rtol, X, Y
-    )
+    plan = _smooth_plan(model.structure, model.sign_order)
+    status, when = kernels.run_smooth(plan, times, breaks, inputs, x0, _smooth_constants(model), rtol, X, Y)
     return status, when, ()
 
 
 def _run_piecewise(
     model: Model, times: Array, breaks: Array, inputs: Array, x0: Array, rtol: float, X: Array, Y: Array
 ) -> tuple[int, float, tuple[()]]:
-    linear, _ = linear_tape(model.structure, model.sign_order, model.linearization)
-    smooth = smooth_tape(model.structure, model.sign_order)
+    plan = _piecewise_plan(model.structure, model.sign_order, model.linearization)
     period = model.update_period
     count = int(np.floor((times[-1] - times[0]) / period + 1e-9)) + 1
-    updates = times[0] + period * np.arange(count)
-    updates = _snapped(updates, times)
+    updates = _snapped(times[0] + period * np.arange(count), times)
     half = period / 2 if model.operating_point == "midpoint" else 0.0
-    constants = _smooth_constants(model)
-    sizes = (linear.n_work, linear.n_out, smooth.n_work, smooth.n_out)
-    linear_p = np.concatenate([constants, weights(model)])
-    status, when = kernels.run_piecewise(
-        linear.arrays,
-        smooth.arrays,
-        sizes,
-        times,
-        breaks,
-        inputs,
-        x0,
-        linear_p,
-        constants,
-        updates,
-        half,
-        X,
-        Y,
-    )
+    constants = np.concatenate([_smooth_constants(model), weights(model)])
+    status, when = kernels.run_piecewise(plan, times, breaks, inputs, x0, constants, updates, half, X, Y)
     return status, when, ()
 
 
@@ -184,7 +179,7 @@ class SmoothFlow:
     """Where f_j arrives from a state after a fixed time with the input held: the midpoint predictor."""
 
     def __init__(self, model: Model, span: float, rtol: float = 1e-9) -> None:
-        self._tape: Tape = smooth_tape(model.structure, model.sign_order)
+        self._plan = _smooth_plan(model.structure, model.sign_order)
         self._constants, self._span, self._rtol = _smooth_constants(model), span, rtol
 
     def __call__(self, x: Array, u: Array) -> Array:
@@ -194,8 +189,7 @@ class SmoothFlow:
     def many(self, x: Array, u: Array) -> Array:
         """Return the states (T, n) reached from x (T, n) under u (T, m); NaN where the run diverges."""
         points = x.copy()
-        arguments = (self._tape.arrays, self._tape.n_work, self._tape.n_out, points, np.ascontiguousarray(u))
-        kernels.flow_many(*arguments, self._constants, self._span, self._rtol)
+        kernels.flow_many(self._plan, points, np.ascontiguousarray(u), self._constants, self._span, self._rtol)
         return np.asarray(points)
 
 

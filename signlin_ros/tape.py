@@ -1,8 +1,8 @@
 """A CasADi function as a flat list of instructions, and what each instruction means.
 
-One table of operations serves three uses: blocks of points with NumPy (`Tape.batch`), scalar evaluation inside
-compiled kernels (`signlin_ros.kernels`), and generated source. Instructions are read from CasADi's virtual machine,
-see ``Function.instruction_id``.
+`Tape.batch` runs it on blocks of points with NumPy, by the table of operations in here; `signlin_ros.native` turns it
+into machine code for compiled kernels (`signlin_ros.kernels`). Instructions are read from CasADi's virtual machine, see
+``Function.instruction_id``.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ OPERATIONS: dict[int, str] = {
     ca.OP_EXPM1: "np.expm1(a)",
     ca.OP_HYPOT: "np.hypot(a, b)",
 }
-"""Every operation as a NumPy expression of its arguments a and b; Numba compiles the same text for scalars."""
+"""Every operation as a NumPy expression of its arguments a and b: what it means."""
 
 BLOCK = 512
 """Points evaluated at a time: the work of a block stays in the processor's cache."""
@@ -106,17 +106,6 @@ class Tape:
     def n_out(self) -> int:
         """Number of outputs."""
         return self.picks.size
-
-    @property
-    def n_work(self) -> int:
-        """Number of work slots."""
-        return self.n_in + self.constants.size + self.op.size
-
-    @property
-    def arrays(self) -> tuple[NDArray[Any], ...]:
-        """What a compiled kernel needs."""
-        ends = np.array([self.n_in, self.n_head, self.k_head], dtype=np.int64)
-        return self.op, self.a, self.b, self.constants, self.picks, ends
 
     def batch(self, columns: list[Any]) -> NDArray[np.float64]:
         """Evaluate at many points: ``columns`` (n_in) of scalars or arrays (T,); returns (n_out, T)."""

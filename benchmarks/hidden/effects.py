@@ -41,12 +41,16 @@ class Setting:
         return float(self.rng.uniform(0, 2 * np.pi))
 
     def order(self, least: float = 1.5, most: float = 7.0) -> float:
-        """Return waves per radian: a few over the motion, slower than a sixth of the sampling rate."""
-        N = self.rng.uniform(least, most) / (0.5 * self.scale.stroke)
+        """Return waves per radian (a motor's: whole, at least 2): a few over the motion, and slower than a quarter of
+        the sampling rate at the speed's root mean square; not a number where the motion is too fast for that.
+        """
+        limit = 2 * np.pi / self.dt / 4 / self.scale.speed
+        lowest = 0.8 / self.scale.position
         if self.drive.plant == MOTOR:
-            N = float(self.rng.integers(2, 15))
-        limit = 2 * np.pi / self.dt / 6 / (1.5 * self.scale.speed)
-        return float(max(min(N, limit), 0.8 / self.scale.position))
+            lowest, limit = max(2.0, np.ceil(lowest)), np.floor(min(limit, 14.0))
+            return float(self.rng.integers(lowest, limit + 1)) if lowest <= limit else float("nan")
+        N = self.rng.uniform(least, most) / (0.5 * self.scale.stroke)
+        return float(max(min(N, limit), lowest)) if lowest <= limit else float("nan")
 
 
 def _damping(s: Setting) -> float:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.compare import Comparison, Traces
-from signlin_ros.diagnosis.curves import Band
 from signlin_ros.diagnosis.evidence import Evidence, Explanation
 from signlin_ros.diagnosis.results import Diagnosis, Rung
 from signlin_ros.plotting import BARE, EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, styled
@@ -73,6 +72,7 @@ def _rungs(ax: Any, rungs: Sequence[Rung], name: str, unit: str) -> None:
         ax.text(value, row, f" {value:.3g}{over}", va="center", fontsize=8)
     ax.set_xlim(0, 1.45 * max(values))
     ax.set_title(f"{name} [{unit}]")
+    ax.locator_params(axis="x", nbins=5)
     ax.grid(visible=False, axis="y")
 
 
@@ -141,7 +141,7 @@ def _signals(ax: Any, t: Array, y: Array, lines: Sequence[Array]) -> None:
     every = max(1, t.size // POINTS)
     size = FAR * float(np.nanmax(np.abs(y), initial=0.0)) or 1.0
     ax.plot(t[::every], y[::every], color=MEASURED, lw=1.8, label="measured")
-    for line, color, label in zip(lines, (BASE, PROPOSAL), ("base model as given", "proposal"), strict=True):
+    for line, color, label in zip(lines, (BASE, PROPOSAL), ("model as given", "proposal"), strict=True):
         ax.plot(t[::every], np.where(np.abs(line) < size, line, np.nan)[::every], color=color, lw=0.9, label=label)
     ax.set_xlim(t[0], t[-1])
 
@@ -210,19 +210,23 @@ def _explained(ax: Any, e: Evidence, x: Explanation) -> None:
 
 def _left(ax: Any, shown: Sequence[Explanation], dense: bool) -> None:
     ax.axhline(0.0, color=NOISE, lw=0.7)
-    for x, color, mark in zip(shown, (PROPOSAL, BASE), ("o", "s"), strict=False):
+    for x, look in zip(shown, _LEFT, strict=False):
         for i, (found, curve) in enumerate(zip(x.found, x.curve, strict=True)):
             label = "" if i else (words([x.effect]) if x.effect else "nothing")
-            bars = {"color": color, "ms": 3, "lw": 0.8, "elinewidth": 0.8, "ls": "none", "label": label}
-            ax.errorbar(found.at, found.mean - curve.mean, found.two_errors, fmt=mark, **bars)
-    ax.set_ylim(
-        *_around([b.mean - c.mean for x in shown for b, c in zip(x.found, x.curve, strict=True)], shown[0].found)
-    )
+            left = found.mean - curve.mean
+            ax.errorbar(found.at, left, found.two_errors, label=label, ls="none", lw=0.8, elinewidth=0.8, **look)
+    ax.set_ylim(*_around(shown))
     if dense:  # the bins are: near 0 is where dry friction decides
         ax.set_xscale("function", functions=(_signed_root, _signed_square))
         reach = max(float(np.max(np.abs(b.at), initial=0.0)) for x in shown for b in x.found)
         ax.set_xticks([float(f"{reach * part:.1g}") for part in (-1, -0.3, -0.05, 0, 0.05, 0.3, 1)])
     ax.legend(fontsize=8)
+
+
+_LEFT: tuple[dict[str, Any], ...] = (
+    {"fmt": "o", "ms": 3.2, "color": PROPOSAL, "zorder": 3},
+    {"fmt": "s", "ms": 5.5, "color": BASE, "mfc": "none"},
+)
 
 
 def _signed_root(x: Array) -> Array:
@@ -233,11 +237,11 @@ def _signed_square(x: Array) -> Array:
     return np.asarray(np.sign(x) * np.square(x))
 
 
-def _around(values: Sequence[Array], found: Sequence[Band]) -> tuple[float, float]:
-    """Return limits that hold nearly all of the values, and the typical error."""
-    everything = np.abs(np.concatenate(values))
-    typical = float(np.median(np.concatenate([b.two_errors for b in found])))
-    size = max(float(np.quantile(everything, 0.97)), 3 * typical) or 1.0
+def _around(shown: Sequence[Explanation]) -> tuple[float, float]:
+    """Return limits that hold nearly all of what is left, and the typical error."""
+    left = [np.abs(b.mean - c.mean) for x in shown for b, c in zip(x.found, x.curve, strict=True)]
+    typical = float(np.median(np.concatenate([b.two_errors for b in shown[0].found])))
+    size = max(float(np.quantile(np.concatenate(left), 0.97)), 3 * typical) or 1.0
     return -1.2 * size, 1.2 * size
 
 

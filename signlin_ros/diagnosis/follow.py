@@ -311,10 +311,11 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, 
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
 
     ``sizes``: n, m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is
-    the switching surface (-1), whether derivatives are wanted, least number of substeps between samples. ``u`` (T, m) held, ``y`` (T, ny) with NaN for missing,
-    ``gains`` (G, n, ny): those of the first G samples, the last one for all others. X (T, n) gets the state before
-    the correction, if it is not empty. ``lags`` (ny, 3): by how much every channel is seen late in s, the state that
-    it shows, and the index of its lag among the sensitivities (-1); empty if none is late. Returns how many samples were followed before the run left all bounds.
+    the switching surface (-1), whether derivatives are wanted, least number of substeps between samples. ``u`` (T, m)
+    held, ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny): those of the first G samples, the last one for all
+    others. X (T, n) gets the state before the correction, if it is not empty. ``lags`` (ny, 3): by how much every
+    channel is seen late in s, the state that it shows, and the index of its lag among the sensitivities (-1); empty
+    if none is late. Returns how many samples were followed before the run left all bounds.
     """
     n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     with_s = sizes[7] != 0

@@ -61,8 +61,8 @@ class Residue:
 def correlations(parts: Sequence[Array], lags: int) -> tuple[Array, float, int]:
     """Return autocorrelations at lags 1..``lags``, the variance and the number of samples, over several records."""
     sums, total, count = np.zeros(lags), 0.0, 0
-    for e in parts:
-        e = np.where(np.isfinite(e), e, 0.0)
+    for part in parts:
+        e = np.where(np.isfinite(part), part, 0.0)
         total += float(e @ e)
         count += int(np.count_nonzero(e))
         size = 1 << (2 * e.size - 1).bit_length()

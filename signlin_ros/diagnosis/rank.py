@@ -128,9 +128,7 @@ def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
     complete = []
     for one in starts:
         values = {n: v for n, v in one.items() if not (pars[n].free_standing and spring)}
-        for n, v in effect.held.items():
-            if v is not None:
-                values[n] = v
+        values.update({n: v for n, v in effect.held.items() if v is not None})
         complete.append({n: float(np.clip(v, pars[n].low, pars[n].high)) for n, v in values.items()})
     return complete
 

@@ -11,6 +11,7 @@ from typing import Any
 from signlin_ros.diagnosis.scores import Score
 from signlin_ros.model import Model
 
+
 def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 

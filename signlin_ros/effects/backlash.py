@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from signlin_ros.effects.compliant_load import CompliantLoad
 from signlin_ros.par import Par
@@ -21,7 +22,9 @@ class Backlash(CompliantLoad):
     experiment = "reverse the drive slowly while the load lags"
 
     gap = Par("Q", nominal=0.01, doc="half width of the play")
-    start = tuple({"k": 10.0, "c": 0.05, "J": 0.3, "gap": gap} for gap in (0.02, 0.1, 0.4))
+    start: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
+        {"k": 10.0, "c": 0.05, "J": 0.3, "gap": gap} for gap in (0.02, 0.1, 0.4)
+    )
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling, zero while the play is crossed."""

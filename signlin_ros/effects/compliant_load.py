@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
@@ -23,7 +24,10 @@ class CompliantLoad(Effect):
     k = Par("F/Q", nominal=1.0, doc="stiffness of the coupling")
     c = Par("F·s/Q", nominal=0.01, doc="damping of the coupling")
     J = Par("F·s²/Q", nominal=1e-3, positive=True, doc="inertia of the load")
-    start = ({"k": 3.0, "c": 0.05, "J": 0.3}, {"k": 20.0, "c": 0.05, "J": 0.3})
+    start: ClassVar[tuple[Mapping[str, float], ...]] = (
+        {"k": 3.0, "c": 0.05, "J": 0.3},
+        {"k": 20.0, "c": 0.05, "J": 0.3},
+    )
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling."""

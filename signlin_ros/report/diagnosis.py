@@ -47,7 +47,7 @@ def diagnosis_report(
         Section("What the record shows", _shown(d)),
         Section("The error, step by step", _ladder(d)),
         Section("Before and after", _before_and_after(d, comparisons)),
-        Section("Where the base model fails", _fails(before)),
+        Section("Where the model as given fails", _fails(before)),
         Section("Where the proposal still fails", _still(d, comparisons)),
         Section("Parameters", _parameters(d, base)),
         Section("What else was tried", _others(d)),
@@ -88,7 +88,9 @@ def _shown(d: Diagnosis) -> list[Block]:
     """Return what speaks for each named effect; where there is none, for the best of those that were tried."""
     blocks: list[Block] = []
     for entry in d.missing:
-        blocks += [Text(entry.effect.replace("_", " ").capitalize(), "head"), formula(entry.effect, d.model)]
+        likeness = "" if entry.status in ("confirmed", "ambiguous") else ": a likeness, not the cause"
+        name = entry.effect.replace("_", " ").capitalize()
+        blocks += [Text(f"{name}{likeness}", "head"), formula(entry.effect, d.model)]
         blocks += [Text(f"{entry.why[:1].upper()}{entry.why[1:]}."), *_tie(entry), *_evidence(d, entry)]
     if not d.missing and d.verdict == "unexplained":
         blocks += _nearest(d)
@@ -170,8 +172,8 @@ def _before_and_after(d: Diagnosis, comparisons: tuple[Comparison, Comparison] |
     free = d.base_validation.kind == "free_run"
     how = "simulated from the start" if free else f"predicted over windows of {comparisons[0].horizon:g} s"
     caption = (
-        f"Every channel as measured, and as {how} by the base model and by the proposal; the middle column is enlarged"
-        f" where the base model is worst. Right: the errors; grey is the noise (± 2 standard deviations)."
+        f"Every channel as measured, and as {how} by the model as given and by the proposal; the middle column is enlarged"
+        f" where the former is worst. Right: the errors; grey is the noise (± 2 standard deviations)."
         f" Data: {names_of(comparisons[0].sources)}, which the fit never saw."
     )
     figure = drawn.before_and_after(*comparisons, free)
@@ -185,7 +187,7 @@ def _fails(before: Comparison | None) -> list[Block]:
     blocks = where(before)
     if any(region.mask for region in before.where):
         caption = (
-            "Base model as given; the first situation of the table is shaded. Orange: simulated from the start; blue:"
+            "The model as given; the first situation of the table is shaded. Orange: simulated from the start; blue:"
             " predicted over windows."
         )
         blocks += drawing("where_it_fails", pictures.measured_and_simulated, caption, before)
@@ -194,10 +196,15 @@ def _fails(before: Comparison | None) -> list[Block]:
 
 
 def _still(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> list[Block]:
-    """Return where the proposal still fails, if it does."""
+    """Return where the proposal still fails, and how what it lacks looks where that is more than noise."""
     if comparisons is None or not d.ladder[-1].effects:
         return []
-    return where(comparisons[1])
+    after, blocks = comparisons[1], where(comparisons[1])
+    if any(m.clear for m in after.missing):
+        caption = "What the proposal's equations lack, against each coordinate."
+        blocks += drawing("still_missing_force", pictures.missing_against, caption, after)
+        blocks += drawing("still_missing_map", pictures.error_map, "The same over two coordinates at once.", after)
+    return blocks
 
 
 # -------------------------------------------------------------------- parameters, rivals, limits
@@ -227,8 +234,8 @@ def _others(d: Diagnosis) -> list[Block]:
     rest = [e for e in d.ranking if e not in d.missing and e.status != "not_applicable"]
     outside = [e.effect.replace("_", " ") for e in d.ranking if e.status == "not_applicable"]
     blocks: list[Block] = [Items([(_status(e), e.why) for e in rest if e.status == "ambiguous"])] if rest else []
-    rows = [[e.effect.replace("_", " "), e.status.replace("_", " "), _worst(e), _values(e), e.why] for e in rest]
-    head = ["effect", "status", "error over noise", "fitted alone", "why"]
+    rows = [[e.effect.replace("_", " "), e.status.replace("_", " "), _worst(e), e.why, _values(e)] for e in rest]
+    head = ["effect", "status", "error over noise", "why", "fitted"]
     if rows:
         blocks.append(Fold(f"{len(rows)} other effects, best first", [Table(head, rows, right=(2,))]))
     if outside:

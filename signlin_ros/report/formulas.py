@@ -67,19 +67,19 @@ def _tex(expression: Any) -> str:
     """Return an expression as TeX, with a common minus in front and whole words upright."""
     import sympy
 
-    tidy = sympy.factor_terms(expression)
+    tidy = expression if expression.has(sympy.Max) else sympy.factor_terms(expression)
     words = {s: rf"\mathrm{{{s.name}}}\," for s in tidy.free_symbols if s.name.isalpha() and s.name in WORDS}
     return _plain_brackets(str(sympy.latex(tidy, symbol_names=words)))
 
 
 def _plain_brackets(tex: str) -> str:
-    """Take \left and \right from brackets around what is no taller than a letter: matplotlib makes them too small."""
+    r"""Take \left and \right from brackets around what is no taller than a letter: matplotlib makes them too small."""
     found = 1
     while found:
         tex, round_ones = re.subn(r"\\left\(((?:(?!\\left|\\right|\\frac).)*)\\right\)", r"(\1)", tex)
         tex, bars = re.subn(r"\\left\|((?:(?!\\left|\\right|\\frac).)*)\\right\|", r"|\1|", tex)
         found = round_ones + bars
-    return tex
+    return re.sub(r"\\(operatorname|sin|cos|max)", r"\\,\\\1", tex)
 
 
 def _coordinates(kind: type[Effect], model: Model) -> Namespace:

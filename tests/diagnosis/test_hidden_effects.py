@@ -55,7 +55,9 @@ def test_shared_records(truth):
         assert worst < 1.3
 
 
-@pytest.mark.parametrize(("group", "index"), [("single", 1), ("single", 10), ("weak", 3), ("none", 2), ("none_coloured", 4)])
+@pytest.mark.parametrize(
+    ("group", "index"), [("single", 1), ("single", 10), ("weak", 3), ("none", 2), ("none_coloured", 4)]
+)
 def test_drawn_records(group, index, tmp_path):
     record = draw(group, index, SEED)
     model, data, unseen = records(write(record, tmp_path / record.name))

@@ -287,3 +287,13 @@ def test_a_run_that_diverges_says_when() -> None:
 def test_bad_arguments_are_refused(arguments: tuple[Any, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
         simulate(motor(), *arguments)
+
+
+def test_friction_comes_back_after_an_imposed_velocity_was_zero():
+    settings = {"plant": "force_element", "parameters": {"c": 100.0, "k": 0.0}}
+    model = Model.from_dict({**settings, "effects": {"coulomb_friction": {"mu": 50.0}}})
+    t = np.arange(400) * 0.01
+    v = np.where(t > 1, 0.4 * np.sin(2 * np.pi * t), 0.0)
+    force = simulate(model, t, v[:, None]).y[:, 0]
+    moving = v != 0.0
+    assert np.allclose(force[moving], (100 * v + 50 * np.sign(v))[moving])
