@@ -263,7 +263,7 @@ def compare(
     mapping = _pairs(signals, "--signal", "NAME=COLUMN")
     write = _report_writer("compare_report") if report else None
     from signlin_ros import console
-    from signlin_ros.diagnosis.compare import compare as run
+    from signlin_ros.diagnosis.comparison import compare as run
     from signlin_ros.diagnosis.data import load_records
     from signlin_ros.model import Model
 
@@ -389,7 +389,7 @@ def _diagnosed(
     from concurrent.futures import ThreadPoolExecutor
 
     from signlin_ros import console
-    from signlin_ros.diagnosis import diagnose as verbs
+    from signlin_ros.diagnosis import verdict as verbs
     from signlin_ros.diagnosis.data import load_records
     from signlin_ros.model import Model, check_output
 

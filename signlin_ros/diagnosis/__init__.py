@@ -1,10 +1,10 @@
 """How good a model is on measurements, where it fails, what it lacks.
 
-    from signlin_ros.diagnosis.compare import compare
-    from signlin_ros.diagnosis.data import load_records
+    from signlin_ros.diagnosis import compare, diagnose, load_records
 
     model, data = load_records(Model.load("my_motor.yaml"), ["run.csv"])
     print(compare(model, data).to_json())
+    print(diagnose(model, data).sentence)
 
 Names below are loaded when first asked for.
 """
@@ -15,12 +15,17 @@ import importlib
 from typing import Any
 
 _EXPORTS = {
-    "Comparison": "compare",
+    "Comparison": "comparison",
+    "Diagnosis": "results",
     "Missing": "missing",
     "Noise": "noise",
     "Region": "locate",
     "Score": "scores",
+    "add": "verdict",
+    "compare": "comparison",
+    "diagnose": "verdict",
     "load_records": "data",
+    "refine": "verdict",
     "noise_level": "noise",
     "residual_test": "whiteness",
 }

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.compare import Comparison, Traces
+from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.diagnosis.missing import per_force
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.model import Model

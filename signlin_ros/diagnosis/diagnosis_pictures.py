@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.compare import Comparison, Traces
+from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.diagnosis.evidence import Evidence, Explanation
 from signlin_ros.diagnosis.results import Diagnosis, Rung
 from signlin_ros.plotting import BARE, EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, styled

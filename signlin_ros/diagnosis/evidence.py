@@ -111,7 +111,8 @@ def _rival(f: Findings, ranked: Ranked, effect: str, goal: Target, place: Place,
     """Return the nearest rival's explanation; where there is no rival, what is left if nothing takes the place."""
     found = nearest_rival(f, ranked, effect)
     if found is None:
-        rest = next((s.ranked for s in f.steps if set(s.ranked.effects) == set(ranked.effects) - {effect}), None)
+        others = set(ranked.effects) - {effect}
+        rest = next((s.ranked for s in (*f.steps, *f.singles) if set(s.ranked.effects) == others), None)
         found = (rest, "") if rest else None
     motion = motion_of(f.unseen, *found) if found else None
     if found is None or motion is None:

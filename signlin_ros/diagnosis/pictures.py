@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 
 from signlin_ros.console import per_second
 from signlin_ros.diagnosis import curves
-from signlin_ros.diagnosis.compare import Comparison, Traces
+from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.diagnosis.missing import Missing
 from signlin_ros.diagnosis.noise import Noise
 from signlin_ros.errors import InputError

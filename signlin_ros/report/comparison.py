@@ -9,7 +9,7 @@ from typing import Any
 
 from signlin_ros import __version__
 from signlin_ros.diagnosis import pictures
-from signlin_ros.diagnosis.compare import Comparison
+from signlin_ros.diagnosis.comparison import Comparison
 from signlin_ros.diagnosis.scores import Score
 from signlin_ros.errors import SignlinError
 from signlin_ros.report.files import write_report
@@ -23,7 +23,7 @@ def compare_report(comparison: Comparison, path: str | Path, command: str = "") 
     """
     c = comparison
     sections = [
-        Section("Scores", [scores_table(c), *_effort(c)]),
+        Section("Scores", [scores_table(c), Text(_HOW, "note"), *_effort(c)]),
         Section("Measured and predicted", _traces(c)),
         Section("Where it fails", where(c)),
         Section("What is missing", _missing(c)),
@@ -81,17 +81,18 @@ def _over(score: Score | None) -> float:
 def scores_table(c: Comparison) -> Table:
     """Return the scores of every channel."""
     ahead = f"next {c.horizon:g} s"
-    head = [
-        "",
-        "unit",
-        "noise",
-        *(f"{k}: {w}" for k in ("free run", ahead) for w in ("RMS error", "fit", "over noise")),
-    ]
+    head = ["", "unit", "noise", "free run", "fit", "over noise", ahead, "fit", "over noise"]
     rows = [
         [name, channel.unit, number(channel.noise.sigma), *_score(channel.free_run), *_score(channel.windowed)]
         for name, channel in c.channels.items()
     ]
     return Table(head, rows, right=range(2, 9))
+
+
+_HOW = (
+    "RMS errors. Free run: simulated from an estimated start. The other: over windows, each from what was measured"
+    " before it. Fit: 100 % less the error over the spread of what was measured."
+)
 
 
 def _score(s: Score | None) -> list[str]:

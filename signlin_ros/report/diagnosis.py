@@ -7,7 +7,7 @@ from pathlib import Path
 
 from signlin_ros.diagnosis import diagnosis_pictures as drawn
 from signlin_ros.diagnosis import pictures
-from signlin_ros.diagnosis.compare import Comparison, compare
+from signlin_ros.diagnosis.comparison import Comparison, compare
 from signlin_ros.diagnosis.evidence import Evidence, evidence
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Scores
 from signlin_ros.diagnosis.search import held_out
@@ -172,8 +172,9 @@ def _before_and_after(d: Diagnosis, comparisons: tuple[Comparison, Comparison] |
     free = d.base_validation.kind == "free_run"
     how = "simulated from the start" if free else f"predicted over windows of {comparisons[0].horizon:g} s"
     caption = (
-        f"Every channel as measured, and as {how} by the model as given and by the proposal; the middle column is enlarged"
-        f" where the former is worst. Right: the errors; grey is the noise (± 2 standard deviations)."
+        f"Every channel as measured, and as {how} by the model as given and by the proposal;"
+        " the middle column is enlarged where the former is worst."
+        " Right: the errors; grey is the noise (± 2 standard deviations)."
         f" Data: {names_of(comparisons[0].sources)}, which the fit never saw."
     )
     figure = drawn.before_and_after(*comparisons, free)

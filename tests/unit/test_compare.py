@@ -16,7 +16,7 @@ from numpy.testing import assert_allclose
 
 from signlin_ros import cli
 from signlin_ros.console import compare_text
-from signlin_ros.diagnosis.compare import Comparison, compare
+from signlin_ros.diagnosis.comparison import Comparison, compare
 from signlin_ros.diagnosis.data import load_records
 from signlin_ros.diagnosis.scores import score
 from signlin_ros.errors import InputError, RecordError

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from signlin_ros.diagnosis.compare import compare
+from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.data import load_records
 from signlin_ros.diagnosis.noise import noise_level, quantum_of
 from signlin_ros.diagnosis.whiteness import residual_test

@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from signlin_ros.diagnosis import curves
-from signlin_ros.diagnosis.compare import compare
+from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.locate import block_mean
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
