@@ -215,6 +215,7 @@ def _engine() -> tuple[Any, str]:
     features = llvm.get_host_cpu_features().flatten()
     machine = target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine.finalize_object()  # the empty module that it begins with is not for the cache
     folder = _cache_folder()
     if folder is not None:
         cache = _Cache(folder)

@@ -154,6 +154,12 @@ def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
     return found
 
 
+def _prior(f: Fit) -> float:
+    """Return what the priors cost: large where known parameters had to move far to imitate what is missing."""
+    pairs = zip(f.candidate.coordinates, f.theta, strict=True)
+    return float(sum(((x - c.prior) / c.spread) ** 2 for c, x in pairs))
+
+
 def _evidence(r: Ranked) -> float:
     return r.evidence
 
@@ -274,6 +280,8 @@ class _Search:
             needed = (LIKELY if strong else SURE) if len(path) == 1 or self._enough(step) else CERTAIN
             if len(path) > 1 and step.share < SHARE and not self._enough(last):
                 continue
+            if _prior(last.ranked.fit) - _prior(r.fit) > STRONG and step.certainty > -SURE:
+                return step
             if step.gain > 0 and step.certainty > needed:
                 return step
         return None
