@@ -9,6 +9,7 @@ records, as typed; between the markers ``<!-- story NAME -->`` and ``<!-- end --
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import re
 import shutil
@@ -107,16 +108,14 @@ def run(folder: Path, command: str) -> str:
     return done.stdout.rstrip()
 
 
-def predictions(folder: Path, truth: Array, horizon: float = 0.1) -> str:
-    """Return a table: RMS error of the speed of the next ``horizon`` s, by the linear models of each file."""
+def predictions(folder: Path, truth: Array, h: float = 0.1) -> str:
+    """Return a table: RMS error of the speed of the next ``h`` s, by the linear models of each file."""
     rows = []
     for name in ("my_motor.yaml", "one_effect.yaml", "my_motor_2.yaml"):
         model, (data,) = load_records(Model.load(str(folder / name)), [str(folder / "tuesday.csv")])
         states = causal_states(model, data.t, data.measured, data.u)
         errors = [
-            predict(
-                model.with_options(operating_point=point), data.t, data.u, states, truth, "speed", horizon, kind
-            ).rms
+            predict(model.with_options(operating_point=point), data.t, data.u, states, truth, "speed", h, kind).rms
             for point, kind in (("start", "piecewise"), ("midpoint", "piecewise"), ("midpoint", "exact"))
         ]
         rows.append(f"{name:17s}" + "".join(f"{e:10.3f}" for e in errors))
@@ -129,20 +128,20 @@ def on_ros(folder: Path) -> str:
     os.environ["ROS_DOMAIN_ID"] = "87"
     from signlin_ros.nodes.listen import Listener
 
-    file = ["--ros-args", "--params-file", "my_motor_2.yaml"]
-    with tempfile.TemporaryFile() as log:
-        node = subprocess.Popen([str(LIB / "linearizer"), *file], cwd=folder, stdout=log, stderr=log)
-        try:
-            with Listener("", ["linearizer"]) as listener:
-                if not listener.wait(listener.linearizers_ready, patience=120.0):
-                    raise SystemExit("the linearizer did not start")
-                replay = [str(LIB / "replay"), *file, "-p", "record:=tuesday.csv"]
-                source = subprocess.Popen(replay, cwd=folder, stdout=log, stderr=log)
-                listener.wait(lambda: listener.span > 6.0, patience=60.0)
-                heard = listener.heard()
-                _stop(source)
-        finally:
-            _stop(node)
+    with contextlib.ExitStack() as stack:
+        log = stack.enter_context(tempfile.TemporaryFile())
+
+        def start(executable: str, *options: str) -> None:
+            command = [str(LIB / executable), "--ros-args", "--params-file", "my_motor_2.yaml", *options]
+            stack.callback(_stop, subprocess.Popen(command, cwd=folder, stdout=log, stderr=log))
+
+        listener = stack.enter_context(Listener("", ["linearizer"]))
+        start("linearizer")
+        if not listener.wait(lambda: listener.linearizers_ready, patience=120.0):
+            raise SystemExit("the linearizer did not start")
+        start("replay", "-p", "record:=tuesday.csv")
+        listener.wait(lambda: listener.span > 6.0, patience=60.0)
+        heard = listener.heard()
     _, update = heard.models["linearizer"][-1]
     matrices = ((n, np.array2string(np.asarray(a), precision=4)) for n, a in _linear(update.result).items())
     lines = [f"{n} = " + text.replace("\n", "\n" + " " * 4) for n, text in matrices]

@@ -275,19 +275,30 @@ def compare(
     return result.to_json(), console.compare_text
 
 
-_validation_option = click.option(
-    "--validation",
-    multiple=True,
-    metavar="DATA2",
-    help="A record that no fit sees. Repeatable; without it the last third of every DATA is held out.",
-)
-_report_option = click.option("--report", metavar="OUT.html", help="Write a report with pictures.")
-_jobs_option = click.option(
-    "--jobs", type=click.IntRange(1, 256), help="How many fits run side by side; default: one for each processor."
-)
 _output_option = click.option(
     "-o", "--output", required=True, metavar="NEW.yaml", help="The model file to write; not over MODEL."
 )
+
+
+def _diagnosis_options(function: Callable[..., Report]) -> Callable[..., None]:
+    """Add what `diagnose`, `add` and `refine` share: MODEL, DATA and the options on them."""
+    found: Any = function
+    for add_one in (
+        _json_option,
+        _signal_option,
+        click.option("--jobs", type=click.IntRange(1, 256), help="Fits side by side; default: one per processor."),
+        click.option("--report", metavar="OUT.html", help="Write a report with pictures."),
+        click.option(
+            "--validation",
+            multiple=True,
+            metavar="DATA2",
+            help="A record that no fit sees. Repeatable; without it the last third of every DATA is held out.",
+        ),
+        click.argument("data", nargs=-1, required=True, metavar="DATA..."),
+        click.argument("model"),
+    ):
+        found = add_one(found)
+    return cast("Callable[..., None]", found)
 
 
 @signlin.command(
@@ -296,27 +307,14 @@ _output_option = click.option(
 signlin diagnose my_motor.yaml run_1.csv run_2.csv --report diagnosis.html
 signlin diagnose my_motor.yaml run.mcap --json > diagnosis.json""",
 )
-@click.argument("model")
-@click.argument("data", nargs=-1, required=True, metavar="DATA...")
-@_validation_option
-@_report_option
-@_jobs_option
-@_signal_option
-@_json_option
-def diagnose(
-    model: str,
-    data: tuple[str, ...],
-    validation: tuple[str, ...],
-    report: str | None,
-    jobs: int | None,
-    signals: tuple[str, ...],
-) -> Report:
+@_diagnosis_options
+def diagnose(**options: Any) -> Report:
     """Name the physical effect that MODEL lacks, going by the measurements in DATA, or say that none fits.
 
     All effects of the catalogue compete, faults of sensors among them; what wins must lower the error on data that
     the fit did not see. The verdict is adequate, missing or unexplained.
     """
-    return _diagnosed("diagnose", model, data, validation, report, jobs, signals)
+    return _diagnosed("diagnose", **options)
 
 
 @signlin.command(
@@ -325,26 +323,11 @@ def diagnose(
 signlin add dahl_presliding damper.yaml a.csv --validation b.csv -o damper_2.yaml""",
 )
 @click.argument("effect")
-@click.argument("model")
-@click.argument("data", nargs=-1, required=True, metavar="DATA...")
 @_output_option
-@_validation_option
-@_report_option
-@_jobs_option
-@_signal_option
-@_json_option
-def add(
-    effect: str,
-    model: str,
-    data: tuple[str, ...],
-    output: str,
-    validation: tuple[str, ...],
-    report: str | None,
-    jobs: int | None,
-    signals: tuple[str, ...],
-) -> Report:
+@_diagnosis_options
+def add(**options: Any) -> Report:
     """Add EFFECT to MODEL, fit it to DATA and write NEW.yaml: before and after, on data that the fit did not see."""
-    return _diagnosed("add", model, data, validation, report, jobs, signals, output, effect)
+    return _diagnosed("add", **options)
 
 
 @signlin.command(
@@ -352,25 +335,11 @@ def add(
     epilog="""signlin refine my_motor.yaml run.csv -o my_motor_2.yaml
 ros2 run signlin_ros linearizer --ros-args --params-file my_motor_2.yaml""",
 )
-@click.argument("model")
-@click.argument("data", nargs=-1, required=True, metavar="DATA...")
 @_output_option
-@_validation_option
-@_report_option
-@_jobs_option
-@_signal_option
-@_json_option
-def refine(
-    model: str,
-    data: tuple[str, ...],
-    output: str,
-    validation: tuple[str, ...],
-    report: str | None,
-    jobs: int | None,
-    signals: tuple[str, ...],
-) -> Report:
+@_diagnosis_options
+def refine(**options: Any) -> Report:
     """Diagnose MODEL and add what is missing until nothing confirmed is; writes NEW.yaml and says why it stopped."""
-    return _diagnosed("refine", model, data, validation, report, jobs, signals, output)
+    return _diagnosed("refine", **options)
 
 
 def _diagnosed(
@@ -389,26 +358,24 @@ def _diagnosed(
     from concurrent.futures import ThreadPoolExecutor
 
     from signlin_ros import console
-    from signlin_ros.diagnosis import verdict as verbs
-    from signlin_ros.diagnosis.data import load_records
+    from signlin_ros.diagnosis import load_records, verdict
     from signlin_ros.model import Model, check_output
 
     original = Model.load(model)
     if output is not None:
         check_output(output, model)
     loaded, records = load_records(original, (*data, *validation), mapping)
-    first, second = records[: len(data)], records[len(data) :]
+    first, second = records[: len(data)], records[len(data) :] or None
     _progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as executor:
-        options: dict[str, Any] = {"jobs": executor, "progress": _stage}
-        arguments = (loaded, first, second or None)
-        result = verbs.add(effect, *arguments, **options) if effect else getattr(verbs, verb)(*arguments, **options)
+        arguments = (*([effect] if effect else []), loaded, first, second)
+        result = getattr(verdict, verb)(*arguments, jobs=executor, progress=_stage)
     if output is not None:
-        verbs.write_text(output, result.yaml)
+        verdict.write_text(output, result.yaml)
     if write is not None:
         words = [verb, *([effect] if effect else []), model, *data, *(f"--validation {v}" for v in validation)]
         command = " ".join(["signlin", *words, *([f"-o {output}"] if output else [])])
-        write(result, report, command=command, data=(first, second or None), model=loaded)
+        write(result, report, command=command, data=(first, second), model=loaded)
     return result.to_json(), console.diagnosis_text
 
 

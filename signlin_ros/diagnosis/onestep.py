@@ -145,7 +145,8 @@ def target_at(motion: Motion, name: str) -> Target:
         return Target("output", name, f"missing {name}", model.units[name])
     if name == plant.velocity:
         quantity = "missing force" if plant.force_unit == "N" else "missing torque"
-        return Target("state", name, quantity, plant.force_unit, float(per_force(model)[model.states.index(name)]))
+        plain = bare(model)
+        return Target("state", name, quantity, plant.force_unit, float(per_force(plain)[plain.states.index(name)]))
     states, _, B, _ = linear_base(model, motion.problem.channels)
     return Target("state", name, f"missing {model.inputs[0]}", plant.input_unit, float(B[states.index(name), 0]))
 
