@@ -64,10 +64,10 @@ PICTURES = {
     "diagnosis_files/ladder.png": "story_ladder.png",
 }
 SHORT = {
-    "compare": r"  speed +rad/s|torque computed|  speed > 0",
+    "compare": r"^ +unit|  speed +rad/s|  speed > 0",
     "diagnose": r"MISSING|coulomb_friction: |constant_load: ",
-    "add": r"  coulomb_friction +current|^ {20,}speed",
-    "refine": r"  coulomb_friction\.mu|  constant_load\.F0|note: stopped",
+    "add": r"fitted to|  the model as it is|  coulomb_friction +current",
+    "refine": r"fitted to|  constant_load \+|note: stopped",
 }
 """The lines that the README shows of each command."""
 

@@ -8,7 +8,6 @@ direction-dependent terms, which (26) leaves out.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -79,6 +78,7 @@ class Linearizer:
         self._buffer.set_res(0, memoryview(self._out))  # type: ignore[call-arg, arg-type]
         r = self._rows
         self._cuts = (r["A"].stop, r["B"].stop, r["c"].stop, r["f"].stop)
+        self._many: Callable[[Array, Array, Array], None] | None = None
         self._middle = self._midpoint() if model.operating_point == "midpoint" else None
 
     def _midpoint(self) -> object:
@@ -118,13 +118,14 @@ class Linearizer:
         if self._middle is not None:
             points = self._middle.many(points, inputs)  # type: ignore[attr-defined]
         flat = np.empty((len(points), self._out.size))
+        if self._many is None:
+            self._many = self._compiled()
         self._many(points, np.ascontiguousarray(inputs), flat)
         blocks = {name: flat[:, r.start : r.stop].reshape(len(points), *r.shape) for name, r in self._rows.items()}
         valid = blocks["valid"].astype(bool)
         return LinearizationBatch(blocks["A"], blocks["B"], blocks["c"], points, inputs, blocks["f"], valid)
 
-    @functools.cached_property
-    def _many(self) -> Callable[[Array, Array, Array], None]:
+    def _compiled(self) -> Callable[[Array, Array, Array], None]:
         """Return what fills results (T, ...) from x (T, n) and u (T, m); here because one point needs no compiler."""
         from signlin_ros.kernels import run_batch
         from signlin_ros.native import native

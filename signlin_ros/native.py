@@ -171,7 +171,7 @@ class _Cache:
         self.folder = folder
 
     def _path(self, module: Any) -> Path:
-        return self.folder / f"{module.name}.o"
+        return self.folder / f"{module.name}.code"
 
     def save(self, module: Any, code: bytes) -> None:
         """Store what was compiled, all at once: other processes may do the same."""

@@ -29,7 +29,13 @@ MATTERS = 0.1
 BINS = 40
 SLOW = 0.02
 """Slower than this share of the RMS velocity is not told from standing when reversals are looked for."""
-STANDING = 0.002
+STANDING, CREEPING = 0.002, 0.02
+"""Below these shares of the RMS velocity a machine stands; the second where dry friction stays in the model, whose
+direction is then a matter of noise."""
+SPIKES = (0.005, 0.995)
+"""What is beyond these quantiles does not decide over the coordinate."""
+LEAST_SHOWN = 0.15
+"""At least this share of the samples is shown over the travel since a reversal."""
 SETTLED, BEYOND = 0.1, 3.0
 """After a reversal an effect has settled where so much of its change is left; shown is so many times that travel."""
 
@@ -60,12 +66,21 @@ class Place:
 def place_of(motion: Motion, goal: Target, width: int, does: Array) -> Place:
     """Return the coordinate that tells most of what an effect ``does`` (N,) at its target, before the filter."""
     scene = _Scene(motion, goal, width, does)
+    place = _best(scene, does)
+    if any(surface.kind == "switch" for surface in motion.without.trace.surfaces):
+        place = replace(place, inside=place.inside & ~scene.standing(CREEPING))
+    return place
+
+
+def _best(scene: _Scene, does: Array) -> Place:
+    motion, goal = scene.motion, scene.goal
     kind = find_effect(motion.effect, "effects")
     if kind.resistance is not Effect.resistance and goal.kind == "state" and goal.name == "current":
         return scene.place("time", "s", scene.time, per=scene.column("current"))
     options = list(_options(scene, kind))
-    known = np.isfinite(does) & ~scene.standing()
-    does = np.where(known, does, np.nan)
+    does = np.where(scene.standing(STANDING), np.nan, does)
+    does = np.clip(does, *np.nanquantile(does, SPIKES))
+    known = np.isfinite(does)
     if np.var(does[known]) < FLAT * np.mean(does[known]) ** 2:
         return options[0]
     shares = [share_told(option, does) for option in options]
@@ -140,11 +155,11 @@ class _Scene:
             since = np.concatenate([[-1], turned])[np.searchsorted(turned, np.arange(v.size), side="right")]
             yield side[1:], np.where(since < 0, np.nan, q - q[np.maximum(since, 0)])[1:]
 
-    def standing(self) -> Mask:
+    def standing(self, share: float) -> Mask:
         """Return where (N,) the machine stands: what dry friction does there depends on everything."""
         parts = [np.abs(self._motion(i)) for i in range(len(self.records))]
         size = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-        return self._at(parts) < STANDING * size
+        return self._at(parts) < share * size
 
     def _motion(self, i: int) -> Array:
         name = self.plant.velocity
@@ -274,8 +289,9 @@ def _settling(travel: Array, along: Array) -> Mask:
     means = np.array([along[p].mean() for p in parts])
     final = float(np.median(means[len(means) // 2 :]))
     far = np.flatnonzero(np.abs(means - final) > SETTLED * abs(means[0] - final))
-    last = parts[min(int(far[-1]) + 1, len(parts) - 1)] if far.size else parts[-1]
-    return np.asarray(size <= BEYOND * float(size[last].max()))
+    settled = min(int(far[-1]) + 1, len(parts) - 1) if far.size else len(parts) - 1
+    least = float(size[parts[int(LEAST_SHOWN * len(parts))]].max())
+    return np.asarray(size <= max(BEYOND * float(size[parts[settled]].max()), least))
 
 
 def _of_sensor(scene: _Scene) -> Iterator[Place]:

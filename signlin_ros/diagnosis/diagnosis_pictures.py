@@ -107,8 +107,7 @@ def before_and_after(before: Comparison, after: Comparison, free_run: bool, stre
 
 
 def _predicted(trace: Traces, free_run: bool) -> Array:
-    """Return the predictions (T, channels); where there is no free run, those over windows."""
-    return trace.free if free_run and np.isfinite(trace.free).any() else trace.windowed
+    return trace.free if free_run else trace.windowed
 
 
 def _relative(c: Comparison, k: int, free_run: bool) -> Array:
@@ -178,6 +177,9 @@ def evidence_picture(e: Evidence) -> Any:
             grid[-1].set_title("measured means minus each curve")
         for ax in grid:
             ax.set_xlabel(e.place.label)
+            if ax.get_xscale() == "linear":
+                ax.locator_params(axis="x", nbins=6)
+                ax.ticklabel_format(axis="x", scilimits=(-3, 5))
         grid[0].set_ylabel(f"{e.quantity} [{e.unit}]")
         legend_above(figure, grid[0], 5)
     return figure
@@ -198,7 +200,7 @@ def _explained(ax: Any, e: Evidence, x: Explanation) -> None:
     if e.place.single:
         ax.plot(place, x.computed, color=PROPOSAL, lw=1.6, label="the same, computed with the effect")
         return
-    sides = ("backward", "forward") if len(x.found) > 1 else ("",)
+    sides = ("backward", "forward") if len(x.found) == 2 else [""] * len(x.found)
     for side, found, curve in zip(sides, x.found, x.curve, strict=True):
         color = {"backward": BACKWARD, "forward": FORWARD, "": MEASURED}[side]
         label = "mean ± 2 standard errors" + (f", moving {side}" if side else "")

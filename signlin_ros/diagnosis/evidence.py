@@ -26,6 +26,8 @@ are shown, and where every sample counts;"""
 WIDTHS = (1, 3, 5, 9, 17, 33, 65)
 SLOWEST = 0.1
 """where means are shown it is no longer than so many seconds."""
+ENOUGH = 60
+"""Samples below which nothing is shown of a direction of motion."""
 PARTS = 30
 """Into so many parts of time something is divided that is shown for each unit of something else."""
 
@@ -77,6 +79,8 @@ def evidence(f: Findings, effect: str, within: Ranked | None = None) -> Evidence
         width = _width(measured, computed, motion.step, QUIET_OVER_TIME)
     quantity, unit = ("missing resistance", "Ohm") if place.per is not None else (goal.quantity, goal.unit)
     named = _explanation(ranked, effect, place, measured, computed, width)
+    if named is None:
+        return None
     rival = _rival(f, ranked, effect, goal, place, width)
     place = replace(place, x=place.x[place.inside], side=place.side[place.inside])
     sources = tuple(dict.fromkeys(s.source for s in f.unseen.segments))
@@ -127,17 +131,19 @@ def _same(motion: Motion, goal: Target) -> Target:
 
 def _explanation(
     ranked: Ranked, effect: str, place: Place, measured: Sequence[Array], computed: Sequence[Array], width: int
-) -> Explanation:
+) -> Explanation | None:
+    """Return what the motion lacks and what an effect makes of it; None where the record has too little of it."""
     a, b = (_for_each_unit(smoothed(parts, width), place)[place.inside] for parts in (measured, computed))
     x, side = place.x[place.inside], place.side[place.inside]
     good = np.isfinite(a) & np.isfinite(b)
+    parts = [own for s in np.unique(side) if np.count_nonzero(own := good & (side == s)) >= ENOUGH]
+    if not parts:
+        return None
     block = max(memory(a[good] - b[good]), 2 * width)
-    found, curve = [], []
-    for s in np.unique(side):
-        own = good & (side == s)
-        found.append(band(x[own], a[own], block, dense_at_zero=place.dense))
-        curve.append(band(x[own], b[own], block, dense_at_zero=place.dense))
-    return Explanation(effect, ranked.effects, a, b, tuple(found), tuple(curve))
+    found, curve = (
+        tuple(band(x[own], values[own], block, dense_at_zero=place.dense) for own in parts) for values in (a, b)
+    )
+    return Explanation(effect, ranked.effects, a, b, found, curve)
 
 
 def _for_each_unit(values: Array, place: Place) -> Array:

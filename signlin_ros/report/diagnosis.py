@@ -169,7 +169,9 @@ def _rows(d: Diagnosis, estimation: Scores, validation: Scores) -> list[list[str
 def _before_and_after(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> list[Block]:
     if comparisons is None:
         return []
-    free = d.base_validation.kind == "free_run"
+    free = d.base_validation.kind == "free_run" and all(
+        channel.free_run is not None for c in comparisons for channel in c.channels.values()
+    )
     how = "simulated from the start" if free else f"predicted over windows of {comparisons[0].horizon:g} s"
     caption = (
         f"Every channel as measured, and as {how} by the model as given and by the proposal;"

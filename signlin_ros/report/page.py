@@ -234,7 +234,7 @@ ul { margin: .5rem 0; padding-left: 1.3rem; max-width: 62rem; } li { margin: .2r
 table { margin: .6rem 0; border-collapse: collapse; font-size: .92rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .22rem .9rem .22rem 0; text-align: left; vertical-align: top; border-bottom: 1px solid var(--line); }
 th { font-weight: 600; color: var(--soft); border-bottom-color: #999; }
-.r { text-align: right; }
+td.r { white-space: nowrap; } .r { text-align: right; }
 figure { margin: .8rem 0 1.2rem; }
 img { max-width: 100%; height: auto; }
 figcaption { max-width: 62rem; color: var(--soft); font-size: .9rem; }

@@ -195,4 +195,4 @@ def test_processes_may_write_at_the_same_time(tmp_path):
     for one in started:
         finished(one)
     assert len(code_files(tmp_path)) == 20
-    assert all(file.suffix == ".o" for file in code_files(tmp_path))
+    assert all(file.suffix == ".code" for file in code_files(tmp_path))
