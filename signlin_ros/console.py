@@ -206,6 +206,8 @@ def _named(content: dict[str, Any]) -> str:
     lines = [f"{e['effect']}: {e['status']}\n    {e['why']}" for e in (*shown, *best)]
     if unseen:
         lines.append(f"this record cannot tell: {', '.join(unseen)}")
+    ties = [e["effect"].replace("_", " ") for e in content["ranking"] if e["status"] == "ambiguous"]
+    lines += [text for text in content["experiments"] if any(f"to decide on {t}:" in text for t in ties)]
     return "\n".join(lines)
 
 

@@ -24,6 +24,8 @@ POINTS = 4000
 """At most so many dots of a signal are drawn."""
 ZOOM = 0.05
 """The part of a stretch shown enlarged, around where the base model is worst."""
+WIDER = 0.5
+"""By so much of its own range a picture is widened for what is beside it."""
 FAR = 3.0
 """Predictions further away than so many times the size of what is measured are not drawn."""
 
@@ -186,16 +188,26 @@ def evidence_picture(e: Evidence) -> Any:
 
 
 def _span(parts: Sequence[Array]) -> tuple[float, float]:
+    """Return limits that hold nearly all samples of the first part, and of the others if they are not much larger."""
     quantiles = np.array([np.nanquantile(p, [0.004, 0.996]) for p in parts])
-    low, high = float(quantiles[0, 0]), float(quantiles[0, 1])
-    margin = 0.2 * (high - low) or 1.0
-    return low - margin, high + margin
+    (low, high), size = quantiles[0], float(np.ptp(quantiles[0]))
+    low, high = max(quantiles[:, 0].min(), low - WIDER * size), min(quantiles[:, 1].max(), high + WIDER * size)
+    margin = 0.1 * float(high - low) or 1.0
+    return float(low) - margin, float(high) + margin
 
 
 def _explained(ax: Any, e: Evidence, x: Explanation) -> None:
     every = max(1, e.place.x.size // POINTS)
     place = e.place.x
-    ax.plot(place[::every], x.measured[::every], ".", color="#BBBBBB", ms=1.6, label="samples", rasterized=True)
+    ax.plot(
+        place[::every],
+        x.measured[::every],
+        ".",
+        color="#BBBBBB",
+        ms=3.0 if e.place.single else 1.6,
+        label="samples",
+        rasterized=True,
+    )
     ax.axhline(0.0, color=NOISE, lw=0.7)
     if e.place.single:
         ax.plot(place, x.computed, color=PROPOSAL, lw=1.6, label="the same, computed with the effect")
@@ -221,7 +233,8 @@ def _left(ax: Any, shown: Sequence[Explanation], dense: bool) -> None:
     if dense:  # the bins are: near 0 is where dry friction decides
         ax.set_xscale("function", functions=(_signed_root, _signed_square))
         reach = max(float(np.max(np.abs(b.at), initial=0.0)) for x in shown for b in x.found)
-        ax.set_xticks([float(f"{reach * part:.1g}") for part in (-1, -0.3, -0.05, 0, 0.05, 0.3, 1)])
+        ticks = [float(f"{reach * part:.1g}") for part in (-1, -0.3, -0.03, 0, 0.03, 0.3, 1)]
+        ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.legend(fontsize=8)
 
 

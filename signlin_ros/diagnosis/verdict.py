@@ -67,7 +67,12 @@ def add(
 
     Arguments as in `diagnose`; raises `ModelError` for an unknown effect, `InputError` where it cannot be added.
     """
-    return describe(search(model, _list(data), _list(validation) or None, jobs, progress, only=effect))
+    findings = search(model, _list(data), _list(validation) or None, jobs, progress, only=effect)
+    found, share = describe(findings), _explained(findings)
+    rest = " Structure remains: ask `diagnose` what else is missing." if structure_left(findings) else ""
+    worth = f"{effect.replace('_', ' ')} explains {100 * share:.0f} % of the missing motion"
+    sure = f"by {min(findings.final.certainty, 99):.1f} standard errors"
+    return replace(found, sentence=f"{worth} on data that the fit did not see, {sure}.{rest}")
 
 
 def refine(
@@ -306,10 +311,11 @@ def _named(names: Sequence[str]) -> str:
 
 def _sentence(f: Findings, verdict: str, explained: float, structure: bool) -> str:
     effects = f.final.ranked.effects
+    verb = "explains" if len(effects) == 1 else "explain"
     if verdict == "adequate":
         return "Nothing is missing that this record could show: the residual is noise."
     if verdict == "unexplained":
-        partly = f"; {_named(effects)} explains {100 * explained:.0f} % of it" if effects else ""
+        partly = f"; {_named(effects)} {verb} {100 * explained:.0f} % of it" if effects else ""
         return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
     rest = " Some structure remains that no listed effect explains." if structure else ""
     return (
@@ -493,7 +499,7 @@ def yaml_of(model: Model, f: Findings) -> str:
     for line in model.to_yaml().splitlines():
         match = re.match(r"( *)([\w.]+):", line)
         key = match.group(2) if match else ""
-        names = [n for n in fitted if (n.rpartition(".")[0] or "parameters") == key or n.partition(".")[0] == key]
+        names = [n for n in fitted if (n.partition(".")[0] if "." in n else "parameters") == key]
         lines += [f"{match.group(1)}# {_origin(n, fitted[n], f.problem.base)}" for n in names if match]
         lines.append(line)
     return "\n".join(lines) + "\n"

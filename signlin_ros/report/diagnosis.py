@@ -241,7 +241,7 @@ def _others(d: Diagnosis) -> list[Block]:
     head = ["effect", "status", "error over noise", "why", "fitted"]
     if rows:
         blocks.append(Fold(f"{len(rows)} other effects, best first", [Table(head, rows, right=(2,))]))
-    if outside:
+    if rows and outside:
         blocks.append(Text(f"Not applicable to this plant: {', '.join(outside)}.", "note"))
     return [b for b in blocks if not (isinstance(b, Items) and not b.items)]
 

@@ -248,7 +248,7 @@ footer { margin-top: 2.5rem; color: var(--soft); font-size: .85rem; }
   body { padding: 0; max-width: none; font-size: 10pt; } nav { display: none; }
   h2, .head { break-after: avoid; } figure, tr, .formula { break-inside: avoid; }
   pre { white-space: pre-wrap; border: 0; padding: .3rem 0; background: none; }
-  details::details-content { content-visibility: visible; block-size: auto; }
+  table { font-size: 8.5pt; } figcaption, .note { font-size: 8.5pt; } .verdict { font-size: 1.25rem; }
 }
 """.strip()
 
