@@ -169,16 +169,20 @@ def per_force(model: Model) -> Array:
     """Return the change of every state's rate (n,) for a unit force on the mass: 1/m in the velocity's row."""
     probed = model.with_effect("constant_load", key="probe")
     t = trace(probed.structure)
-    slope = ca.densify(ca.jacobian(t.f, t.p[t.parameters.index("probe.F0")]))
-    return np.asarray(ca.Function("slope", [t.p], [slope])(probed.p)).ravel()
+    return _slope(probed, t.p[t.parameters.index("probe.F0")], 0.0)
 
 
 def _per_input(model: Model) -> Array:
     """Return the change of every state's rate (n,) for a unit of the first input, where nothing stands in its way."""
+    return _slope(model, trace(model.structure).u[0], 1.0)
+
+
+def _slope(model: Model, symbol: ca.SX, sign: float) -> Array:
+    """Return dF/d symbol (n,) at rest with every sign at ``sign``."""
     t = trace(model.structure)
-    slope = ca.densify(ca.jacobian(t.f, t.u[0]))
+    slope = ca.densify(ca.jacobian(t.f, symbol))
     symbols = [t.x, t.u, t.p, *(s.symbol for s in t.surfaces)]
-    values = [np.zeros(t.x.numel()), np.zeros(t.u.numel()), model.p, *([1.0] * len(t.surfaces))]
+    values = [np.zeros(t.x.numel()), np.zeros(t.u.numel()), model.p, *([sign] * len(t.surfaces))]
     return np.asarray(ca.Function("slope", symbols, [slope])(*values)).ravel()
 
 

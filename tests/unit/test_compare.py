@@ -352,3 +352,12 @@ def test_xl330_is_rotary():
     assert c.inverse["force"].unit == "N·m"
     assert c.missing[0].unit == "N·m"
     assert c.channels["displacement"].noise.quantum == pytest.approx(2 * np.pi / 4096, rel=0.01)
+
+
+def test_a_force_on_the_mass_counts_alike_with_load_dependent_friction():
+    from signlin_ros.diagnosis.missing import per_force
+
+    model = Model.load("mass_spring_damper")
+    loaded = model.with_effect("load_dependent_friction", kappa_d=0.1, kappa_e=0.2)
+    assert np.allclose(per_force(loaded), per_force(model))
+    assert np.allclose(per_force(model), [0.0, 1.0 / model.parameters["m"]])
