@@ -6,7 +6,6 @@ one plain mapping (JSON Schemas in ``signlin_ros/schemas``) and a text made of i
 
 from __future__ import annotations
 
-import importlib
 import json
 import math
 import os
@@ -261,7 +260,6 @@ def compare(
     what is missing from the equations, and the situations that hold more of the error than of the time.
     """
     mapping = _pairs(signals, "--signal", "NAME=COLUMN")
-    write = _report_writer("compare_report") if report else None
     from signlin_ros import console
     from signlin_ros.diagnosis.comparison import compare as run
     from signlin_ros.diagnosis.data import load_records
@@ -270,8 +268,10 @@ def compare(
     loaded, records = load_records(Model.load(model), data, mapping)
     _progress(f"comparing {sum(map(len, records))} samples (the first run compiles for some seconds) ...")
     result = run(loaded, records, horizon, cutoff)
-    if write is not None:
-        write(result, report)
+    if report:
+        from signlin_ros.report import compare_report
+
+        compare_report(result, report)
     return result.to_json(), console.compare_text
 
 
@@ -354,11 +354,11 @@ def _diagnosed(
     effect: str | None = None,
 ) -> Report:
     mapping = _pairs(signals, "--signal", "NAME=COLUMN")
-    write = _report_writer("diagnosis_report") if report else None
     from concurrent.futures import ThreadPoolExecutor
 
     from signlin_ros import console
     from signlin_ros.diagnosis import load_records, verdict
+    from signlin_ros.files import write_text
     from signlin_ros.model import Model, check_output
 
     original = Model.load(model)
@@ -371,24 +371,18 @@ def _diagnosed(
         arguments = (*([effect] if effect else []), loaded, first, second)
         result = getattr(verdict, verb)(*arguments, jobs=executor, progress=_stage)
     if output is not None:
-        verdict.write_text(output, result.yaml)
-    if write is not None:
+        write_text(output, result.yaml)
+    if report:
+        from signlin_ros.report import diagnosis_report
+
         words = [verb, *([effect] if effect else []), model, *data, *(f"--validation {v}" for v in validation)]
         command = " ".join(["signlin", *words, *([f"-o {output}"] if output else [])])
-        write(result, report, command=command, data=(first, second), model=loaded)
+        diagnosis_report(result, report, command=command, data=(first, second), model=loaded)
     return result.to_json(), console.diagnosis_text
 
 
 def _stage(what: str, share: float) -> None:
     _progress(f"  {100 * share:3.0f} %  {what}")
-
-
-def _report_writer(name: str) -> Callable[..., Any]:
-    """Return the function of `signlin_ros.report` that writes a report; raise `InputError` where there is none."""
-    try:
-        return cast("Callable[..., Any]", getattr(importlib.import_module("signlin_ros.report"), name))
-    except (ImportError, AttributeError) as error:
-        raise InputError("--report: this version writes no reports yet; leave it out, or take --json") from error
 
 
 @signlin.command(

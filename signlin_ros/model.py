@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from signlin_ros import sign
 from signlin_ros.effects import Effect, SensorEffect, find_effect, load_effect_file
 from signlin_ros.errors import InputError, ModelError, choices, suggest
+from signlin_ros.files import write_text
 from signlin_ros.par import Par, check_values
 from signlin_ros.plants import Plant, find_plant
 from signlin_ros.sensors import Sensor
@@ -115,13 +116,10 @@ class Model:
 
     def save(self, path: str | Path) -> None:
         """Write `to_yaml` to a file, whole or not at all."""
-        target = Path(path)
-        partial = target.with_name(target.name + ".part")
         try:
-            partial.write_text(self.to_yaml(), encoding="utf-8")
-            partial.replace(target)
+            write_text(path, self.to_yaml())
         except OSError as error:
-            raise InputError(f"cannot write {target}: {error.strerror}") from error
+            raise InputError(f"cannot write {path}: {error.strerror}") from error
 
     # ---------------------------------------------------------------- changing
 

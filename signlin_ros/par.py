@@ -35,6 +35,11 @@ class Par:
         """Return the allowed range, e.g. ``(0, 10]``."""
         return f"{'(' if self.positive else '['}{self.low:g}, {self.high:g}]"
 
+    def nearest(self, value: float) -> float:
+        """Return the allowed value that is nearest to a number."""
+        low = math.nextafter(self.low, math.inf) if self.positive else self.low
+        return min(max(float(value), low), self.high)
+
     def check(self, value: Any, where: str, unit: str | None = None) -> float:
         """Return ``value`` as a float; raise `ModelError` unless it is a finite number within the bounds."""
         unit = self.unit if unit is None else unit

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.onestep import Motion, Target, dependence, measured_columns, smoothed
+from signlin_ros.diagnosis.problem import added_keys
 from signlin_ros.effects import Effect, find_effect
 
 Array = NDArray[np.float64]
@@ -232,9 +233,7 @@ def _period(scene: _Scene, travel: float) -> float | None:
     """Return the period of the effect over position, or a whole turn where there are several; None without."""
     motion, kind = scene.motion, find_effect(scene.motion.effect, "effects")
     if kind.periodic:
-        key = next(
-            k for k, use in motion.model.effects.items() if use.type == kind.name and k not in motion.without.effects
-        )
+        key = next(k for k in added_keys(motion.problem, motion.model, kind.name))
         order = motion.model.value(f"{key}.{kind.periodic[0]}")
         return 2 * np.pi / order if order * travel > 2 * np.pi else None
     return 2 * np.pi if scene.plant.position_unit == "rad" and travel > 2 * np.pi else None

@@ -29,7 +29,8 @@ class Equations:
 
     ``parameters``: names of everything in p: the model's own in the trace's order, then ``sensor_gain.<channel>``,
     ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel. ``free``: those with sensitivities.
-    ``substeps``: least number between two samples. ``keep``: the tape, for points one by one.
+    ``substeps``: least number between two samples. ``delay @ p``: by how much the input is late in s. ``keep``: the
+    tape, for points one by one.
     """
 
     head: int
@@ -38,6 +39,7 @@ class Equations:
     substeps: int
     parameters: tuple[str, ...]
     free: tuple[str, ...]
+    delay: Array
     keep: Any
 
     def flags(self, with_s: bool) -> tuple[int, ...]:
@@ -110,13 +112,14 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     n = t.x.numel()
     tape = Tape.of(function, 2 * n + 3)
     whole, head = native(tape)
-    i_delay = _delay_index(t, free, names, p)
+    delay = _delay(t, p)
+    i_delay = next((i for i, name in enumerate(free) if delay[names.index(name)] != 0.0), -1)
     coordinate = -1
     if located is not None:
         coordinate = next((i for i, e in enumerate(ca.vertsplit(t.x)) if ca.is_equal(e, g)), -1)
     sizes = (n, t.u.numel(), len(channels), len(free), i_delay, int(located is not None), coordinate)
     kinked = any(bool(ca.which_depends(v.g, t.x, 1, False)[0]) for v in t.surfaces if v is not located)
-    return Equations(head, whole, sizes, KINKED if kinked else 1, names, free, tape)
+    return Equations(head, whole, sizes, KINKED if kinked else 1, names, free, delay, tape)
 
 
 def neutral_sensors(count: int) -> Array:
@@ -136,12 +139,12 @@ def _channel(t: Trace, name: str) -> ca.SX:
     raise ModelError(f"channel {name!r} is neither a state nor an output; known: {', '.join((*t.states, *outputs))}")
 
 
-def _delay_index(t: Trace, free: tuple[str, ...], names: tuple[str, ...], p: ca.SX) -> int:
-    """Return which free parameter is the input delay; -1 if none is."""
-    for i, name in enumerate(free):
-        if ca.is_equal(t.delay, p[names.index(name)], 2):
-            return i
-    return -1
+def _delay(t: Trace, p: ca.SX) -> Array:
+    """Return the delay of the input as weights of the parameters; raise `ModelError` if it is no sum of them."""
+    slope = ca.densify(ca.jacobian(t.delay, p))
+    if not slope.is_constant():
+        raise ModelError("the delay of the input is not a sum of parameters")
+    return np.asarray(ca.evalf(slope)).ravel()
 
 
 __all__ = ["Equations", "equations", "neutral_sensors", "sensor_names"]

@@ -7,8 +7,7 @@ sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method wit
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.equations import Equations, equations
 from signlin_ros.diagnosis.follow import follow
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, _twin
+from signlin_ros.effects import find_effect
 from signlin_ros.model import Model
 from signlin_ros.par import Par
 
@@ -101,22 +101,22 @@ class Fit:
     candidate: Candidate
     theta: Array
     cost: float
-    rss: Array
     count: Array
     innovations: tuple[Array, ...]
     hessian: Array
     gains: Gains
     filter: Filter
-    steps: int = 0
 
     def parameters(self) -> dict[str, float]:
         """Return the free parameters by name."""
         return {c.name: c.value(float(x)) for c, x in zip(self.candidate.coordinates, self.theta, strict=True)}
 
-    @property
-    def rms(self) -> Array:
-        """RMS innovation of every channel."""
-        return np.sqrt(self.rss / np.maximum(self.count, 1))
+    def fitted(self) -> Model:
+        """Return the candidate's model with the fitted values; what its sensors add is not part of it."""
+        model = self.candidate.model
+        declared = {n.split(".", 1)[1]: par for n, par in model.par_declarations().items()}
+        plain = {n: v for n, v in self.parameters().items() if not n.startswith("sensor_")}
+        return model.with_parameters({n: declared[n].nearest(v) for n, v in plain.items()})
 
 
 def base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
@@ -129,7 +129,7 @@ def base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
             continue
         result.append(_coordinate(name, par, nominal, spread))
     for key, use in problem.base.effects.items():
-        pars = model._pars_of(key)
+        pars = find_effect(use.type, "effects").pars()
         for name, value in use.parameters.items():
             full = f"{key}.{name}"
             if value != 0.0 and full in model.trace.parameters:
@@ -147,26 +147,20 @@ def _coordinate(name: str, par: Par, nominal: float, spread: float) -> Coordinat
 
 def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordinate]:
     """Return the parameters of a new effect that a fit moves; positive ones by their logarithm."""
-    effect_pars = model._pars_of(key)
     use = model.effects[key]
-    held = _effect_class(use.type).held
+    effect = find_effect(use.type, "effects")
+    pars = effect.pars()
     result = []
     for name, value in use.parameters.items():
-        par, full = effect_pars[name], f"{key}.{name}"
-        if name in held or par.structural or full not in model.trace.parameters:
+        par, full = pars[name], f"{key}.{name}"
+        if name in effect.held or par.structural or full not in model.trace.parameters:
             continue
         if par.positive:
             result.append(Coordinate(full, True, value, -12.0, 12.0, 0.0, SHAPE))
         else:
-            unit = problem.scale.of(par.unit) if full.rpartition(".")[2] != "N" else 1.0
+            unit = 1.0 if name in effect.periodic[:1] else problem.scale.of(par.unit)  # an order comes from a scan
             result.append(Coordinate(full, False, unit, par.low / unit, par.high / unit, 0.0, np.inf))
     return result
-
-
-def _effect_class(name: str) -> Any:
-    from signlin_ros.effects import find_effect
-
-    return find_effect(name, "effects")
 
 
 def candidate(
@@ -240,7 +234,7 @@ def follow_records(
         ]
     )
     scale = np.where(scale > 0, scale, _own_scale(problem, c))
-    delay = max(_delay_of(c, p), 0.0)
+    delay = max(float(eq.delay @ p), 0.0)
     lags = _lags(problem, c, p)
     shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
     rows = gains.rows(c.model.states) / np.array(shown)
@@ -283,18 +277,10 @@ def _lags(problem: Problem, c: Candidate, p: Array) -> Array:
     return np.array(rows, dtype=float)
 
 
-def _delay_of(c: Candidate, p: Array) -> float:
-    total = 0.0
-    for key, use in c.model.effects.items():
-        if use.type == "input_delay":
-            total += p[c.equations.parameters.index(f"{key}.T")]
-    return float(total)
-
-
 def _normal(
     problem: Problem, c: Candidate, theta: Array, found: tuple[list[Array], list[Array], list[Array]], filter: Filter
-) -> tuple[float, Array, Array, Array, Array]:
-    """Return cost, RSS (ny), number of samples (ny), gradient and Gauss-Newton Hessian."""
+) -> tuple[float, Array, Array, Array]:
+    """Return cost, number of samples (ny), gradient and Gauss-Newton Hessian."""
     ny, count = c.equations.sizes[2], theta.size
     rss, number = np.zeros(ny), np.zeros(ny)
     squares, products = np.zeros((ny, count, count)), np.zeros((ny, count))
@@ -318,7 +304,7 @@ def _normal(
     weights = number / rss
     gradient = np.tensordot(weights, products, 1) + prior * inverse
     hessian = np.tensordot(weights, squares, 1) + np.diag(inverse**2)
-    return cost, rss, number, gradient, hessian
+    return cost, number, gradient, hessian
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -339,23 +325,22 @@ def fit(
     found = follow_records(problem, c, x, gains, True)
     if found is None:
         return None
-    cost, rss, number, gradient, hessian = _normal(problem, c, x, found, whiten)
+    cost, number, gradient, hessian = _normal(problem, c, x, found, whiten)
     if not (np.isfinite(cost) and np.isfinite(hessian).all()):
         return None
-    damping, taken = 1e-3, 0
+    damping = 1e-3
     for _ in range(steps):
         new = _step(x, gradient, hessian, damping, low, high)
         predicted = float(-2 * gradient @ (new - x) - (new - x) @ hessian @ (new - x))
         if predicted < ENOUGH:
             break
         trial = follow_records(problem, c, new, gains, True)
-        taken += 1
         if trial is not None:
             results = _normal(problem, c, new, trial, whiten)
-            if results[0] < cost and np.isfinite(results[4]).all():
+            if results[0] < cost and np.isfinite(results[3]).all():
                 gain = cost - results[0]
                 x, found = new, trial
-                cost, rss, number, gradient, hessian = results
+                cost, number, gradient, hessian = results
                 damping = max(damping / 8, 1e-9)
                 if gain < ENOUGH + far * max(cost - float(np.sum(number * np.log(problem.noise**2))), 0.0):
                     break
@@ -363,7 +348,7 @@ def fit(
         damping *= 16
         if damping > 1e9:
             break
-    return Fit(c, x, cost, rss, number, tuple(found[0]), hessian, gains, whiten, taken)
+    return Fit(c, x, cost, number, tuple(found[0]), hessian, gains, whiten)
 
 
 def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array, high: Array) -> Array:
@@ -387,24 +372,4 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     return np.asarray(new)
 
 
-def ladder(
-    problem: Problem, c: Candidate, theta: Array | None = None, filter: Filter | None = None, steps: int = 8
-) -> list[Fit]:
-    """Fit a candidate from the highest to the lowest gain; returns the fits, fewer if one diverges."""
-    fits: list[Fit] = []
-    for i, gains in enumerate(problem.levels):
-        last = i == len(problem.levels) - 1
-        found = fit(problem, c, gains, theta, steps, filter if last else None)
-        if found is None:
-            return fits
-        fits.append(found)
-        theta = found.theta
-    return fits
-
-
-def with_values(c: Candidate, values: dict[str, float]) -> Candidate:
-    """Return a candidate that starts from other values."""
-    return replace(c, values={**c.values, **values})
-
-
-__all__ = ["Candidate", "Coordinate", "Filter", "Fit", "candidate", "fit", "follow_records", "ladder"]
+__all__ = ["Candidate", "Coordinate", "Filter", "Fit", "candidate", "fit", "follow_records"]

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.fit import follow_records
 from signlin_ros.diagnosis.missing import per_force
-from signlin_ros.diagnosis.problem import Problem, Segment, bare, first_look, linear_base
-from signlin_ros.diagnosis.rank import Ranked, _inside
+from signlin_ros.diagnosis.problem import Problem, Segment, added_keys, bare, first_look, linear_base
+from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.model import Model
 from signlin_ros.sensors import Sensor
 
@@ -88,9 +88,8 @@ def motion_of(problem: Problem, ranked: Ranked, effect: str) -> Motion | None:
     E, _, X = found
     rows = ranked.fit.gains.rows(c.model.states)
     after = [x + np.einsum("kij,kj->ki", _held(rows, len(x)), np.nan_to_num(e)) for x, e in zip(X, E, strict=True)]
-    plain = {n: v for n, v in ranked.fit.parameters().items() if not n.startswith("sensor_")}
-    model = without = c.model.with_parameters(_inside(c.model, plain))
-    for key in _keys(problem, model, effect):
+    model = without = ranked.fit.fitted()
+    for key in added_keys(problem, model, effect):
         without = without.without_effect(key)
     values = dict(zip(c.equations.parameters, c.p(theta).tolist(), strict=True))
     sensors = _sensors(problem, values)
@@ -102,10 +101,6 @@ def motion_of(problem: Problem, ranked: Ranked, effect: str) -> Motion | None:
 def _held(gains: Array, count: int) -> Array:
     """Return a gain for each of ``count`` samples, the last one held."""
     return np.asarray(gains[np.minimum(np.arange(count), len(gains) - 1)])
-
-
-def _keys(problem: Problem, model: Model, effect: str) -> list[str]:
-    return [k for k, use in model.effects.items() if use.type == effect and k not in problem.base.effects]
 
 
 def _sensors(problem: Problem, values: dict[str, float]) -> Sensors:

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.diagnosis.data import gaps
+from signlin_ros.diagnosis.data import gaps, measured_channels
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.follow import follow, kalman_gains
+from signlin_ros.diagnosis.follow import kalman_gains
+from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -99,15 +100,6 @@ def fourth_difference_noise(values: Array) -> float:
     return float(np.sqrt(np.mean(differences**2) / 70)) if differences.size else 0.0
 
 
-def channels_of(model: Model, data: Sequence[ModelData]) -> tuple[str, ...]:
-    """Return the measured states and outputs that every record has, in the model's order."""
-    known = [*model.states, *(o for o in model.outputs if o not in model.states)]
-    found = tuple(c for c in known if all(c in d.measured and np.isfinite(d.measured[c]).any() for d in data))
-    if not found:
-        raise RecordError(f"{data[0].source}: none of {', '.join(known)} is measured")
-    return found
-
-
 def with_measured_position(model: Model, data: Sequence[ModelData]) -> Model:
     """Return the model with its position as a state if the records have it."""
     if model.plant.position_optional and all(model.plant.position in d.measured for d in data):
@@ -162,6 +154,11 @@ def pieces(data: ModelData) -> list[ModelData]:
     edges = gaps(data.t)
     parts = [data.part(first, last) for first, last in itertools.pairwise(edges)]
     return [p for p in parts if len(p) >= LEAST_SAMPLES] or [data]
+
+
+def added_keys(problem: Problem, model: Model, effect: str) -> list[str]:
+    """Return the keys in a model under which an effect was added to the base."""
+    return [key for key, use in model.effects.items() if use.type == effect and key not in problem.base.effects]
 
 
 def bare(model: Model) -> Model:
@@ -232,34 +229,18 @@ def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, .
 
 def first_look(model: Model, segments: Sequence[Segment], channels: tuple[str, ...], gains: Gains) -> list[Array]:
     """Return the states (T, n) of the base model held to every record by a high gain."""
-    eq = equations(model.structure, channels, ())
-    n, ny = eq.sizes[0], eq.sizes[2]
-    p = np.concatenate([model.p, neutral_sensors(ny)])
+    rows, wide = gains.rows(model.states), np.full(len(model.states), 1e9)
     result = []
     for s in segments:
-        E, X = np.zeros((s.t.size, ny)), np.zeros((s.t.size, n))
         x0 = np.array([s.start.get(name, 0.0) for name in model.states])
-        arguments = (
-            eq.flags(False),
-            s.t,
-            s.u,
-            s.y,
-            gains.rows(model.states),
-            x0,
-            p,
-            np.full(n, 1e9),
-            model.delay,
-            np.zeros((0, 3)),
-        )
-        follow(eq.head, eq.whole, *arguments, E, np.zeros((0, ny, 0)), X)
-        result.append(X)
+        result.append(Tracker(model, s.t, s.u, s.y, channels, wide).run(x0, rows).state)
     return result
 
 
 def prepare(model: Model, data: Sequence[ModelData]) -> Problem:
     """Prepare records (at least one) for fitting; raises `RecordError` where nothing is measured."""
     model = with_measured_position(model, data)
-    channels = channels_of(model, data)
+    channels = measured_channels(model, data)
     segments = tuple(segment(model, channels, d) for d in data)
     dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
     duration = max(float(s.t[-1] - s.t[0]) for s in segments)

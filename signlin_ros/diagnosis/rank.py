@@ -14,7 +14,7 @@ from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit
 from signlin_ros.diagnosis.problem import Gains, Problem, shortened
 from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, load_entry_points
-from signlin_ros.effects.base import Effect
+from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
 
@@ -84,9 +84,10 @@ def applicable(problem: Problem) -> tuple[list[Trial], list[str]]:
     load_entry_points()
     trials, outside = [], []
     for name, effect in EFFECTS.items():
-        if any(use.type == name for use in problem.base.effects.values()) and name != "cogging_torque":
+        if any(use.type == name for use in problem.base.effects.values()) and not effect.periodic:
             continue
-        found = _sensor_trials(problem, name) if name.startswith("sensor_") else _effect_trials(problem, name, effect)
+        of_sensor = issubclass(effect, SensorEffect)
+        found = _sensor_trials(problem, name) if of_sensor else _effect_trials(problem, name, effect)
         trials += found
         if not found:
             outside.append(name)
@@ -119,17 +120,15 @@ def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
     """Return complete sets of parameters to start from."""
     starts = effect.starts(problem.scale)
     if effect.periodic:
-        order, amplitude, phase = effect.periodic
-        names = {"N": order, "A": amplitude, "phi": phase}
-        scanned = periodic_starts(problem, problem.base)
-        starts = [{**one, **{names[k]: v for k, v in found.items()}} for one in starts for found in scanned]
+        scanned = [dict(zip(effect.periodic, found, strict=True)) for found in periodic_starts(problem, problem.base)]
+        starts = [{**one, **found} for one in starts for found in scanned]
     pars = effect.pars()
     spring = problem.base._has_spring
     complete = []
     for one in starts:
         values = {n: v for n, v in one.items() if not (pars[n].free_standing and spring)}
         values.update({n: v for n, v in effect.held.items() if v is not None})
-        complete.append({n: float(np.clip(v, pars[n].low, pars[n].high)) for n, v in values.items()})
+        complete.append({n: pars[n].nearest(v) for n, v in values.items()})
     return complete
 
 
@@ -141,29 +140,13 @@ def _sensor_trials(problem: Problem, name: str) -> list[Trial]:
 
 def extended(problem: Problem, before: Ranked | None, trial: Trial, start: dict[str, float]) -> Candidate:
     """Return the candidate that adds a trial, at one of its starts, to what was fitted before."""
-    model = before.fit.candidate.model if before else problem.base
+    model = before.fit.fitted() if before else problem.base
     sensors = {n: before.fit.parameters()[n] for n in before.sensors} if before else {}
     added = tuple(e for e in before.fit.candidate.label if e in model.effects) if before else ()
-    if before:
-        values = {n: v for n, v in before.fit.parameters().items() if not n.startswith("sensor_")}
-        model = model.with_parameters(_inside(model, values))
     for key in trial.added:
         model = model.with_effect(trial.effect, key=key, **start)
     c = candidate(problem, model, added + trial.added, {**sensors, **trial.sensors})
     return _from_nominal(problem, c)
-
-
-def _inside(model: Model, values: dict[str, float]) -> dict[str, float]:
-    """Return the values, moved by rounding into the declared bounds."""
-    declared = {n.split(".", 1)[1]: p for n, p in model.par_declarations().items()}
-    return {
-        n: float(
-            np.clip(
-                v, np.nextafter(declared[n].low, 1e300) if declared[n].positive else declared[n].low, declared[n].high
-            )
-        )
-        for n, v in values.items()
-    }
 
 
 def _from_nominal(problem: Problem, c: Candidate) -> Candidate:
@@ -230,8 +213,11 @@ def _warmer(
                 found = {
                     n.partition(".")[2]: v for n, v in fits[0][1].parameters().items() if n.startswith(simple.added[0])
                 }
+                pars = EFFECTS[trial.effect].pars()
                 starts = tuple(
-                    _inside_pars(trial.effect, {**s, **_stiffer(found, f)}) for s in trial.starts for f in (1, 3)
+                    {n: pars[n].nearest(v) for n, v in {**s, **_stiffer(found, f)}.items()}
+                    for s in trial.starts
+                    for f in (1, 3)
                 )
                 result[i] = sorted([*climbed[i], *_climb(problem, replace(trial, starts=starts))], key=_pair_cost)
     return result
@@ -244,14 +230,6 @@ def _children(name: str) -> list[type[Effect]]:
 
 def _stiffer(values: dict[str, float], factor: float) -> dict[str, float]:
     return {n: v * factor if n == "k" else v for n, v in values.items()}
-
-
-def _inside_pars(effect: str, values: dict[str, float]) -> dict[str, float]:
-    pars = EFFECTS[effect].pars()
-    return {
-        n: float(np.clip(v, np.nextafter(pars[n].low, 1.0) if pars[n].positive else pars[n].low, pars[n].high))
-        for n, v in values.items()
-    }
 
 
 def _cost(f: Fit) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
+from signlin_ros.diagnosis.missing import per_force
 from signlin_ros.diagnosis.problem import Problem, Segment, first_look
 from signlin_ros.model import Model
 
@@ -21,7 +22,7 @@ FASTEST = 1.5
 """Largest N v dt that is looked for, v being the RMS velocity: faster ones are not resolved by the samples."""
 
 
-def missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
+def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
     """Return position (T,), velocity (T,) and unexplained acceleration (T,), all records one after the other."""
     looks = first_look(model, problem.segments, problem.channels, problem.levels[0])
     eq = equations(model.structure, problem.channels, ())
@@ -64,15 +65,15 @@ def _motion(problem: Problem, model: Model, s: Segment, X: Array) -> tuple[Array
     return v, np.gradient(v, s.t)
 
 
-def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[dict[str, float]]:
+def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tuple[float, float, float]]:
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi); none where there is no velocity state."""
     if model.plant.velocity not in model.states:
         return []
-    q, v, a = missing_acceleration(problem, model)
+    q, v, a = _missing_acceleration(problem, model)
     features = np.column_stack([np.ones_like(v), v, np.sign(v), v * np.abs(v)])
     a = a - features @ np.linalg.lstsq(features, a, rcond=None)[0]
     a = np.clip(a, *np.quantile(a, [0.005, 0.995]))
-    inertia = problem.base.parameters.get("J", problem.base.parameters.get("m", 1.0))
+    inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
     span = float(q.max() - q.min())
     highest = FASTEST / (problem.scale.velocity * problem.scale.step)
     if span <= 0:
@@ -83,7 +84,7 @@ def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[dict
     spectrum = np.fft.rfft(np.bincount(place, weights=a, minlength=bins), size)
     orders = 2 * np.pi * np.arange(spectrum.size) * bins / (span * size)
     power = np.where((orders > 4.0 / span) & (orders > 0.2) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
-    starts: list[dict[str, float]] = []
+    starts: list[tuple[float, float, float]] = []
     for _ in range(count):
         k = int(np.argmax(power))
         if power[k] <= 0:
@@ -94,10 +95,10 @@ def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[dict
     return starts
 
 
-def _start(q: Array, a: Array, order: float, inertia: float) -> dict[str, float]:
+def _start(q: Array, a: Array, order: float, inertia: float) -> tuple[float, float, float]:
     waves = np.column_stack([np.sin(order * q), np.cos(order * q)])
     s, c = np.linalg.lstsq(waves, a, rcond=None)[0]
-    return {"N": order, "A": float(inertia * np.hypot(s, c)), "phi": float(np.arctan2(-c, -s))}
+    return order, float(inertia * np.hypot(s, c)), float(np.arctan2(-c, -s))
 
 
-__all__ = ["missing_acceleration", "periodic_starts"]
+__all__ = ["periodic_starts"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records
-from signlin_ros.diagnosis.judge import Residue, Whiteness, gain_on, residues, whiteness
+from signlin_ros.diagnosis.judge import Residue, gain_on, residues, whiteness
 from signlin_ros.diagnosis.problem import Problem, pieces, prepare, segment, shortened, with_measured_position
 from signlin_ros.diagnosis.rank import (
     Ranked,
@@ -81,7 +82,7 @@ class Findings:
     """Everything that a search found.
 
     ``steps``: base, then one more effect each. ``singles``: every effect alone, best first, with its innovations on
-    unseen data. ``pairs``: what was tried on top of each single. ``residues``, ``white``: what is left in the end.
+    unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal.
     """
 
     problem: Problem
@@ -92,13 +93,24 @@ class Findings:
     pairs: tuple[Ranked, ...]
     outside: tuple[str, ...]
     left: tuple[Residue, ...]
-    tests: tuple[Whiteness, ...]
-    tests_unseen: tuple[Whiteness, ...]
 
     @property
     def final(self) -> Step:
         """The proposed model."""
         return self.steps[-1]
+
+    @functools.cached_property
+    def structured(self) -> bool:
+        """Whether the residual of the proposed model shows structure that is no noise."""
+        return structured(self.final.ranked, self.filter)
+
+
+def structured(r: Ranked, filter: Filter) -> bool:
+    """Tell whether the residual of a fitted model shows structure that is no noise of the filter's colour."""
+    if r.low.cost - r.fit.cost > NEEDED or any(one.structured for one in residues(r.low.innovations)):
+        return True
+    whitened = [filter.apply(e) for e in r.low.innovations]
+    return not all(whiteness([e[:, c] for e in whitened]).white for c in range(filter.rho.size))
 
 
 def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
@@ -194,8 +206,6 @@ class _Search:
         self.progress("validation", 0.9)
         shown = self._shown(path[0], singles)
         final = path[-1]
-        whitened = [self.filter.apply(e) for e in final.ranked.low.innovations]
-        unseen = [self.filter.apply(e) for e in final.unseen]
         return Findings(
             self.problem,
             self.unseen,
@@ -205,8 +215,6 @@ class _Search:
             tuple(self.pairs),
             tuple(outside),
             tuple(residues(final.ranked.low.innovations)),
-            tuple(whiteness([e[:, c] for e in whitened]) for c in range(self.filter.rho.size)),
-            tuple(whiteness([e[:, c] for e in unseen]) for c in range(self.filter.rho.size)),
         )
 
     # ------------------------------------------------------------ noise
@@ -253,7 +261,7 @@ class _Search:
             step = self._best_step(path, [*map(self._polished, options[:2]), *options[2:]])
             if step is not None:
                 path = [*(p for p in path if set(p.ranked.effects) < set(step.ranked.effects)), step]
-            elif depth > 0 or self._enough(path[0]):
+            elif depth > 0 or self._enough(path[0].ranked):
                 return path
             self.progress("more effects", 0.3 + 0.15 * depth)
             if depth + 1 < self.depth or step is None:
@@ -277,8 +285,8 @@ class _Search:
                 continue
             step = self._compared(last, r)
             strong = last.ranked.evidence - r.evidence > STRONG and not self.filter.rho.any()
-            needed = (LIKELY if strong else SURE) if len(path) == 1 or self._enough(step) else CERTAIN
-            if len(path) > 1 and step.share < SHARE and not self._enough(last):
+            needed = (LIKELY if strong else SURE) if len(path) == 1 or self._enough(step.ranked) else CERTAIN
+            if len(path) > 1 and step.share < SHARE and not self._enough(last.ranked):
                 continue
             if _prior(last.ranked.fit) - _prior(r.fit) > STRONG and step.certainty > -SURE:
                 return step
@@ -291,7 +299,7 @@ class _Search:
 
         Likelihoods then exaggerate: what an imperfect model gains by one more parameter is often imitation.
         """
-        if not options or self._enough(Step(options[0], ())):
+        if not options or self._enough(options[0]):
             return options
         best = options[0]
         near = [r for r in options if r.fit.cost - best.fit.cost < SIMPLE * float(best.fit.count.max())]
@@ -308,22 +316,15 @@ class _Search:
         sizes = [abs(r.fit.theta[i]) / np.sqrt(max(covariance[i, i], 1e-300)) for i in amplitudes]
         return not amplitudes or max(sizes) > REAL
 
-    def _enough(self, step: Step) -> bool:
-        low = step.ranked.low
-        if low.cost - step.ranked.fit.cost > NEEDED:
-            return False
-        left = residues(low.innovations)
-        whitened = [self.filter.apply(e) for e in low.innovations]
-        return not any(r.structured for r in left) and all(
-            whiteness([e[:, c] for e in whitened]).white for c in range(self.filter.rho.size)
-        )
+    def _enough(self, r: Ranked) -> bool:
+        return not structured(r, self.filter)
 
     def _more(self, now: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Ranked]:
         """Return sets with one effect more than ``now``; where one is not enough, on top of other singles too, and
         then with either effect of the best pair exchanged for every other.
         """
         starts = [now] if now.effects else []
-        if len(now.effects) <= 1 and not self._enough(Step(now, ())):
+        if len(now.effects) <= 1 and not self._enough(now):
             starts += [r for r in _simple(singles) if r.effects != now.effects][: BEAM - len(starts)]
         found = self._extend(starts, trials)
         if found and len(starts) > 1 and len(found[0].effects) == 2:

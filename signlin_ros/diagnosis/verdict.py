@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.data import as_list
 from signlin_ros.diagnosis.fit import Fit, follow_records
 from signlin_ros.diagnosis.judge import correlations, residues
-from signlin_ros.diagnosis.problem import Gains, Problem, Segment, linear_base
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
 from signlin_ros.diagnosis.rank import free_parameters
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
-from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, NEEDED, SURE, TIE, Findings, Progress, Step, search
+from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SURE, TIE, Findings, Progress, Step, search
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model
@@ -34,7 +35,6 @@ MOST = 6
 """Most effects that `refine` adds."""
 ORDINARY = 0.1
 """An effect is ordinary if its force is this share of the driving force: what a record should be able to show."""
-WORDS = {"dc_motor": ("torque", "position", "speed")}
 
 
 def diagnose(
@@ -51,7 +51,7 @@ def diagnose(
     third of every record is held out. ``jobs``: where candidates are fitted (threads by default). Raises
     `RecordError` for records that cannot be used.
     """
-    return describe(search(model, _list(data), _list(validation) or None, jobs, progress))
+    return describe(search(model, as_list(data), _or_none(validation), jobs, progress))
 
 
 def add(
@@ -67,9 +67,9 @@ def add(
 
     Arguments as in `diagnose`; raises `ModelError` for an unknown effect, `InputError` where it cannot be added.
     """
-    findings = search(model, _list(data), _list(validation) or None, jobs, progress, only=effect)
+    findings = search(model, as_list(data), _or_none(validation), jobs, progress, only=effect)
     found, share = describe(findings), _explained(findings)
-    rest = " Structure remains: ask `diagnose` what else is missing." if structure_left(findings) else ""
+    rest = " Structure remains: ask `diagnose` what else is missing." if findings.structured else ""
     worth = f"{effect.replace('_', ' ')} explains {100 * share:.0f} % of the missing motion"
     sure = f"by {min(findings.final.certainty, 99):.1f} standard errors"
     return replace(found, sentence=f"{worth} on data that the fit did not see, {sure}.{rest}")
@@ -84,7 +84,7 @@ def refine(
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Add effects until nothing confirmed is missing; the last of the notes says why it stopped."""
-    found = describe(search(model, _list(data), _list(validation) or None, jobs, progress, depth=MOST))
+    found = describe(search(model, as_list(data), _or_none(validation), jobs, progress, depth=MOST))
     return replace(found, notes=(*found.notes, _why_stopped(found)))
 
 
@@ -92,16 +92,14 @@ def _why_stopped(d: Diagnosis) -> str:
     added = len(d.ladder[-1].effects)
     if added >= MOST:
         return f"stopped after {MOST} effects"
-    end = (
-        "the residual is noise"
-        if d.verdict == "adequate" or "structure remains" not in d.sentence
-        else ("no other listed effect lowers the error on unseen data beyond doubt, though structure remains")
-    )
+    end = "the residual is noise"
+    if d.findings.structured:
+        end = "no other listed effect lowers the error on unseen data beyond doubt, though structure remains"
     return f"stopped after {added} effect{'' if added == 1 else 's'}: {end}"
 
 
-def _list(data: ModelData | Sequence[ModelData] | None) -> list[ModelData]:
-    return [] if data is None else [data] if isinstance(data, ModelData) else list(data)
+def _or_none(data: ModelData | Sequence[ModelData] | None) -> list[ModelData] | None:
+    return None if data is None else as_list(data)
 
 
 # --------------------------------------------------------------------------- scores
@@ -214,14 +212,19 @@ def _inflation(f: Fit) -> float:
 
 def sentence_of(effect: str, model: Model, parameters: dict[str, Estimate]) -> str:
     """Return what the record shows of an effect, as a sentence."""
-    words = WORDS.get(model.plant.name, ("force", "displacement", "velocity"))
+    plant = model.plant
     cls = find_effect(effect, "effects")
     if issubclass(cls, SensorEffect):
         name, found = next(iter(parameters.items()))
         channel = name.partition(".")[2]
         return cls.finding.format(channel=channel, value=found.value, unit=found.unit)
     values = {n.rpartition(".")[2]: _Shown(p.value, p.unit) for n, p in parameters.items()}
-    return cls.finding.format(F=words[0], Q=words[1], V=words[2], **values)
+    return cls.finding.format(F=_drive(model), Q=plant.position, V=plant.velocity, **values)
+
+
+def _drive(model: Model) -> str:
+    """Return the word for what drives the plant."""
+    return "torque" if model.plant.force_unit == "N·m" else "force"
 
 
 class _Shown(float):
@@ -245,7 +248,7 @@ def describe(f: Findings) -> Diagnosis:
     noise = np.array([r.noise for r in f.left])
     unseen = unseen_noise(f)
     explained = _explained(f)
-    structure = structure_left(f)
+    structure = f.structured
     verdict = _verdict(f, explained, structure)
     ladder = tuple(
         Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
@@ -270,13 +273,6 @@ def describe(f: Findings) -> Diagnosis:
         yaml=yaml_of(model, f),
         findings=f,
     )
-
-
-def structure_left(f: Findings) -> bool:
-    """Tell whether the residual of the proposal shows structure that is no noise."""
-    final = f.final.ranked
-    needed = final.low.cost - final.fit.cost > NEEDED
-    return needed or any(r.structured for r in f.left) or not all(t.white for t in f.tests)
 
 
 def _explained(f: Findings) -> float:
@@ -391,7 +387,7 @@ def _entry(
 
 def _added_parameters(f: Findings, r: Any, effect: str) -> dict[str, Estimate]:
     model = r.fit.candidate.model
-    keys = [key for key, use in model.effects.items() if use.type == effect and key not in f.problem.base.effects]
+    keys = added_keys(f.problem, model, effect)
     names = [f"{key}.{n}" for key in keys for n in model.effects[key].parameters]
     names += [s for s in r.sensors if s.partition(".")[0] == effect]
     found = estimates(r.fit, names, f)
@@ -450,44 +446,28 @@ def _excited(f: Findings, step: Step) -> bool:
 
 def _not_excited(f: Findings, effect: str) -> str:
     model, ranges = f.problem.base, f.problem.ranges
-    position = ranges.get(model.plant.position)
-    words = WORDS.get(model.plant.name, ("force", "displacement", "velocity"))
-    if position and effect in ("hard_stop", "cubic_stiffness", "gravity_load", "linear_stiffness", "cogging_torque"):
-        unit = model.plant.position_unit
-        return f"the {words[1]} stayed within {position[0]:.3g} to {position[1]:.3g} {unit}: beyond it nothing is known"
-    if effect == "input_saturation":
-        name = model.inputs[0]
+    where = find_effect(effect, "effects").shows_at_large
+    name = {"position": model.plant.position, "input": model.inputs[0]}.get(where, "")
+    if name in ranges:
         low, high = ranges[name]
-        return f"the {name} stayed within {low:.3g} to {high:.3g} {model.units[name]}, where it does not saturate"
-    return f"at {100 * ORDINARY:.0f} % of the driving {words[0]} it would not stand out of the noise of this record"
+        unit = model.plant.position_unit if where == "position" else model.units[name]
+        return f"the {name} stayed within {low:.3g} to {high:.3g} {unit}: beyond it nothing is known"
+    return (
+        f"at {100 * ORDINARY:.0f} % of the driving {_drive(model)} it would not stand out of the noise of this record"
+    )
 
 
 # --------------------------------------------------------------------------- the model that comes out
 
 
 def proposal(f: Findings) -> Model:
-    """Return the base model with the named effects and all fitted values."""
-    return fitted_model(f.problem, f.final.ranked.fit, f.final.ranked.sensors)
-
-
-def fitted_model(problem: Problem, found: Fit, sensors: Sequence[str]) -> Model:
-    """Return a candidate's model with its fitted values, sensors included."""
-    values = found.parameters()
-    model = found.candidate.model
-    plain = {n: v for n, v in values.items() if not n.startswith("sensor_")}
-    from signlin_ros.diagnosis.rank import _inside
-
-    model = model.with_parameters(_inside(model, plain))
-    for name in sensors:
+    """Return the base model with the named effects and all fitted values, sensors included."""
+    found = f.final.ranked.fit
+    model, values = found.fitted(), found.parameters()
+    for name in f.final.ranked.sensors:
         kind, _, channel = name.partition(".")
         model = model.with_effect(kind, None, **{channel: values[name]})
-    if problem.base.with_position and not _said_position(problem):
-        model = model.with_options(with_position=True)
     return model
-
-
-def _said_position(problem: Problem) -> bool:
-    return not problem.base.plant.position_optional
 
 
 def yaml_of(model: Model, f: Findings) -> str:
@@ -510,17 +490,6 @@ def _origin(name: str, p: Estimate, base: Model) -> str:
     return f"{name}: fitted, {p}" + (f"; was {was:g}" if was is not None else "") + (f"; {p.note}" if p.note else "")
 
 
-def write_text(path: str | Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    target = Path(path)
-    part = target.with_name(f".{target.name}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(target)
-    finally:
-        part.unlink(missing_ok=True)
-
-
 def _experiments(ranking: Sequence[Entry]) -> tuple[str, ...]:
     """Return what to record so that ties are decided and what was not excited shows."""
     found = []
@@ -541,4 +510,4 @@ def _notes(f: Findings) -> tuple[str, ...]:
     return tuple(notes)
 
 
-__all__ = ["add", "describe", "diagnose", "refine", "write_text"]
+__all__ = ["add", "describe", "diagnose", "refine"]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
 
 from signlin_ros.effects.compliant_load import CompliantLoad
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
+
+PLAYS = (0.1, 0.5)
+"""Half widths of the play that a fit starts from, in multiples of velocity² over acceleration (RMS)."""
 
 
 class Backlash(CompliantLoad):
@@ -22,9 +25,13 @@ class Backlash(CompliantLoad):
     experiment = "reverse the drive slowly while the load lags"
 
     gap = Par("Q", nominal=0.01, doc="half width of the play")
-    start: ClassVar[tuple[Mapping[str, float], ...]] = tuple(
-        {"k": 10.0, "c": 0.05, "J": 0.3, "gap": gap} for gap in (0.02, 0.1, 0.4)
-    )
+
+    @classmethod
+    def starts(cls, scale: Scale) -> list[dict[str, float]]:
+        """Return the stiffer loads of `CompliantLoad`, with plays of some parts of an excursion."""
+        excursion = min(scale.travel, scale.velocity**2 / scale.acceleration)
+        stiff = super().starts(scale)[-2:]
+        return [{**one, "gap": gap * excursion} for one in stiff for gap in PLAYS]
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling, zero while the play is crossed."""

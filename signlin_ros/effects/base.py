@@ -39,6 +39,8 @@ class Effect(HasPars):
     """
     experiment: ClassVar[str] = ""
     """What to record so that it shows, as an imperative clause."""
+    shows_at_large: ClassVar[str] = ""
+    """What must be large for it to show: ``position``, ``input``, or nothing."""
     states: ClassVar[dict[str, str]] = {}
     """Own states and their units (``F`` and ``Q`` as in `Par`)."""
     plants: ClassVar[tuple[str, ...]] = ()

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any
+
+import numpy as np
 
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
+
+SLOWEST, FASTEST, RESONANCES = 25.0, 0.6, 5
+"""Angular frequencies that a fit starts from: four periods in a record, a tenth of the sampling rate; how many."""
 
 
 class CompliantLoad(Effect):
@@ -24,10 +29,15 @@ class CompliantLoad(Effect):
     k = Par("F/Q", nominal=1.0, doc="stiffness of the coupling")
     c = Par("F·s/Q", nominal=0.01, doc="damping of the coupling")
     J = Par("F·s²/Q", nominal=1e-3, positive=True, doc="inertia of the load")
-    start: ClassVar[tuple[Mapping[str, float], ...]] = (
-        {"k": 3.0, "c": 0.05, "J": 0.3},
-        {"k": 20.0, "c": 0.05, "J": 0.3},
-    )
+
+    @classmethod
+    def starts(cls, scale: Scale) -> list[dict[str, float]]:
+        """Return loads of a third of the inertia, with resonances over the band of the record, all weakly damped."""
+        inertia = 0.3 * scale.of("F·s²/Q")
+        found = []
+        for w in np.geomspace(SLOWEST / scale.duration, FASTEST / scale.step, RESONANCES):
+            found.append({"k": float(inertia * w * w), "c": float(0.1 * inertia * w), "J": inertia})
+        return found
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling."""

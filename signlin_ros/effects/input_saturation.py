@@ -17,6 +17,7 @@ class InputSaturation(Effect):
     name = "input_saturation"
     equation = "u -> clip(u, -u_max, u_max)"
     finding = "inputs above {u_max:.3g} {u_max.unit} have no more effect than this"
+    shows_at_large = "input"
     experiment = "apply larger inputs"
 
     u_max = Par("U", nominal=10.0, positive=True, doc="largest input")

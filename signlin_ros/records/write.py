@@ -8,7 +8,6 @@ import csv
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -16,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
+from signlin_ros.files import replacing
 
 from . import units
 from .bag import TIME_TOPIC
@@ -68,10 +68,10 @@ def write_record(
     target = check_target(path)
     try:
         if target.suffix.lower() == ".csv":
-            with _replacing(target) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
+            with replacing(target) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
                 _write_csv(record, stream, with_units)
         else:
-            with _replacing(target) as temporary:
+            with replacing(target) as temporary:
                 _write_mcap(record, temporary, model, joint_name)
     except OSError as error:
         raise RecordError(f"{target}: cannot be written: {error.strerror or error}") from error
@@ -90,23 +90,6 @@ def check_target(path: str | os.PathLike[str]) -> Path:
     if target.is_dir():
         raise RecordError(f"{target}: this is a folder")
     return target
-
-
-@contextmanager
-def _replacing(target: Path) -> Iterator[Path]:
-    """A path to write to, renamed to `target` at the end and removed on any failure. Pipes and devices are
-    written to directly.
-    """
-    target = target.resolve()
-    if target.exists() and not target.is_file():
-        yield target
-        return
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        yield temporary
-        temporary.replace(target)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def _write_csv(record: Record, stream: TextIO, with_units: bool) -> None:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 from signlin_ros.errors import InputError
+from signlin_ros.files import replacing, write_text
 from signlin_ros.report.page import Page, rendered
 
 
@@ -21,20 +21,12 @@ def write_report(page: Page, path: str | Path) -> Path:
         if pictures:
             folder.mkdir(exist_ok=True)
         for name, data in pictures.items():
-            _write(folder / name, data)
-        _write(target, text.encode())
+            with replacing(folder / name) as part:
+                part.write_bytes(data)
+        write_text(target, text)
     except OSError as error:
         raise InputError(f"--report: cannot write {error.filename or target}: {error.strerror}") from error
     return target
-
-
-def _write(path: Path, data: bytes) -> None:
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_bytes(data)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
 __all__ = ["write_report"]

@@ -301,12 +301,13 @@ def test_the_command_prints_one_object_or_a_table(files, capsys):
     assert "2 records, 4000 samples" in capsys.readouterr().out
 
 
-def test_help_explains_and_a_report_is_refused_as_long_as_there_is_none(files, capsys, monkeypatch):
+def test_help_explains_and_a_report_without_the_extra_that_draws_names_it(files, capsys, monkeypatch):
     assert cli.main(["compare", "--help"]) == 0
     assert "signlin compare" in capsys.readouterr().out.split("Examples:")[1]
-    monkeypatch.setitem(sys.modules, "signlin_ros.report", None)
-    assert cli.main(["compare", str(files / "m.yaml"), str(files / "a.csv"), "--report", "r.html"]) == 2
-    assert "--report" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert cli.main(["compare", str(files / "m.yaml"), str(files / "a.csv"), "--report", str(files / "r.html")]) == 2
+    assert "signlin_ros[plot]" in capsys.readouterr().err
+    assert not (files / "r.html").exists()
 
 
 @pytest.mark.parametrize(
