@@ -307,6 +307,15 @@ def _normal(
     return cost, number, gradient, hessian
 
 
+def likelihood(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> float:
+    """Return the objective of `fit` at one point, infinite where the model diverges."""
+    found = follow_records(problem, c, theta, gains, False)
+    if found is None:
+        return np.inf
+    cost = _normal(problem, c, theta, found, Filter(np.zeros(c.equations.sizes[2])))[0]
+    return cost if np.isfinite(cost) else np.inf
+
+
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def fit(
     problem: Problem,
@@ -372,4 +381,4 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     return np.asarray(new)
 
 
-__all__ = ["Candidate", "Coordinate", "Filter", "Fit", "candidate", "fit", "follow_records"]
+__all__ = ["Candidate", "Coordinate", "Filter", "Fit", "candidate", "fit", "follow_records", "likelihood"]

@@ -129,14 +129,14 @@ def _start(model: Model, channels: tuple[str, ...], t: Array, y: Array) -> dict[
     return start
 
 
-def shortened(problem: Problem) -> Problem:
-    """Return the problem on `CHUNKS` stretches of its records, spread evenly, where these are long."""
-    if problem.samples <= LONG:
+def shortened(problem: Problem, most: int = LONG, chunks: int = CHUNKS) -> Problem:
+    """Return the problem on some stretches of its records, spread evenly, where it has more than ``most`` samples."""
+    if problem.samples <= most:
         return problem
     parts = []
-    size = LONG // CHUNKS
+    size = most // chunks
     for s in problem.segments:
-        share = max(1, round(CHUNKS * s.t.size / problem.samples))
+        share = max(1, round(chunks * s.t.size / problem.samples))
         for first in np.linspace(0, max(s.t.size - size, 0), share).astype(int):
             part = slice(first, first + size)
             t, u, y = s.t[part], s.u[part], s.y[part]

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit
-from signlin_ros.diagnosis.problem import Gains, Problem, shortened
+from signlin_ros.diagnosis.narrow import deepened, narrowed, tuned
+from signlin_ros.diagnosis.problem import Gains, Problem, added_keys, shortened
 from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, load_entry_points
 from signlin_ros.effects.base import Effect, SensorEffect
@@ -22,6 +23,8 @@ Array = NDArray[np.float64]
 
 PRICE = 10.0
 """What an effect must gain in -2 log likelihood on top of ln n for each of its parameters."""
+MOST_STARTS = 6
+"""Starts that are descended from: those most likely after two steps."""
 SERIOUS = 0.25
 """Share of the best candidate's gain at the middle gain that makes another one worth a thorough fit."""
 
@@ -188,14 +191,43 @@ def assess(problem: Problem, filter: Filter | None) -> Ranked | None:
 def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     """Search at high gain from all starts of a trial, and follow the best to the middle gain; best pair first."""
     high, middle = problem.levels[:2]
+    if EFFECTS[trial.effect].rugged:
+        return _bred(problem, trial)
     short = shortened(problem)
     candidates = [extended(problem, None, trial, start) for start in trial.starts]
-    first = [f for f in (fit(short, c, high, None, 4) for c in candidates) if f]
+    first = [f for f in (fit(short, c, high, None, 2) for c in candidates) if f]
+    first = sorted(first, key=_cost)[:MOST_STARTS]
+    first = [f for f in (fit(short, f.candidate, high, f.theta, 2) for f in first) if f]
     first = sorted(first, key=_cost)[:3]
     if short is not problem:
         first = [f for f in (fit(problem, g.candidate, high, g.theta, 3) for g in first[:2]) if f]
     second = [(g, fit(problem, g.candidate, middle, g.theta, 6)) for g in first]
     return sorted(((g, f) for g, f in second if f), key=_pair_cost)
+
+
+def _bred(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
+    """Search at the middle gain from the best of many starts; best pair first."""
+    middle = problem.levels[1]
+    first = extended(problem, None, trial, trial.starts[0])
+    starts = narrowed(shortened(problem, 2000, 2), first, trial.starts, trial.added[0], middle)
+    candidates = [extended(problem, None, trial, start) for start in starts]
+    found = sorted((f for f in (fit(problem, c, middle, None, 10) for c in candidates) if f), key=_cost)
+    return [(f, f) for f in found]
+
+
+def without(problem: Problem, r: Ranked, effect: str) -> Ranked | None:
+    """Return what was fitted without one of its effects, fitted again from there; None if that diverges."""
+    model = r.fit.fitted()
+    for key in added_keys(problem, model, effect):
+        model = model.without_effect(key)
+    values = r.fit.parameters()
+    sensors = {n: values[n] for n in r.sensors if n.partition(".")[0] != effect}
+    added = tuple(e for e in r.fit.candidate.label if e in model.effects)
+    c = candidate(problem, model, added, sensors)
+    low = problem.levels[-1]
+    levels = [r.fit.gains, low] if r.fit.gains is not low else [low]
+    fits = descend(problem, c, None, levels, 10, r.low.filter)
+    return ranked(problem, tuple(e for e in r.effects if e != effect), tuple(sensors), fits)
 
 
 def _pair_cost(pair: tuple[Fit, Fit]) -> float:
@@ -216,7 +248,7 @@ def _warmer(
                 pars = EFFECTS[trial.effect].pars()
                 starts = tuple(
                     {n: pars[n].nearest(v) for n, v in {**s, **_stiffer(found, f)}.items()}
-                    for s in trial.starts
+                    for s in trial.starts[:3]
                     for f in (1, 3)
                 )
                 result[i] = sorted([*climbed[i], *_climb(problem, replace(trial, starts=starts))], key=_pair_cost)
@@ -243,11 +275,25 @@ def _descend(problem: Problem, trial: Trial, climbed: list[tuple[Fit, Fit]], ser
         if best is not None and middle.cost > climbed[0][1].cost + 50.0:
             break
         levels = problem.levels[2:] if serious else problem.levels[-1:]
-        lower = descend(problem, middle.candidate, middle.theta, levels, 10 if serious else 2, None)
-        found = ranked(problem, (trial.effect,), tuple(trial.sensors), [high, middle, *lower])
+        upper = _settled(problem, trial, middle) if serious else middle
+        lower = descend(problem, upper.candidate, upper.theta, levels, 10 if serious else 2, None)
+        if serious and lower:
+            lower[-1] = _settled(problem, trial, lower[-1])
+        found = ranked(problem, (trial.effect,), tuple(trial.sensors), [high, upper, *lower])
         if found and (best is None or found.evidence < best.evidence):
             best = found
     return best
+
+
+def _settled(problem: Problem, trial: Trial, found: Fit) -> Fit:
+    """Return a fit of an effect with many local minima in the deepest that is found nearby; others as they are."""
+    effect = EFFECTS[trial.effect]
+    if effect.rugged:
+        return deepened(problem, found, trial.added[0])
+    if effect.periodic:
+        order, _, phase = (f"{trial.added[0]}.{n}" for n in effect.periodic)
+        return tuned(problem, found, order, phase)
+    return found
 
 
 def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Executor) -> list[Ranked]:
@@ -267,4 +313,4 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     return sorted((r for r in found if r is not None), key=lambda r: r.evidence)
 
 
-__all__ = ["Ranked", "Trial", "applicable", "assess", "compete", "descend", "free_parameters", "ranked"]
+__all__ = ["Ranked", "Trial", "applicable", "assess", "compete", "descend", "free_parameters", "ranked", "without"]

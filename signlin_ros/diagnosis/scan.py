@@ -1,8 +1,8 @@
 """Where a search for a periodic force starts: peaks of the spectrum of the missing force over position.
 
 The acceleration that the base model does not explain is taken from the measured velocity (or position) by a
-Savitzky-Golay derivative and binned over position; its discrete Fourier transform shows the orders N of
--A sin(N q + phi) [Savitzky and Golay 1964, doi:10.1021/ac60214a047].
+Savitzky-Golay derivative, and from what an observer corrects; it is binned over position, and its discrete Fourier
+transform shows the orders N of -A sin(N q + phi) [Savitzky and Golay 1964, doi:10.1021/ac60214a047].
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
+from signlin_ros.diagnosis.fit import candidate, follow_records
 from signlin_ros.diagnosis.missing import per_force
-from signlin_ros.diagnosis.problem import Problem, Segment, first_look
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment, first_look
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -46,6 +47,22 @@ def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array,
     return np.concatenate(positions), np.concatenate(velocities), np.concatenate(residuals)
 
 
+def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, Array, Array]:
+    """Return position, velocity and the acceleration by which an observer corrects the base model, each (T,)."""
+    c, plant = candidate(problem, model, ()), model.plant
+    found = follow_records(problem, c, c.start(), gains, False)
+    if found is None:
+        return np.zeros(2), np.zeros(2), np.zeros(2)
+    at = model.states.index(plant.velocity)
+    row = gains.rows(model.states)[-1, at] / problem.scale.step
+    a = np.concatenate([np.nan_to_num(e) @ row for e in found[0]])
+    v = np.concatenate([X[:, at] for X in found[2]])
+    if plant.position in model.states:
+        return np.concatenate([X[:, model.states.index(plant.position)] for X in found[2]]), v, a
+    steps = zip(problem.segments, found[2], strict=True)
+    return np.concatenate([np.cumsum(X[:, at]) * np.median(np.diff(s.t)) for s, X in steps]), v, a
+
+
 def _filled(values: Array) -> Array:
     there = np.isfinite(values)
     index = np.arange(values.size)
@@ -69,14 +86,28 @@ def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tupl
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi); none where there is no velocity state."""
     if model.plant.velocity not in model.states:
         return []
+    inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
+    highest = FASTEST / (problem.scale.velocity * problem.scale.step)
+    starts: list[tuple[float, float, float]] = []
     q, v, a = _missing_acceleration(problem, model)
+    for order in _orders(q, v, a, highest, count):
+        near = (0.0,) if starts else (0.0, -1.5 / np.ptp(q), 1.5 / np.ptp(q))
+        starts += [_start(q, a, order + shift, inertia) for shift in near]
+    for gains in problem.levels[:2]:
+        q, v, a = _corrections(problem, model, gains)
+        for order in _orders(q, v, a, highest, count - 1):
+            N, A, phase = _start(q, a, order, inertia)
+            starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
+    return starts
+
+
+def _orders(q: Array, v: Array, a: Array, highest: float, count: int) -> list[float]:
+    """Return the orders of the highest peaks of the spectrum of a (T,) over q (T,)."""
     features = np.column_stack([np.ones_like(v), v, np.sign(v), v * np.abs(v)])
     a = a - features @ np.linalg.lstsq(features, a, rcond=None)[0]
     a = np.clip(a, *np.quantile(a, [0.005, 0.995]))
-    inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
-    span = float(q.max() - q.min())
-    highest = FASTEST / (problem.scale.velocity * problem.scale.step)
-    if span <= 0:
+    span = float(np.ptp(q))
+    if not span > 0:
         return []
     bins = int(min(2**18, max(256, 4 * span * highest / (2 * np.pi))))
     place = np.minimum(((q - q.min()) / span * bins).astype(int), bins - 1)
@@ -84,15 +115,11 @@ def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tupl
     spectrum = np.fft.rfft(np.bincount(place, weights=a, minlength=bins), size)
     orders = 2 * np.pi * np.arange(spectrum.size) * bins / (span * size)
     power = np.where((orders > 4.0 / span) & (orders > 0.2) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
-    starts: list[tuple[float, float, float]] = []
-    for _ in range(count):
-        k = int(np.argmax(power))
-        if power[k] <= 0:
-            break
-        near = (0.0, -1.5 / span, 1.5 / span) if not starts else (0.0,)
-        starts += [_start(q, a, float(orders[k]) + shift, inertia) for shift in near]
-        power[np.abs(orders - orders[k]) < 6.0 / span] = 0.0
-    return starts
+    found: list[float] = []
+    while len(found) < count and power.max() > 0:
+        found.append(float(orders[int(np.argmax(power))]))
+        power[np.abs(orders - found[-1]) < 6.0 / span] = 0.0
+    return found
 
 
 def _start(q: Array, a: Array, order: float, inertia: float) -> tuple[float, float, float]:

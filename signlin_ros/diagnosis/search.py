@@ -25,6 +25,7 @@ from signlin_ros.diagnosis.rank import (
     extended,
     free_parameters,
     ranked,
+    without,
 )
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError, SimulationError
@@ -277,10 +278,14 @@ class _Search:
 
     def _best_step(self, path: list[Step], options: list[Ranked]) -> Step | None:
         """Return the best option that lowers the error on unseen data beyond doubt, or None."""
-        last = path[-1]
-        for r in self._simplest_first(sorted(options, key=_evidence))[:3]:
-            if r.evidence >= last.ranked.evidence:
+        for option in self._simplest_first(sorted(options, key=_evidence))[:3]:
+            last = path[-1]
+            if option.evidence >= last.ranked.evidence:
                 return None
+            r = self._pruned(option)
+            if r.effects == last.ranked.effects:
+                path[-1] = self._compared(path[-2], r) if len(path) > 1 else self._step(r)
+                continue
             if not self._real(r, last.ranked):
                 continue
             step = self._compared(last, r)
@@ -293,6 +298,19 @@ class _Search:
             if step.gain > 0 and step.certainty > needed:
                 return step
         return None
+
+    def _pruned(self, r: Ranked) -> Ranked:
+        """Return a set of effects without those that are not worth their parameters beside the others.
+
+        One more effect can show the way out of a local minimum of what was there before.
+        """
+        while len(r.effects) > 1:
+            fewer = [f for f in self.executor.map(functools.partial(without, self.problem, r), r.effects) if f]
+            best = min(fewer, key=_evidence, default=r)
+            if best is r or best.evidence > r.evidence:
+                return r
+            r = best
+        return r
 
     def _simplest_first(self, options: list[Ranked]) -> list[Ranked]:
         """Where even the best leaves structure, put simpler ones before it that explain nearly as much.

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
-from signlin_ros.effects.compliant_load import CompliantLoad
+import numpy as np
+
+from signlin_ros.effects.compliant_load import FASTEST, SLOWEST, CompliantLoad
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
-PLAYS = (0.1, 0.5)
-"""Half widths of the play that a fit starts from, in multiples of velocity² over acceleration (RMS)."""
+STARTS = 128
+LIGHTEST, HEAVIEST = 0.08, 0.7
+"""Inertias that a fit starts from, as parts of force over acceleration,"""
+LEAST_DAMPING, MOST_DAMPING = 0.02, 0.3
+"""relative damping in contact,"""
+SMALLEST, LARGEST = 0.03, 0.8
+"""and half widths of the play, in multiples of velocity² over acceleration (RMS)."""
 
 
 class Backlash(CompliantLoad):
@@ -24,14 +31,24 @@ class Backlash(CompliantLoad):
     finding = "an inertia of {J:.3g} {J.unit} is driven only after a play of {gap:.3g} {gap.unit} either way is crossed"
     experiment = "reverse the drive slowly while the load lags"
 
+    rugged = True
+
     gap = Par("Q", nominal=0.01, doc="half width of the play")
 
     @classmethod
     def starts(cls, scale: Scale) -> list[dict[str, float]]:
-        """Return the stiffer loads of `CompliantLoad`, with plays of some parts of an excursion."""
+        """Return many: loads of some parts of the inertia, resonances in contact, damping, parts of an excursion."""
+        from scipy.stats.qmc import Halton
+
         excursion = min(scale.travel, scale.velocity**2 / scale.acceleration)
-        stiff = super().starts(scale)[-2:]
-        return [{**one, "gap": gap * excursion} for one in stiff for gap in PLAYS]
+        highest = FASTEST / scale.step
+        low = np.log([LIGHTEST, min(4 * SLOWEST / scale.duration, highest / 4), LEAST_DAMPING, SMALLEST])
+        high = np.log([HEAVIEST, highest, MOST_DAMPING, LARGEST])
+        points = np.exp(low + (high - low) * Halton(4, scramble=False).random(STARTS + 1)[1:])
+        found = []
+        for J, w, d, gap in points * [scale.of("F·s²/Q"), 1.0, 1.0, excursion]:
+            found.append({"k": J * w * w, "c": d * J * w, "J": J, "gap": gap})
+        return [{name: float(value) for name, value in one.items()} for one in found]
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling, zero while the play is crossed."""

@@ -54,6 +54,8 @@ class Effect(HasPars):
     """Where a fit starts from, in multiples of the record's `Scale`; empty: 0.05 of each."""
     held: ClassVar[Mapping[str, float | None]] = {}
     """Parameters that no record tells from the others, and what a fit holds them at (None: at the start)."""
+    rugged: ClassVar[bool] = False
+    """Whether a fit has many local minima: ``starts`` are many then, all parameters positive, and the best are bred."""
     periodic: ClassVar[tuple[str, ...]] = ()
     """(order, amplitude, phase) of a force -amplitude sin(order q + phase), whose order is scanned for."""
 

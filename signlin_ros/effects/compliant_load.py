@@ -34,10 +34,8 @@ class CompliantLoad(Effect):
     def starts(cls, scale: Scale) -> list[dict[str, float]]:
         """Return loads of a third of the inertia, with resonances over the band of the record, all weakly damped."""
         inertia = 0.3 * scale.of("F·s²/Q")
-        found = []
-        for w in np.geomspace(SLOWEST / scale.duration, FASTEST / scale.step, RESONANCES):
-            found.append({"k": float(inertia * w * w), "c": float(0.1 * inertia * w), "J": inertia})
-        return found
+        resonances = np.geomspace(SLOWEST / scale.duration, FASTEST / scale.step, RESONANCES).tolist()
+        return [{"k": inertia * w * w, "c": 0.1 * inertia * w, "J": inertia} for w in resonances]
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling."""

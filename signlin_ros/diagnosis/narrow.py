@@ -1,0 +1,113 @@
+"""Where the search for a rugged effect starts: many points are tried, and the best of them bred.
+
+The cross-entropy method [Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 2] on -2 log likelihood without
+its derivatives: what makes and breaks contact has many local minima, in which a descent ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.fit import Candidate, Fit, fit, likelihood
+from signlin_ros.diagnosis.problem import Gains, Problem
+
+Array = NDArray[np.float64]
+
+ROUNDS, CHILDREN, PARENTS = 4, 48, 14
+"""Rounds of breeding, new points in each, and the points that they are drawn around."""
+LEAST = 0.03
+"""Smallest spread of the logarithm of what is drawn."""
+NEAR = 0.2
+"""Spread of the logarithms around what was fitted, where the search goes on from there."""
+AGAIN = 3
+"""How often at most it goes on."""
+BESIDE = np.array([-5.0, -2.5, 2.5, 5.0])
+"""Where neighbouring minima of an order are looked for, in radians of phase from end to end of the travel."""
+
+
+def narrowed(
+    problem: Problem, c: Candidate, starts: Sequence[dict[str, float]], key: str, gains: Gains
+) -> list[dict[str, float]]:
+    """Return the best points found from many positive ``starts`` of the effect ``key`` of a candidate, best first."""
+    free = [k for k in starts[0] if any(k == n for n, _ in _own(c, key))]
+    points = np.log([[one[n] for n in free] for one in starts])
+    best = _bred(points, _cost(problem, c, c.start(), dict(_own(c, key)), free, gains))
+    return [{**starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best[:3]]
+
+
+def deepened(problem: Problem, found: Fit, key: str) -> Fit:
+    """Return a fit of the effect ``key``, gone on from until nothing better is found nearby."""
+    c, own = found.candidate, dict(_own(found.candidate, key))
+    for _ in range(AGAIN):
+        values = {n: abs(c.coordinates[i].value(float(found.theta[i]))) for n, i in own.items()}
+        free = [n for n, value in values.items() if value > 0]
+        centre = np.log([values[n] for n in free])
+        points = centre + NEAR * np.random.default_rng(1).standard_normal((CHILDREN, len(free)))
+        best = _bred(points, _cost(problem, c, found.theta, own, free, found.gains), ROUNDS // 2)[0]
+        theta = _moved(c, found.theta, own, free, best)
+        again = fit(problem, c, found.gains, theta, 12, found.filter, 0.0)
+        if again is None or again.cost > found.cost - 1.0:
+            return found
+        found = again
+    return found
+
+
+def tuned(problem: Problem, found: Fit, order: str, phase: str) -> Fit:
+    """Return a fit of a periodic force with its order moved to a neighbouring minimum, as long as one is deeper."""
+    c = found.candidate
+    names = [k.name for k in c.coordinates]
+    i, j = names.index(order), names.index(phase)
+    low, high = problem.ranges.get(problem.base.plant.position, (0.0, problem.scale.travel))
+    for _ in range(AGAIN):
+        tried = []
+        for shift in BESIDE / max(high - low, 1e-300):
+            theta = found.theta.copy()
+            theta[i] = c.coordinates[i].theta(c.coordinates[i].value(float(theta[i])) + shift)
+            theta[j] -= shift * (low + high) / 2 / c.coordinates[j].unit
+            tried.append(fit(problem, c, found.gains, theta, 8, found.filter))
+        best = min((f for f in tried if f), key=lambda f: f.cost, default=None)
+        if best is None or best.cost > found.cost - 1.0:
+            return found
+        found = best
+    return found
+
+
+def _own(c: Candidate, key: str) -> list[tuple[str, int]]:
+    """Return the free parameters of an effect, and where they stand among the coordinates."""
+    return [(k.name.partition(".")[2], i) for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key]
+
+
+def _moved(c: Candidate, theta: Array, own: dict[str, int], free: Sequence[str], z: Array) -> Array:
+    point: Array = theta.copy()
+    for name, value in zip(free, np.exp(z), strict=True):
+        k = c.coordinates[own[name]]
+        point[own[name]] = np.clip(k.theta(float(value)), k.low, k.high)
+    return point
+
+
+def _cost(
+    problem: Problem, c: Candidate, theta: Array, own: dict[str, int], free: Sequence[str], gains: Gains
+) -> Callable[[Array], float]:
+    return lambda z: likelihood(problem, c, _moved(c, theta, own, free, z), gains)
+
+
+def _bred(points: Array, cost: Callable[[Array], float], rounds: int = ROUNDS) -> Array:
+    """Return points (N, n) and what was bred of them, best first."""
+    costs = np.array([cost(z) for z in points])
+    draw = np.random.default_rng(0).standard_normal
+    low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
+    size = points.shape[1]
+    for _ in range(rounds):
+        parents = points[np.argsort(costs)[:PARENTS]]
+        spread = np.linalg.cholesky(np.cov(parents.T).reshape(size, size) + LEAST**2 * np.eye(size))
+        children = np.clip(parents.mean(axis=0) + draw((CHILDREN, size)) @ spread.T, low, high)
+        points = np.concatenate([points, children])
+        costs = np.concatenate([costs, [cost(z) for z in children]])
+    order: Array = points[np.argsort(costs)]
+    return order
+
+
+__all__ = ["deepened", "narrowed", "tuned"]
