@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, gain_on, residues, whiteness
-from signlin_ros.diagnosis.problem import Problem, pieces, prepare, segment, shortened, with_measured_position
+from signlin_ros.diagnosis.problem import Gains, Problem, pieces, prepare, segment, shortened, with_measured_position
 from signlin_ros.diagnosis.rank import (
     Ranked,
     Trial,
@@ -46,6 +46,8 @@ SHARE = 0.05
 """Least share of the squared innovations on unseen data that one more effect must take away from a poor model."""
 SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
+DRAWS, SENSITIVE = 3, 0.3
+"""Draws of uncertain parameters, and the share of what is left that they must make where motion is chaotic."""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
 REAL = 3.0
@@ -66,13 +68,12 @@ Progress = Callable[[str, float], None]
 class Step:
     """A model on the way from the base to the proposal: what it is, and its innovations on unseen data.
 
-    ``unseen``: at the lowest gain; ``best``: at that of its fit. ``gain``: fall of -2 log likelihood against the step
+    ``unseen``: at the gain of its fit. ``gain``: fall of -2 log likelihood against the step
     before (singles: the base), ``certainty`` in standard errors, ``share``: of the squared innovations.
     """
 
     ranked: Ranked
     unseen: tuple[Array, ...]
-    best: tuple[Array, ...] = ()
     gain: float = 0.0
     certainty: float = 0.0
     share: float = 0.0
@@ -83,7 +84,8 @@ class Findings:
     """Everything that a search found.
 
     ``steps``: base, then one more effect each. ``singles``: every effect alone, best first, with its innovations on
-    unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal.
+    unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal;
+    ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged.
     """
 
     problem: Problem
@@ -94,6 +96,7 @@ class Findings:
     pairs: tuple[Ranked, ...]
     outside: tuple[str, ...]
     left: tuple[Residue, ...]
+    held_out: tuple[tuple[Array, ...], tuple[Array, ...]]
 
     @property
     def final(self) -> Step:
@@ -103,14 +106,47 @@ class Findings:
     @functools.cached_property
     def structured(self) -> bool:
         """Whether the residual of the proposed model shows structure that is no noise."""
-        return structured(self.final.ranked, self.filter)
+        return structured(self.problem, self.final.ranked, self.filter)
 
 
-def structured(r: Ranked, filter: Filter) -> bool:
+def judged(problem: Problem, r: Ranked) -> Fit:
+    """Return the fit by whose residual a model is judged: that at the lowest gain, where most shows of what is missing.
+
+    Where the motion is so sensitive there that noise and the uncertainty of the parameters alone make what is left
+    (chaos under cogging, contacts), it is the one of highest likelihood.
+    """
+    low, c = r.low, r.fit.candidate
+    if low is r.fit or low.cost - r.fit.cost <= NEEDED:
+        return low
+    reference = follow_records(problem, c, r.fit.theta, low.gains, False)
+    if reference is None:
+        return low
+    floor = np.nanmean(np.concatenate(r.fit.innovations) ** 2, axis=0)
+    left = np.nanmean(np.concatenate(reference[0]) ** 2, axis=0) - floor
+    bounds = np.array([(k.low, k.high) for k in c.coordinates]).T
+    w, V = np.linalg.eigh(np.linalg.pinv(r.fit.hessian, hermitian=True))
+    root = V * np.sqrt(np.maximum(w, 0.0))
+    spread = np.zeros_like(left)
+    draw = np.random.default_rng(0).standard_normal
+    for _ in range(DRAWS):
+        theta = np.clip(r.fit.theta + root @ draw(w.size), *bounds)
+        noise = [draw(s.y.shape) * np.sqrt(floor) for s in problem.segments]
+        noisy = tuple(replace(s, y=s.y + n) for s, n in zip(problem.segments, noise, strict=True))
+        moved = follow_records(problem, c, theta, low.gains, False, noisy)
+        if moved is None:
+            return r.fit
+        change = [a - b - n for a, b, n in zip(moved[0], reference[0], noise, strict=True)]
+        spread += np.nanmean(np.concatenate(change) ** 2, axis=0) / DRAWS
+    matters = left > SHARE * floor
+    return r.fit if matters.any() and bool((spread > SENSITIVE * left)[matters].all()) else low
+
+
+def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:
     """Tell whether the residual of a fitted model shows structure that is no noise of the filter's colour."""
-    if r.low.cost - r.fit.cost > NEEDED or any(one.structured for one in residues(r.low.innovations)):
+    at = judged(problem, r)
+    if at.cost - r.fit.cost > NEEDED or any(one.structured for one in residues(at.innovations)):
         return True
-    whitened = [filter.apply(e) for e in r.low.innovations]
+    whitened = [filter.apply(e) for e in at.innovations]
     return not all(whiteness([e[:, c] for e in whitened]).white for c in range(filter.rho.size))
 
 
@@ -206,7 +242,7 @@ class _Search:
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.progress("validation", 0.9)
         shown = self._shown(path[0], singles)
-        final = path[-1]
+        at = judged(self.problem, path[-1].ranked)
         return Findings(
             self.problem,
             self.unseen,
@@ -215,7 +251,8 @@ class _Search:
             tuple(shown),
             tuple(self.pairs),
             tuple(outside),
-            tuple(residues(final.ranked.low.innovations)),
+            tuple(residues(at.innovations)),
+            (self._unseen(path[0].ranked, at.gains), self._unseen(path[-1].ranked, at.gains)),
         )
 
     # ------------------------------------------------------------ noise
@@ -223,7 +260,7 @@ class _Search:
     def _whiten(self, base: Ranked, singles: list[Ranked]) -> tuple[Ranked, list[Ranked]]:
         """Take the noise's colour from the best model so far; where it matters, fit all again with it."""
         best = self._polished(min([base, *singles], key=_evidence))
-        left = residues(best.low.innovations)
+        left = residues(judged(self.problem, best).innovations)
         self.filter = Filter(np.array([r.filter for r in left]))
         if not self.filter.rho.any():
             return base, singles
@@ -279,12 +316,11 @@ class _Search:
     def _best_step(self, path: list[Step], options: list[Ranked]) -> Step | None:
         """Return the best option that lowers the error on unseen data beyond doubt, or None."""
         for option in self._simplest_first(sorted(options, key=_evidence))[:3]:
-            last = path[-1]
-            if option.evidence >= last.ranked.evidence:
+            if option.evidence >= path[-1].ranked.evidence:
                 return None
-            r = self._pruned(option)
+            r = self._pruned(option, path)
+            last = path[-1]
             if r.effects == last.ranked.effects:
-                path[-1] = self._compared(path[-2], r) if len(path) > 1 else self._step(r)
                 continue
             if not self._real(r, last.ranked):
                 continue
@@ -299,14 +335,18 @@ class _Search:
                 return step
         return None
 
-    def _pruned(self, r: Ranked) -> Ranked:
+    def _pruned(self, r: Ranked, path: list[Step]) -> Ranked:
         """Return a set of effects without those that are not worth their parameters beside the others.
 
-        One more effect can show the way out of a local minimum of what was there before.
+        One more effect can show the way out of a local minimum of what was there before: the last step of the path is
+        then fitted anew.
         """
         while len(r.effects) > 1:
             fewer = [f for f in self.executor.map(functools.partial(without, self.problem, r), r.effects) if f]
             best = min(fewer, key=_evidence, default=r)
+            for f in fewer:
+                if f.effects == path[-1].ranked.effects and f.evidence < path[-1].ranked.evidence:
+                    path[-1] = self._compared(path[-2], f)
             if best is r or best.evidence > r.evidence:
                 return r
             r = best
@@ -335,7 +375,7 @@ class _Search:
         return not amplitudes or max(sizes) > REAL
 
     def _enough(self, r: Ranked) -> bool:
-        return not structured(r, self.filter)
+        return not structured(self.problem, r, self.filter)
 
     def _more(self, now: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Ranked]:
         """Return sets with one effect more than ``now``; where one is not enough, on top of other singles too, and
@@ -389,24 +429,30 @@ class _Search:
 
     # ------------------------------------------------------------ unseen data
 
-    def _unseen(self, r: Ranked, low: bool = False) -> tuple[Array, ...]:
-        """Return the innovations on unseen data, at the lowest gain or that of the fit; large where it diverges."""
-        f = r.low if low else r.fit
-        found = follow_records(self.unseen, f.candidate, f.theta, f.gains, False)
+    def _unseen(self, r: Ranked, gains: Gains) -> tuple[Array, ...]:
+        """Return the innovations on unseen data at a gain; large where it diverges."""
+        f = r.low if gains is r.low.gains else r.fit
+        found = follow_records(self.unseen, f.candidate, f.theta, gains, False)
         if found is None:
             return tuple(np.full(s.y.shape, 1e3) * self.problem.noise for s in self.unseen.segments)
         return tuple(found[0])
 
     def _step(self, r: Ranked) -> Step:
-        return Step(r, self._unseen(r, low=True), self._unseen(r))
+        return Step(r, self._unseen(r, r.fit.gains))
 
     def _compared(self, before: Step, r: Ranked) -> Step:
-        """Return a set of effects with what it gains on unseen data."""
+        """Return a set of effects with what it gains on unseen data: at the gain of its fit or, where that leaves
+        structure, at the middle gain if it gains more certainly there: a motion that is lost for once is then found.
+        """
         step = self._step(r)
         block = max(int(BLOCK / self.problem.scale.step), 8)
-        first = [before.ranked.fit.filter.apply(e) for e in before.best]
-        second = [r.fit.filter.apply(e) for e in step.best]
+        first = [before.ranked.fit.filter.apply(e) for e in before.unseen]
+        second = [r.fit.filter.apply(e) for e in step.unseen]
         gain, certainty, share = gain_on(first, second, block)
+        middle = self.problem.levels[1]
+        if certainty < SURE and r.fit.gains is not middle and not self._enough(r):
+            first, second = ([*self._unseen(one, middle)] for one in (before.ranked, r))
+            gain, certainty, share = max((gain, certainty, share), gain_on(first, second, block), key=lambda g: g[1])
         return replace(step, gain=gain, certainty=certainty, share=share)
 
     def _shown(self, base: Step, singles: list[Ranked]) -> list[Step]:

@@ -277,7 +277,7 @@ def describe(f: Findings) -> Diagnosis:
 
 def _explained(f: Findings) -> float:
     """Return the share of the missing motion on unseen data that the proposal explains: least of all channels."""
-    first, last = (np.concatenate(s.unseen) for s in (f.steps[0], f.final))
+    first, last = (np.concatenate(e) for e in f.held_out)
     noise = unseen_noise(f)
     before = np.nanmean(first**2, axis=0) / noise**2 - 1.0
     after = np.maximum(np.nanmean(last**2, axis=0) / noise**2 - 1.0, 0.0)
@@ -290,7 +290,7 @@ def _explained(f: Findings) -> float:
 
 def unseen_noise(f: Findings) -> Array:
     """Return the standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure."""
-    left = residues(f.final.unseen)
+    left = residues(f.held_out[1])
     return np.array([r.noise if r.structure < 0.5 else seen.noise for r, seen in zip(left, f.left, strict=True)])
 
 
