@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,10 @@ LAGS = 12
 """Lags over which the colour of the noise is told from slow structure."""
 MOST_COLOUR = 0.9
 """Largest rho of what counts as noise; what lasts longer counts as structure."""
+SPAN, NEAR = 12, 5
+"""Lags either way at which channels are compared, and how many are averaged."""
+ALIKE = 0.2
+"""Smallest correlation between the residuals of two channels that tells of a common cause."""
 WORTH = 0.15
 """Smallest rho that is worth a filter."""
 
@@ -93,9 +98,45 @@ def residue(parts: Sequence[Array]) -> Residue:
     return Residue(variance, slow, fast, 1.0 - slow - fast, rho, count)
 
 
-def residues(innovations: Sequence[Array]) -> list[Residue]:
-    """Return `residue` for every channel of innovations (T, ny)."""
-    return [residue([e[:, c] for e in innovations]) for c in range(innovations[0].shape[1])]
+def residues(innovations: Sequence[Array], white: Array | None = None) -> list[Residue]:
+    """Return `residue` for every channel of innovations (T, ny).
+
+    ``white`` (ny): standard deviation of white noise, from fourth differences. Channels whose residuals move together
+    have no coloured noise, as sensors do not know of each other: all beyond white noise is structure then.
+    """
+    found = [residue([e[:, c] for e in innovations]) for c in range(innovations[0].shape[1])]
+    if white is None:
+        return found
+    return [
+        replace(r, structure=max(r.structure, 1.0 - share), coloured=0.0, white=share) if share < 1.0 else r
+        for r, c in zip(found, range(len(found)), strict=True)
+        for share in [float(min(white[c] ** 2 / max(r.variance, 1e-300), 1.0)) if c in together(innovations) else 1.0]
+    ]
+
+
+def together(innovations: Sequence[Array]) -> set[int]:
+    """Return the channels of innovations (T, ny) whose slow part is correlated with that of another one.
+
+    Cross-correlations, averaged over `NEAR` lags (so that noise of a speed that was derived from the position cancels),
+    must exceed `ALIKE` and five standard errors [Bartlett 1946, doi:10.2307/2983611].
+    """
+    whole = [np.nan_to_num(e) for e in innovations]
+    count, found = sum(len(e) for e in whole), set()
+    own = [correlations([e[:, c] for e in whole], 50) for c in range(whole[0].shape[1])]
+    for a, b in itertools.combinations(range(len(own)), 2):
+        scale = np.sqrt(own[a][1] * own[b][1]) * count
+        error = np.sqrt(max(1.0 + 2.0 * float(np.sum(own[a][0] * own[b][0])), 1.0) / count)
+        sums = np.zeros(2 * SPAN + 1)
+        for e in whole:
+            x, y = e[:, a], e[:, b]
+            sums += [
+                float(x[max(k, 0) : len(x) + min(k, 0)] @ y[max(-k, 0) : len(y) - max(k, 0)])
+                for k in range(-SPAN, SPAN + 1)
+            ]
+        r = np.convolve(sums / max(scale, 1e-300), np.ones(NEAR) / NEAR, "valid")
+        if np.max(np.abs(r)) > max(ALIKE, 5.0 * error):
+            found |= {a, b}
+    return found
 
 
 @dataclass(frozen=True)
@@ -123,6 +164,24 @@ def whiteness(parts: Sequence[Array], tolerance: float = 0.05) -> Whiteness:
     return Whiteness(float(r[0]), statistic / limit, bool(white))
 
 
+def gain_in_blocks(
+    before: Sequence[Array], after: Sequence[Array], block: int, floor: Array
+) -> tuple[float, float, float]:
+    """Return the same as `gain_on` of the logarithms of the squared innovations (T, ny) of every block.
+
+    ``floor`` (ny): variance of the noise, added to all. Where a motion is lost for once, `gain_on` sees nothing else.
+    """
+    falls = []
+    for a, b in zip(before, after, strict=True):
+        whole = len(a) // block * block
+        first, second = (np.nanmean(e[:whole].reshape(-1, block, e.shape[1]) ** 2, axis=1) + floor for e in (a, b))
+        falls.append(np.nansum(np.log(first / second), axis=1))
+    fall = np.concatenate(falls)
+    error = float(np.std(fall, ddof=1) / np.sqrt(fall.size)) if fall.size > 1 else 0.0
+    mean = float(fall.mean())
+    return block * float(fall.sum()), mean / error if error > 0 else 0.0, 1.0 - float(np.exp(-mean / floor.size))
+
+
 def gain_on(before: Sequence[Array], after: Sequence[Array], block: int) -> tuple[float, float, float]:
     """Compare prewhitened innovations (T, ny) of two models on the same unseen data.
 
@@ -143,4 +202,4 @@ def gain_on(before: Sequence[Array], after: Sequence[Array], block: int) -> tupl
     return gain, float(blocks.sum()) / error if error > 0 else 0.0, float(np.mean(1.0 - second / first))
 
 
-__all__ = ["Residue", "Whiteness", "gain_on", "residues", "whiteness"]
+__all__ = ["Residue", "Whiteness", "gain_in_blocks", "gain_on", "residues", "together", "whiteness"]

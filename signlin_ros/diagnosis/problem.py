@@ -100,6 +100,13 @@ def fourth_difference_noise(values: Array) -> float:
     return float(np.sqrt(np.mean(differences**2) / 70)) if differences.size else 0.0
 
 
+def white_noise(segments: Sequence[Segment]) -> Array:
+    """Return the standard deviation (ny) of white noise on every channel, at least a millionth of its own."""
+    everything = np.concatenate([s.y for s in segments])
+    noise = np.array([fourth_difference_noise(values) for values in everything.T])
+    return np.asarray(np.maximum(noise, 1e-6 * np.maximum(np.nanstd(everything, axis=0), 1e-300)))
+
+
 def with_measured_position(model: Model, data: Sequence[ModelData]) -> Model:
     """Return the model with its position as a state if the records have it."""
     if model.plant.position_optional and all(model.plant.position in d.measured for d in data):
@@ -244,10 +251,7 @@ def prepare(model: Model, data: Sequence[ModelData]) -> Problem:
     segments = tuple(segment(model, channels, d) for d in data)
     dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
     duration = max(float(s.t[-1] - s.t[0]) for s in segments)
-    everything = np.concatenate([s.y for s in segments])
-    spread = np.nanstd(everything, axis=0)
-    noise = np.array([fourth_difference_noise(everything[:, c]) for c in range(len(channels))])
-    noise = np.maximum(noise, 1e-6 * np.maximum(spread, 1e-300))
+    everything, noise = np.concatenate([s.y for s in segments]), white_noise(segments)
     sizes = {c: float(max(v, 1e-12)) for c, v in zip(channels, np.nanmax(np.abs(everything), axis=0), strict=True)}
     sizes = _guess_velocity(model, segments, channels, sizes)
     taus = time_constants(dt, duration, model.update_period)

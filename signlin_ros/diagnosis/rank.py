@@ -251,7 +251,10 @@ def _warmer(
                     for s in trial.starts[:3]
                     for f in (1, 3)
                 )
-                result[i] = sorted([*climbed[i], *_climb(problem, replace(trial, starts=starts))], key=_pair_cost)
+                if EFFECTS[trial.effect].rugged:
+                    starts = tuple(s for s in starts if min(s.values()) > 0.0)
+                if starts:
+                    result[i] = sorted([*climbed[i], *_climb(problem, replace(trial, starts=starts))], key=_pair_cost)
     return result
 
 

@@ -12,8 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records
-from signlin_ros.diagnosis.judge import Residue, gain_on, residues, whiteness
-from signlin_ros.diagnosis.problem import Gains, Problem, pieces, prepare, segment, shortened, with_measured_position
+from signlin_ros.diagnosis.judge import Residue, gain_in_blocks, gain_on, residues, whiteness
+from signlin_ros.diagnosis.problem import (
+    Gains,
+    Problem,
+    pieces,
+    prepare,
+    segment,
+    shortened,
+    white_noise,
+    with_measured_position,
+)
 from signlin_ros.diagnosis.rank import (
     Ranked,
     Trial,
@@ -144,7 +153,7 @@ def judged(problem: Problem, r: Ranked) -> Fit:
 def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:
     """Tell whether the residual of a fitted model shows structure that is no noise of the filter's colour."""
     at = judged(problem, r)
-    if at.cost - r.fit.cost > NEEDED or any(one.structured for one in residues(at.innovations)):
+    if at.cost - r.fit.cost > NEEDED or any(one.structured for one in residues(at.innovations, problem.noise)):
         return True
     whitened = [filter.apply(e) for e in at.innovations]
     return not all(whiteness([e[:, c] for e in whitened]).white for c in range(filter.rho.size))
@@ -164,7 +173,7 @@ def prepared(
     model = with_measured_position(model, [*first, *second])
     problem = prepare(model, [piece for d in first for piece in pieces(d)])
     segments = tuple(segment(problem.base, problem.channels, p) for d in second for p in pieces(d))
-    return problem, replace(problem, segments=segments)
+    return problem, replace(problem, segments=segments, noise=white_noise(segments))
 
 
 def search(
@@ -251,7 +260,7 @@ class _Search:
             tuple(shown),
             tuple(self.pairs),
             tuple(outside),
-            tuple(residues(at.innovations)),
+            tuple(residues(at.innovations, self.problem.noise)),
             (self._unseen(path[0].ranked, at.gains), self._unseen(path[-1].ranked, at.gains)),
         )
 
@@ -260,7 +269,7 @@ class _Search:
     def _whiten(self, base: Ranked, singles: list[Ranked]) -> tuple[Ranked, list[Ranked]]:
         """Take the noise's colour from the best model so far; where it matters, fit all again with it."""
         best = self._polished(min([base, *singles], key=_evidence))
-        left = residues(judged(self.problem, best).innovations)
+        left = residues(judged(self.problem, best).innovations, self.problem.noise)
         self.filter = Filter(np.array([r.filter for r in left]))
         if not self.filter.rho.any():
             return base, singles
@@ -441,8 +450,8 @@ class _Search:
         return Step(r, self._unseen(r, r.fit.gains))
 
     def _compared(self, before: Step, r: Ranked) -> Step:
-        """Return a set of effects with what it gains on unseen data: at the gain of its fit or, where that leaves
-        structure, at the middle gain if it gains more certainly there: a motion that is lost for once is then found.
+        """Return a set of effects with what it gains on unseen data: at the gain of its fit or, where that is little,
+        block by block and at the middle gain too: motion that is lost for once counts for no more than that.
         """
         step = self._step(r)
         block = max(int(BLOCK / self.problem.scale.step), 8)
@@ -450,9 +459,11 @@ class _Search:
         second = [r.fit.filter.apply(e) for e in step.unseen]
         gain, certainty, share = gain_on(first, second, block)
         middle = self.problem.levels[1]
-        if certainty < SURE and r.fit.gains is not middle and not self._enough(r):
-            first, second = ([*self._unseen(one, middle)] for one in (before.ranked, r))
-            gain, certainty, share = max((gain, certainty, share), gain_on(first, second, block), key=lambda g: g[1])
+        if certainty < CERTAIN or gain <= 0:
+            floor = self.unseen.noise**2
+            there = (self._unseen(before.ranked, middle), self._unseen(r, middle))
+            more = (gain_in_blocks(a, b, block, floor) for a, b in ((first, second), there))
+            gain, certainty, share = max(*more, key=lambda g: g[1])
         return replace(step, gain=gain, certainty=certainty, share=share)
 
     def _shown(self, base: Step, singles: list[Ranked]) -> list[Step]:

@@ -33,6 +33,8 @@ PARTLY = 0.4
 """Least share of the missing motion that an effect explains which is named though structure remains."""
 MOST = 6
 """Most effects that `refine` adds."""
+REST = 0.1
+"""Largest excess over the noise, as a share of it, of a model that lacks nothing else."""
 ORDINARY = 0.1
 """An effect is ordinary if its force is this share of the driving force: what a record should be able to show."""
 
@@ -290,14 +292,20 @@ def _explained(f: Findings) -> float:
 
 def unseen_noise(f: Findings) -> Array:
     """Return the standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure."""
-    left = residues(f.held_out[1])
+    left = residues(f.held_out[1], f.problem.noise)
     return np.array([r.noise if r.structure < 0.5 else seen.noise for r, seen in zip(left, f.left, strict=True)])
 
 
 def _verdict(f: Findings, explained: float, structure: bool) -> str:
     if len(f.steps) == 1:
         return "unexplained" if structure else "adequate"
-    return "unexplained" if structure and explained < EXPLAINED else "missing"
+    return "unexplained" if structure and (explained < EXPLAINED or _rest(f) > REST) else "missing"
+
+
+def _rest(f: Findings) -> float:
+    """Return by what share of the noise the error of the proposal exceeds it on unseen data, in the worst channel."""
+    last = np.concatenate(f.held_out[1])
+    return float(np.max(np.sqrt(np.nanmean(last**2, axis=0)) / unseen_noise(f))) - 1.0
 
 
 def _named(names: Sequence[str]) -> str:

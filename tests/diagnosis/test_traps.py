@@ -1,0 +1,180 @@
+"""Traps that fool a naive diagnosis, each with a record that leads into it; simulated by code that is not ours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import yaml
+
+from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
+from benchmarks.hidden.generator import simulate
+from benchmarks.hidden.laws import STEP
+from signlin_ros.diagnosis.data import load_records
+from signlin_ros.diagnosis.verdict import diagnose
+from signlin_ros.model import Model
+
+SMALL = Drive(MOTOR, {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}, 5.0, 4.0)
+BENCH = Drive(MASS, {"m": 1.0, "c": 0.8, "k": 40.0}, 9.0, 6.3)
+AXIS = Drive(MASS, {"m": 95.0, "c": 200.0, "k": 0.0}, 80.0, 2.0)
+FS, DURATION = 200.0, 16.0
+WITH_MEMORY = {"bouc_wen_hysteresis", "dahl_presliding", "lugre_friction"}
+
+
+def noise(rng, kind: str, shape) -> np.ndarray:
+    white = rng.normal(size=shape)
+    if kind == "coloured":
+        for k in range(1, shape[0]):
+            white[k] = 0.8 * white[k - 1] + 0.6 * white[k]
+    return white
+
+
+def recorded(
+    folder, drive, hidden, *, exc=("multisine", "steps"), level=0.01, kind="white", off=1.03, skip=0, only=(), seed=0
+):
+    """Write a model and two records, and read them as a user does. ``off``: true over nominal values, alternately."""
+    rng = np.random.default_rng(seed)
+    names = CHANNELS[drive.plant]
+    for part, how in zip(("estimation", "validation"), exc, strict=True):
+        t = np.arange(-skip, round(DURATION * FS)) / FS
+        u = excite(rng, how, drive, t)
+        run = simulate(drive, hidden, u, np.zeros_like(u), 1 / FS, skip, STEP)
+        assert run is not None
+        shown = run.motion.shown
+        shown = shown + noise(rng, kind, shown.shape) * level * shown.std(axis=0)
+        columns = {"t": t[skip:] - t[skip], INPUT[drive.plant]: run.motion.u}
+        columns |= {n: shown[:, j] for j, n in enumerate(names) if not only or n in only}
+        np.savetxt(
+            folder / f"{part}.csv",
+            np.column_stack(list(columns.values())),
+            "%.8g",
+            ",",
+            header=",".join(columns),
+            comments="",
+        )
+    nominal = {n: v / (off if i % 2 else 1 / off) for i, (n, v) in enumerate(drive.true.items())}
+    if "K_m" in nominal:
+        nominal["K_m"] = nominal["K_t"]
+    content = {"plant": drive.plant, "parameters": {n: float(v) for n, v in nominal.items()}}
+    (folder / "model.yaml").write_text(yaml.safe_dump({"/**": {"ros__parameters": content}}))
+    model = Model.load(folder / "model.yaml")
+    model, data = load_records(model, [str(folder / f"{part}.csv") for part in ("estimation", "validation")])
+    return model, data[:1], data[1:]
+
+
+def proposed(found) -> set[str]:
+    return set(found.ladder[-1].effects)
+
+
+def status(found, effect: str) -> str:
+    return next(e.status for e in found.ranking if e.effect == effect)
+
+
+def test_a_hysteresis_is_not_called_friction_without_memory(tmp_path):
+    loop = {"alpha": 0.0, "D": 0.05, "lambda": 1.0, "beta": 0.5, "gamma": 0.5, "n": 1.0, "k": 60.0}
+    found = diagnose(*recorded(tmp_path, BENCH, {"bouc_wen_hysteresis": loop}))
+    assert found.verdict == "missing"
+    assert proposed(found) & WITH_MEMORY
+    assert status(found, "coulomb_friction") == status(found, "stribeck_friction") == "rejected"
+
+
+def test_a_stribeck_curve_is_not_called_coulomb(tmp_path):
+    curve = {"mu": 0.015, "excess": 0.02, "v_s": 2.0}
+    found = diagnose(*recorded(tmp_path, SMALL, {"stribeck_friction": curve}, exc=("slow", "multisine")))
+    assert proposed(found) == {"stribeck_friction"}
+    assert found.verdict == "missing"
+
+
+def test_an_axis_with_coulomb_friction_gets_neither_stribeck_nor_presliding(tmp_path):
+    found = diagnose(*recorded(tmp_path, AXIS, {"coulomb_friction": {"mu": 21.0}}, level=1e-3, only=("displacement",)))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"coulomb_friction"}
+    assert {status(found, e) for e in ("stribeck_friction", "dahl_presliding", "lugre_friction")} == {"rejected"}
+
+
+def test_friction_that_differs_by_direction_is_coulomb_with_a_constant_load(tmp_path):
+    hidden = {"coulomb_friction": {"mu": 0.04}, "constant_load": {"F0": 0.015}}
+    found = diagnose(*recorded(tmp_path, SMALL, hidden))
+    assert found.verdict == "missing"
+    assert proposed(found) == set(hidden)
+
+
+@pytest.mark.parametrize(
+    ("drive", "hidden", "limits"),
+    [
+        (AXIS, {"linear_stiffness": {"k": 900.0}}, ("hard_stop", "cubic_stiffness")),
+        (SMALL, {"coulomb_friction": {"mu": 0.04}}, ("dahl_presliding", "lugre_friction", "stribeck_friction")),
+        (SMALL, {"viscous_friction": {"b": 0.004}}, ("asymmetric_viscous_friction", "quadratic_drag")),
+    ],
+    ids=lambda v: next(iter(v)) if isinstance(v, dict) else None,
+)
+def test_what_contains_the_truth_as_its_limit_is_not_put_before_it(tmp_path, drive, hidden, limits):
+    found = diagnose(*recorded(tmp_path, drive, hidden))
+    assert found.verdict == "missing"
+    assert proposed(found) == set(hidden)
+    tied = {e.effect for e in found.ranking if e.status == "ambiguous"}
+    assert all(status(found, e) != "confirmed" or e in tied for e in limits)
+
+
+def test_gravity_and_cogging_of_order_one_are_the_same(tmp_path):
+    arm = Drive(MASS, {"m": 0.05, "c": 0.05, "k": 0.0}, 0.3, 3.0)
+    found = diagnose(*recorded(tmp_path, arm, {"gravity_load": {"A": 0.25, "q0": 0.0}}, exc=("multisine", "slow")))
+    assert found.verdict == "missing"
+    assert proposed(found) <= {"gravity_load", "cogging_torque"}
+    if proposed(found) == {"cogging_torque"}:
+        assert "gravity_load" in found.ranking[0].indistinguishable_from
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("drive", [SMALL, BENCH], ids=["motor", "oscillator"])
+def test_coloured_noise_is_no_effect(tmp_path, drive, seed):
+    found = diagnose(*recorded(tmp_path, drive, {}, kind="coloured", level=0.02, seed=seed))
+    assert found.verdict == "adequate"
+    assert found.ladder[-1].effects == ()
+
+
+def test_a_record_may_start_in_motion(tmp_path):
+    found = diagnose(*recorded(tmp_path, SMALL, {"coulomb_friction": {"mu": 0.04}}, skip=300, exc=("slow", "slow")))
+    assert proposed(found) == {"coulomb_friction"}
+    assert found.verdict == "missing"
+
+
+def test_what_a_record_cannot_show_is_said(tmp_path):
+    stop = {"hard_stop": {"gap": 5.0, "k_s": 500.0}}
+    model, data, unseen = recorded(tmp_path, BENCH, stop)
+    found = diagnose(model, data, unseen)
+    assert found.verdict == "adequate"
+    entry = next(e for e in found.ranking if e.effect == "hard_stop")
+    assert entry.status == "not_excited"
+    low, high = found.range["displacement"]
+    assert f"{low:.3g} to {high:.3g} m" in entry.why
+    assert any("hard stop" in line for line in found.experiments)
+
+
+def test_chaotic_motion_under_cogging(tmp_path):
+    ripple = {"A": 0.06, "N": 5.0, "phi": 1.0}
+    found = diagnose(*recorded(tmp_path, SMALL, {"cogging_torque": ripple}, exc=("slow", "multisine")))
+    assert proposed(found) == {"cogging_torque"}
+    assert abs(abs(found.parameters["cogging_torque.N"].value) - 5.0) < 0.02
+
+
+def test_damping_that_is_within_its_tolerance_is_not_an_effect(tmp_path):
+    found = diagnose(*recorded(tmp_path, BENCH, {}, off=1.045))
+    assert found.verdict == "adequate"
+
+
+def test_damping_beyond_its_tolerance_is(tmp_path):
+    found = diagnose(*recorded(tmp_path, BENCH, {"viscous_friction": {"b": 0.8}}))
+    assert proposed(found) == {"viscous_friction"}
+
+
+def test_weak_friction(tmp_path):
+    found = diagnose(*recorded(tmp_path, SMALL, {"coulomb_friction": {"mu": 0.006}}))
+    assert proposed(found) == {"coulomb_friction"}
+    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(0.006, rel=0.2)
+
+
+def test_what_is_only_outside_the_catalogue_is_not_named(tmp_path):
+    law = {"position_viscosity": {"b": 0.004, "N": 3.0, "phi": 0.5}}
+    model, data, unseen = recorded(tmp_path, SMALL, law)
+    found = diagnose(model, data, unseen)
+    assert found.verdict == "unexplained"
