@@ -8,6 +8,7 @@ sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method wit
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ ENOUGH = 0.02
 """A fit ends where a step lowers -2 log likelihood by less than this,"""
 FAR = 1e-3
 """or by less than this share of its distance from that of pure noise: a wrong model need not be fitted to the end."""
+RESTING, MEMORY = 0.02, 2.0
+"""A record starts at rest below this share of the RMS velocity; else what is remembered is fitted to so many s."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
 
@@ -242,7 +245,8 @@ def follow_records(
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
-        arguments = (eq.flags(with_s), s.t, s.u, s.y, rows, _initial(c, s), p, scale, delay, lags)
+        x0 = _start(problem, c, s, (rows, p, scale, delay, lags))
+        arguments = (eq.flags(with_s), s.t, s.u, s.y, rows, x0, p, scale, delay, lags)
         if follow(eq.head, eq.whole, *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
             return None
         first = min(gains.weights.shape[0], s.t.size)
@@ -256,6 +260,45 @@ def follow_records(
         derivatives.append(D)
         states.append(X)
     return errors, derivatives, states
+
+
+def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) -> Array:
+    """Return the state (n,) that a record starts from.
+
+    Where it starts in motion, what an effect remembers (a bristle's bend, a temperature) is fitted to the first samples
+    by secants: it is no parameter, since its derivative vanishes where it is best.
+    """
+    x0, eq = _initial(c, s), c.equations
+    known = tuple(s.start)
+    hidden = [i for i, n in enumerate(c.model.states) if "." in n and n not in known and not _twin(n, known)]
+    if not hidden or abs(s.start.get(problem.base.plant.velocity, np.inf)) < RESTING * problem.scale.velocity:
+        return x0
+    rows, *others = rest
+    size = min(s.t.size, max(round(MEMORY / problem.scale.step), 50))
+    t, u, y = s.t[:size], s.u[:size], s.y[:size]
+
+    def errors(x: Array) -> tuple[Array, Array]:
+        E, X = np.zeros((size, y.shape[1])), np.zeros((size, x.size))
+        arguments: tuple[Any, ...] = (eq.flags(False), t, u, y, rows, x, *others)
+        if follow(eq.head, eq.whole, *arguments, E, np.zeros((0, y.shape[1], eq.sizes[3])), X) < size:
+            E[:] = np.inf
+        return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
+
+    e, X = errors(x0)
+    for i in hidden:
+        bound = float(np.abs(X[:, i]).max())
+        tried = [x0 + sign * bound * np.eye(x0.size)[i] for sign in (-1.0, 1.0)]
+        x0, e = min([(x0, e), *((x, errors(x)[0]) for x in tried)], key=lambda pair: float(pair[1] @ pair[1]))
+        for _ in range(2):
+            step = 0.1 * bound * np.eye(x0.size)[i]
+            change = errors(x0 + step)[0] - e
+            square = float(change @ change)
+            x = x0 - step * (float(change @ e) / square if square > 0 else 0.0)
+            new = errors(x)[0]
+            if not new @ new < e @ e:
+                break
+            x0, e = x, new
+    return x0
 
 
 def _own_scale(problem: Problem, c: Candidate) -> Array:

@@ -415,7 +415,7 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
     """Return status and reason of an effect that is not part of the proposal."""
     gain = f.steps[0].ranked.evidence - step.ranked.evidence
     final = f.final.ranked
-    if gain <= 0 and not _excited(f, step):
+    if gain <= 0 and (find_effect(effect, "effects").only_beyond or not _excited(f, step)):
         return "not_excited", _not_excited(f, effect)
     if gain <= 0:
         return "rejected", "alone it does not lower the error by more than its parameters are worth"

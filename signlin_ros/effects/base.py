@@ -41,6 +41,8 @@ class Effect(HasPars):
     """What to record so that it shows, as an imperative clause."""
     shows_at_large: ClassVar[str] = ""
     """What must be large for it to show: ``position``, ``input``, or nothing."""
+    only_beyond: ClassVar[bool] = False
+    """Whether it acts only beyond a limit of that, so that no record excludes it outside of what it visits."""
     states: ClassVar[dict[str, str]] = {}
     """Own states and their units (``F`` and ``Q`` as in `Par`)."""
     plants: ClassVar[tuple[str, ...]] = ()

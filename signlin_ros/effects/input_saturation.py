@@ -18,6 +18,7 @@ class InputSaturation(Effect):
     equation = "u -> clip(u, -u_max, u_max)"
     finding = "inputs above {u_max:.3g} {u_max.unit} have no more effect than this"
     shows_at_large = "input"
+    only_beyond = True
     experiment = "apply larger inputs"
 
     u_max = Par("U", nominal=10.0, positive=True, doc="largest input")
