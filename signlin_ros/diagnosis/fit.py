@@ -8,7 +8,7 @@ sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method wit
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -280,7 +280,7 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
     def errors(x: Array) -> tuple[Array, Array]:
         E, X = np.zeros((size, y.shape[1])), np.zeros((size, x.size))
         arguments: tuple[Any, ...] = (eq.flags(False), t, u, y, rows, x, *others)
-        if follow(eq.head, eq.whole, *arguments, E, np.zeros((0, y.shape[1], eq.sizes[3])), X) < size:
+        if cast("Any", follow)(eq.head, eq.whole, *arguments, E, np.zeros((0, y.shape[1], eq.sizes[3])), X) < size:
             E[:] = np.inf
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
 

@@ -24,8 +24,8 @@ Array = NDArray[np.float64]
 SETTLED = 25.0
 """Variance of the initial state in variances of the measurement noise."""
 LEAST_SAMPLES = 100
-LONG, CHUNKS = 6000, 4
-"""Starts are searched on at most so many samples, in so many stretches of a longer record."""
+FEWEST, LONG, CHUNKS = 2000, 6000, 4
+"""Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches."""
 
 
 @dataclass(frozen=True)
@@ -136,8 +136,10 @@ def _start(model: Model, channels: tuple[str, ...], t: Array, y: Array) -> dict[
     return start
 
 
-def shortened(problem: Problem, most: int = LONG, chunks: int = CHUNKS) -> Problem:
-    """Return the problem on some stretches of its records, spread evenly, where it has more than ``most`` samples."""
+def shortened(problem: Problem) -> Problem:
+    """Return the problem on some stretches of its records, spread evenly, where it has many samples."""
+    most = min(max(FEWEST, problem.samples // 2), LONG)
+    chunks = CHUNKS if most > 2 * FEWEST else CHUNKS // 2
     if problem.samples <= most:
         return problem
     parts = []

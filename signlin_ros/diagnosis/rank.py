@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 
@@ -198,18 +198,17 @@ def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     first = [f for f in (fit(short, c, high, None, 2) for c in candidates) if f]
     first = sorted(first, key=_cost)[:MOST_STARTS]
     first = [f for f in (fit(short, f.candidate, high, f.theta, 2) for f in first) if f]
-    first = sorted(first, key=_cost)[:3]
-    if short is not problem:
-        first = [f for f in (fit(problem, g.candidate, high, g.theta, 3) for g in first[:2]) if f]
-    second = [(g, fit(problem, g.candidate, middle, g.theta, 6)) for g in first]
+    first = sorted(first, key=_cost)[:2]
+    second = [(g, fit(problem, g.candidate, middle, g.theta, 8)) for g in first]
     return sorted(((g, f) for g, f in second if f), key=_pair_cost)
 
 
 def _bred(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     """Search at the middle gain from the best of many starts; best pair first."""
     middle = problem.levels[1]
-    first = extended(problem, None, trial, trial.starts[0])
-    starts = narrowed(shortened(problem, 2000, 2), first, trial.starts, trial.added[0], middle)
+    first, starts = extended(problem, None, trial, trial.starts[0]), list(trial.starts)
+    if len(starts) > MOST_STARTS:
+        starts = narrowed(shortened(problem), first, starts, trial.added[0], middle)
     candidates = [extended(problem, None, trial, start) for start in starts]
     found = sorted((f for f in (fit(problem, c, middle, None, 10) for c in candidates) if f), key=_cost)
     return [(f, f) for f in found]
@@ -235,27 +234,30 @@ def _pair_cost(pair: tuple[Fit, Fit]) -> float:
 
 
 def _warmer(
-    problem: Problem, trials: Sequence[Trial], climbed: list[list[tuple[Fit, Fit]]]
+    problem: Problem, trials: Sequence[Trial], climbed: list[list[tuple[Fit, Fit]]], run: Executor
 ) -> list[list[tuple[Fit, Fit]]]:
     """Let effects that extend another one (a subclass of its class) also start from where that one arrived."""
-    result = list(climbed)
-    for i, trial in enumerate(trials):
-        for simple, fits in zip(trials, climbed, strict=True):
-            if fits and simple is not trial and EFFECTS[trial.effect] in _children(simple.effect):
-                found = {
-                    n.partition(".")[2]: v for n, v in fits[0][1].parameters().items() if n.startswith(simple.added[0])
-                }
-                pars = EFFECTS[trial.effect].pars()
-                starts = tuple(
-                    {n: pars[n].nearest(v) for n, v in {**s, **_stiffer(found, f)}.items()}
-                    for s in trial.starts[:3]
-                    for f in (1, 3)
-                )
-                if EFFECTS[trial.effect].rugged:
-                    starts = tuple(s for s in starts if min(s.values()) > 0.0)
-                if starts:
-                    result[i] = sorted([*climbed[i], *_climb(problem, replace(trial, starts=starts))], key=_pair_cost)
-    return result
+    fits = {t.effect: c[0][1] for t, c in zip(trials, climbed, strict=True) if c and t.added}
+    again = [_warm(trial, fits) for trial in trials]
+    more = run.map(lambda t: _climb(problem, t) if t.starts else [], again)
+    return [sorted([*old, *new], key=_pair_cost) for old, new in zip(climbed, more, strict=True)]
+
+
+def _warm(trial: Trial, fits: Mapping[str, Fit]) -> Trial:
+    """Return a trial that starts from where simpler effects arrived; without starts where there is no such effect."""
+    effect, starts = EFFECTS[trial.effect], []
+    for simple, found in fits.items():
+        if effect in _children(simple):
+            values = {n.partition(".")[2]: v for n, v in found.parameters().items() if n.startswith(f"{simple}.")}
+            pars = effect.pars()
+            starts += [
+                {n: pars[n].nearest(v) for n, v in {**start, **_stiffer(values, factor)}.items()}
+                for start in trial.starts[:3]
+                for factor in (1, 3)
+            ]
+    if effect.rugged:
+        starts = [s for s in starts if min(s.values()) > 0.0]
+    return replace(trial, starts=tuple(starts))
 
 
 def _children(name: str) -> list[type[Effect]]:
@@ -303,9 +305,11 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     """Return every trial alone on the base model, fitted, best evidence first.
 
     Only those that explain a fair part of what the best explains at the middle gain are fitted thoroughly at the low.
+    Rugged effects start from a few points; see `searched`.
     """
+    trials = [replace(t, starts=t.starts[:3]) if EFFECTS[t.effect].rugged else t for t in trials]
     climbed = list(run.map(functools.partial(_climb, problem), trials))
-    climbed = _warmer(problem, trials, climbed)
+    climbed = _warmer(problem, trials, climbed, run)
     middle = fit(problem, base.fit.candidate, problem.levels[1], None, 10)
     reference = middle.cost if middle else np.inf
     gains = [reference - c[0][1].cost if c else -np.inf for c in climbed]
@@ -313,7 +317,32 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     serious = [g > limit or max(gains) < 1000.0 for g in gains]
     work = [(t, c, s) for t, c, s in zip(trials, climbed, serious, strict=True) if c]
     found = run.map(lambda w: _descend(problem, *w), work)
-    return sorted((r for r in found if r is not None), key=lambda r: r.evidence)
+    return sorted((r for r in found if r is not None), key=_evidence)
 
 
-__all__ = ["Ranked", "Trial", "applicable", "assess", "compete", "descend", "free_parameters", "ranked", "without"]
+def searched(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked], run: Executor) -> list[Ranked]:
+    """Return what `compete` found, with rugged effects searched from all their starts."""
+    rugged = [t for t in trials if EFFECTS[t.effect].rugged]
+    climbed = run.map(functools.partial(_climb, problem), rugged)
+    pairs = [(t, c) for t, c in zip(rugged, climbed, strict=True) if c]
+    again = run.map(lambda pair: _descend(problem, pair[0], pair[1], True), pairs)
+    best = {(r.effects, r.sensors): r for r in sorted((*found, *(r for r in again if r)), key=_evidence, reverse=True)}
+    return sorted(best.values(), key=_evidence)
+
+
+def _evidence(r: Ranked) -> float:
+    return r.evidence
+
+
+__all__ = [
+    "Ranked",
+    "Trial",
+    "applicable",
+    "assess",
+    "compete",
+    "descend",
+    "free_parameters",
+    "ranked",
+    "searched",
+    "without",
+]

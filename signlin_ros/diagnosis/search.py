@@ -34,6 +34,7 @@ from signlin_ros.diagnosis.rank import (
     extended,
     free_parameters,
     ranked,
+    searched,
     without,
 )
 from signlin_ros.effects import EFFECTS, find_effect
@@ -247,6 +248,8 @@ class _Search:
             raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
         self.progress("single effects", 0.1)
         singles = compete(self.problem, base, trials, self.executor)
+        if not self._enough(min([base, *singles], key=_evidence)):
+            singles = searched(self.problem, trials, singles, self.executor)
         base, singles = self._whiten(base, singles)
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.progress("validation", 0.9)
@@ -409,16 +412,17 @@ class _Search:
             for t in trials
             if t.effect not in before.effects and (i == 0 or not t.sensors)
         ]
-        screened = [r for r in self.executor.map(lambda j: self._screened(*j), jobs) if r is not None]
+        enough = bool(starts) and self._enough(starts[0])
+        screened = [r for r in self.executor.map(lambda j: self._screened(j[0], j[1], enough), jobs) if r is not None]
         screened.sort(key=lambda s: s[0])
         finished = list(self.executor.map(lambda s: self._finished(*s[1:]), screened[:4]))
         return sorted((r for r in finished if r is not None), key=_evidence)
 
-    def _screened(self, before: Ranked, trial: Trial) -> tuple[float, Ranked, Trial, Fit] | None:
+    def _screened(self, before: Ranked, trial: Trial, enough: bool) -> tuple[float, Ranked, Trial, Fit] | None:
         """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
         best = None
         gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
-        for start in trial.starts[:3]:
+        for start in trial.starts[: 1 if enough else 3]:
             c = extended(self.problem, before, trial, start)
             theta = c.start()
             known = before.fit.parameters()
