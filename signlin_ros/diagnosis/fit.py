@@ -265,12 +265,11 @@ def follow_records(
 def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) -> Array:
     """Return the state (n,) that a record starts from.
 
-    Where it starts in motion, what an effect remembers (a bristle's bend, a temperature) is fitted to the first samples
-    by secants: it is no parameter, since its derivative vanishes where it is best.
+    Where it starts in motion, what an effect remembers (a bristle's bend, a temperature, by how much a load lags) is
+    fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best.
     """
-    x0, eq = _initial(c, s), c.equations
-    known = tuple(s.start)
-    hidden = [i for i, n in enumerate(c.model.states) if "." in n and n not in known and not _twin(n, known)]
+    x0, eq, names = _initial(c, s), c.equations, c.model.states
+    hidden = {i: _twin(n, names) for i, n in enumerate(names) if "." in n}
     if not hidden or abs(s.start.get(problem.base.plant.velocity, np.inf)) < RESTING * problem.scale.velocity:
         return x0
     rows, *others = rest
@@ -285,8 +284,8 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
 
     e, X = errors(x0)
-    for i in hidden:
-        bound = float(np.abs(X[:, i]).max())
+    for i, twin in hidden.items():
+        bound = float(np.abs(X[:, i] - (X[:, names.index(twin)] if twin else 0.0)).max())
         tried = [x0 + sign * bound * np.eye(x0.size)[i] for sign in (-1.0, 1.0)]
         x0, e = min([(x0, e), *((x, errors(x)[0]) for x in tried)], key=lambda pair: float(pair[1] @ pair[1]))
         for _ in range(2):

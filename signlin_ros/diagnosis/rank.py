@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 PRICE = 10.0
 """What an effect must gain in -2 log likelihood on top of ln n for each of its parameters."""
+FRONT = 4
+"""How many of the best singles are taken for what they contain."""
 MOST_STARTS = 6
 """Starts that are descended from: those most likely after two steps."""
 SERIOUS = 0.25
@@ -320,6 +322,31 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     return sorted((r for r in found if r is not None), key=_evidence)
 
 
+def simplified(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked], run: Executor) -> list[Ranked]:
+    """Return fits of single effects, the simpler ones also started from where richer ones arrived that contain them."""
+    known = {t.effect: t for t in trials if t.added}
+    jobs = []
+    for r in found[:FRONT]:
+        values = {n.partition(".")[2]: v for n, v in r.fit.parameters().items() if n.startswith(f"{r.label}.")}
+        richer = EFFECTS[r.label]
+        nominal = {n: par.nominal for n, par in richer.pars().items()}
+        wanted = richer.simpler({**nominal, **values}) if r.label in known else {}
+        jobs += [(replace(known[n], starts=(p,)), r.fit) for n, p in wanted.items() if n in known]
+    again = run.map(lambda job: _started(problem, *job), jobs)
+    best = {(r.effects, r.sensors): r for r in sorted((*found, *(r for r in again if r)), key=_evidence, reverse=True)}
+    return sorted(best.values(), key=_evidence)
+
+
+def _started(problem: Problem, trial: Trial, richer: Fit) -> Ranked | None:
+    """Return a trial fitted from its start, with the base parameters of a richer fit."""
+    c = extended(problem, None, trial, trial.starts[0])
+    theta, values = c.start(), richer.parameters()
+    for i, k in enumerate(c.coordinates):
+        if k.name in problem.base.parameters and k.name in values:
+            theta[i] = k.theta(values[k.name])
+    return ranked(problem, (trial.effect,), (), descend(problem, c, theta, problem.levels[1:], 10, None))
+
+
 def searched(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked], run: Executor) -> list[Ranked]:
     """Return what `compete` found, with rugged effects searched from all their starts."""
     rugged = [t for t in trials if EFFECTS[t.effect].rugged]
@@ -344,5 +371,6 @@ __all__ = [
     "free_parameters",
     "ranked",
     "searched",
+    "simplified",
     "without",
 ]

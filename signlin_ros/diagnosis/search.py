@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2, norm
 
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, gain_in_blocks, gain_on, residues, whiteness
@@ -35,6 +36,7 @@ from signlin_ros.diagnosis.rank import (
     free_parameters,
     ranked,
     searched,
+    simplified,
     without,
 )
 from signlin_ros.effects import EFFECTS, find_effect
@@ -250,6 +252,7 @@ class _Search:
         singles = compete(self.problem, base, trials, self.executor)
         if not self._enough(min([base, *singles], key=_evidence)):
             singles = searched(self.problem, trials, singles, self.executor)
+        singles = simplified(self.problem, trials, singles, self.executor)
         base, singles = self._whiten(base, singles)
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.progress("validation", 0.9)
@@ -377,14 +380,15 @@ class _Search:
         return [first, *(r for r in options if r is not first)]
 
     def _real(self, r: Ranked, before: Ranked) -> bool:
-        """Tell whether what was added differs from nothing: some amplitude by `REAL` standard errors."""
+        """Tell whether the amplitudes of what was added differ together from nothing, by `REAL` standard errors."""
         known = {c.name for c in before.fit.candidate.coordinates}
         covariance = np.linalg.pinv(r.fit.hessian, hermitian=True)
         coordinates = r.fit.candidate.coordinates
         added = [i for i, c in enumerate(coordinates) if c.name not in known]
         amplitudes = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
-        sizes = [abs(r.fit.theta[i]) / np.sqrt(max(covariance[i, i], 1e-300)) for i in amplitudes]
-        return not amplitudes or max(sizes) > REAL
+        a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]
+        wald = float(a @ np.linalg.pinv(spread, hermitian=True) @ a)
+        return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))
 
     def _enough(self, r: Ranked) -> bool:
         return not structured(self.problem, r, self.filter)

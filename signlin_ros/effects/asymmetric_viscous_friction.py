@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -23,6 +24,10 @@ class AsymmetricViscousFriction(Effect):
     b_p = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity, forward")
     b_n = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity, backward")
     start = ({"b_p": 0.05, "b_n": 0.05},)
+
+    @classmethod
+    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        return {"viscous_friction": {"b": (p["b_p"] + p["b_n"]) / 2}}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.b_p * m.positive(x.velocity) + p.b_n * m.positive(-x.velocity)

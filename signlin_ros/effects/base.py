@@ -68,6 +68,11 @@ class Effect(HasPars):
         multiples = cls.start or (dict.fromkeys(pars, 0.05),)
         return [{name: value * scale.of(pars[name].unit) for name, value in one.items()} for one in multiples]
 
+    @classmethod
+    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        """Return the simpler effects that this one is nearly, for these parameters, and their parameters."""
+        return {}
+
     def force(self, m: Any, x: Any, p: Any) -> Any:
         """Return the force on the moving mass."""
         return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -26,6 +27,10 @@ class CoggingTorque(Effect):
 
     start = ({"A": 0.05, "phi": 0.0},)
     periodic = ("N", "A", "phi")
+
+    @classmethod
+    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        return {"gravity_load": {"A": p["A"], "q0": -p["phi"]}} if abs(p["N"] - 1.0) < 0.02 else {}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.A * m.sin(p.N * x.position + p.phi)

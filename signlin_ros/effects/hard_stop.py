@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -24,6 +25,10 @@ class HardStop(Effect):
     gap = Par("Q", nominal=0.5, doc="travel to either stop")
     k_s = Par("F/Q", nominal=10.0, doc="stiffness of the stops")
     start = ({"gap": 0.4, "k_s": 0.5}, {"gap": 0.6, "k_s": 0.5}, {"gap": 0.8, "k_s": 0.5})
+
+    @classmethod
+    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        return {"linear_stiffness": {"k": p["k_s"]}}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.k_s * m.dead_zone(x.position, p.gap)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -32,6 +33,10 @@ class StribeckFriction(Effect):
         {"mu": 0.05, "excess": 0.05, "v_s": 0.2},
         {"mu": 0.05, "excess": 0.05, "v_s": 0.6},
     )
+
+    @classmethod
+    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        return {"coulomb_friction": {"mu": p["mu"]}}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         level = p.mu + p.excess * m.exp(-((x.velocity / p.v_s) ** 2))
