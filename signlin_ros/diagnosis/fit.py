@@ -28,8 +28,8 @@ ENOUGH = 0.02
 """A fit ends where a step lowers -2 log likelihood by less than this,"""
 FAR = 1e-3
 """or by less than this share of its distance from that of pure noise: a wrong model need not be fitted to the end."""
-RESTING, MEMORY = 0.02, 2.0
-"""A record starts at rest below this share of the RMS velocity; else what is remembered is fitted to so many s."""
+RESTING, MEMORY = 0.02, 400
+"""A record is at rest below this share of the RMS velocity; else what is remembered is fitted to so many samples."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
 
@@ -270,10 +270,14 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
     """
     x0, eq, names = _initial(c, s), c.equations, c.model.states
     hidden = {i: _twin(n, names) for i, n in enumerate(names) if "." in n}
-    if not hidden or abs(s.start.get(problem.base.plant.velocity, np.inf)) < RESTING * problem.scale.velocity:
+    if (
+        not hidden
+        or not s.whole
+        or abs(s.start.get(problem.base.plant.velocity, np.inf)) < RESTING * problem.scale.velocity
+    ):
         return x0
     rows, *others = rest
-    size = min(s.t.size, max(round(MEMORY / problem.scale.step), 50))
+    size = min(s.t.size, MEMORY)
     t, u, y = s.t[:size], s.u[:size], s.y[:size]
 
     def errors(x: Array) -> tuple[Array, Array]:

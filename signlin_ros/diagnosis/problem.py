@@ -30,13 +30,17 @@ FEWEST, LONG, CHUNKS = 2000, 6000, 4
 
 @dataclass(frozen=True)
 class Segment:
-    """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state."""
+    """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
+
+    ``whole``: not a stretch of a longer one, on which starts are only searched.
+    """
 
     t: Array
     u: Array
     y: Array
     start: dict[str, float]
     source: str
+    whole: bool = True
 
 
 @dataclass(frozen=True)
@@ -149,7 +153,7 @@ def shortened(problem: Problem) -> Problem:
         for first in np.linspace(0, max(s.t.size - size, 0), share).astype(int):
             part = slice(first, first + size)
             t, u, y = s.t[part], s.u[part], s.y[part]
-            parts.append(Segment(t, u, y, _start(problem.base, problem.channels, t, y), s.source))
+            parts.append(Segment(t, u, y, _start(problem.base, problem.channels, t, y), s.source, False))
     return replace(problem, segments=tuple(parts))
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit
+from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, likelihood
 from signlin_ros.diagnosis.narrow import deepened, narrowed, tuned
 from signlin_ros.diagnosis.problem import Gains, Problem, added_keys, shortened
 from signlin_ros.diagnosis.scan import periodic_starts
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 PRICE = 10.0
 """What an effect must gain in -2 log likelihood on top of ln n for each of its parameters."""
+CLOSE = 50.0
+"""Difference in -2 log likelihood to the best at the middle gain within which a rugged effect is fitted thoroughly."""
 FRONT = 4
 """How many of the best singles are taken for what they contain."""
 MOST_STARTS = 6
@@ -351,7 +353,9 @@ def searched(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked],
     """Return what `compete` found, with rugged effects searched from all their starts."""
     rugged = [t for t in trials if EFFECTS[t.effect].rugged]
     climbed = run.map(functools.partial(_climb, problem), rugged)
-    pairs = [(t, c) for t, c in zip(rugged, climbed, strict=True) if c]
+    first, middle = min(found, key=_evidence).fit, problem.levels[1]
+    limit = likelihood(problem, first.candidate, first.theta, middle) + CLOSE
+    pairs = [(t, c) for t, c in zip(rugged, climbed, strict=True) if c and c[0][1].cost < limit]
     again = run.map(lambda pair: _descend(problem, pair[0], pair[1], True), pairs)
     best = {(r.effects, r.sensors): r for r in sorted((*found, *(r for r in again if r)), key=_evidence, reverse=True)}
     return sorted(best.values(), key=_evidence)
