@@ -82,9 +82,19 @@ class _Coordinates:
         raise AttributeError(name)
 
 
-def resolve_unit(unit: str, plant: type[Plant]) -> str:
-    """Return a declared unit with F, Q and U written as the plant's units, e.g. ``F·s/Q`` as ``N·m·s/rad``."""
+ROTARY = {"N": "N·m", "m": "rad", "m/s": "rad/s", "kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad"}
+"""Units of forces and displacements, and those of torques and angles in their place."""
+
+
+def resolve_unit(unit: str, plant: type[Plant], rotary: bool = False) -> str:
+    """Return a declared unit with F, Q and U written as the plant's units, e.g. ``F·s/Q`` as ``N·m·s/rad``.
+
+    ``rotary``: a plant of forces and displacements stands for one of torques and angles.
+    """
     names = {"F": plant.force_unit, "Q": plant.position_unit, "U": plant.input_unit}
+    if rotary:
+        names = {letter: ROTARY.get(name, name) for letter, name in names.items()}
+        unit = ROTARY.get(unit, unit)
     return "".join(names.get(letter, letter) for letter in unit) if set(unit) <= set("FQU·s/²³1") else unit
 
 

@@ -80,7 +80,7 @@ class Problem:
 
     ``base``: the model as given (a motor whose position is measured has it as a state). ``noise`` (ny): standard
     deviation of white noise on each channel, from fourth differences. ``levels``: gains from high to low.
-    ``x_scale``: size of every state by name.
+    ``x_scale``: size of every state by name. ``units``: of what is measured, as the records have them.
     """
 
     base: Model
@@ -91,6 +91,12 @@ class Problem:
     levels: tuple[Gains, ...]
     x_scale: dict[str, float]
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def rotary(self) -> bool:
+        """Whether a plant of forces and displacements stands for one of torques and angles."""
+        return self.base.plant.position_unit == "m" and self.units.get(self.base.plant.position) == "rad"
 
     @property
     def samples(self) -> int:
@@ -267,7 +273,8 @@ def prepare(model: Model, data: Sequence[ModelData]) -> Problem:
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
     levels = tuple(design(model, channels, noise, x_scale, dt, tau) for tau in taus)
     scale = _scale(model, segments, channels, look, dt, duration)
-    return Problem(model, channels, segments, noise, scale, levels, x_scale, _ranges(model, segments, X))
+    units = {**model.units, **data[0].units}
+    return Problem(model, channels, segments, noise, scale, levels, x_scale, _ranges(model, segments, X), units)
 
 
 def _guess_velocity(

@@ -160,28 +160,31 @@ def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
 
 def estimates(f: Fit, names: Sequence[str], findings: Findings) -> dict[str, Estimate]:
     """Return parameters with standard errors that allow for what correlation is left in the residual."""
-    c = f.candidate
-    covariance = np.linalg.pinv(f.hessian, hermitian=True)
-    inflation = _inflation(f)
+    c, problem = f.candidate, findings.problem
+    covariance = _covariance(f)
     units = {n.split(".", 1)[1]: p.unit for n, p in c.model.par_declarations().items()}
     fitted = {k.name: (i, k) for i, k in enumerate(c.coordinates)}
     p = dict(zip(c.equations.parameters, c.p(f.theta), strict=True))
     result = {}
     for name in names:
-        unit = resolve_unit(units[name], c.model.plant) if name in units else _sensor_unit(c.model, name)
+        if name in units:
+            unit = resolve_unit(units[name], c.model.plant, problem.rotary)
+        else:
+            unit = _sensor_unit(problem, name)
         if name not in fitted:
-            result[name] = Estimate(float(p.get(name, _fixed(c.model, name))), None, unit, "held")
+            result[name] = Estimate(float(p[name] if name in p else c.model.value(name)), None, unit, "held")
             continue
         i, k = fitted[name]
-        std = float(np.sqrt(max(covariance[i, i], 0.0)) * abs(k.slope(float(f.theta[i]))) * inflation)
-        result[name] = Estimate(
-            float(p[name]), std, unit, _note(k, float(f.theta[i]), float(np.sqrt(abs(covariance[i, i]))))
-        )
+        own = float(np.sqrt(max(covariance[i, i], 0.0)))
+        std = own * abs(k.slope(float(f.theta[i])))
+        result[name] = Estimate(float(p[name]), std, unit, _note(k, float(f.theta[i]), own))
     return result
 
 
-def _fixed(model: Model, name: str) -> float:
-    return model.value(name)
+def _covariance(f: Fit) -> Array:
+    """Return the covariance of the coordinates: of the data, widened for their correlation, and of the priors."""
+    prior = np.diag([1.0 / k.spread**2 for k in f.candidate.coordinates])
+    return np.asarray(np.linalg.pinv((f.hessian - prior) / _inflation(f) ** 2 + prior, hermitian=True))
 
 
 def _note(k: Any, theta: float, std: float) -> str:
@@ -194,9 +197,9 @@ def _note(k: Any, theta: float, std: float) -> str:
     return ""
 
 
-def _sensor_unit(model: Model, name: str) -> str:
+def _sensor_unit(problem: Problem, name: str) -> str:
     kind, _, channel = name.partition(".")
-    return {"sensor_gain": "-", "sensor_delay": "s"}.get(kind, model.units.get(channel, ""))
+    return {"sensor_gain": "-", "sensor_delay": "s"}.get(kind, problem.units.get(channel, ""))
 
 
 def _inflation(f: Fit) -> float:
@@ -212,21 +215,21 @@ def _inflation(f: Fit) -> float:
 # --------------------------------------------------------------------------- words
 
 
-def sentence_of(effect: str, model: Model, parameters: dict[str, Estimate]) -> str:
+def sentence_of(effect: str, problem: Problem, parameters: dict[str, Estimate]) -> str:
     """Return what the record shows of an effect, as a sentence."""
-    plant = model.plant
+    plant = problem.base.plant
     cls = find_effect(effect, "effects")
     if issubclass(cls, SensorEffect):
         name, found = next(iter(parameters.items()))
         channel = name.partition(".")[2]
         return cls.finding.format(channel=channel, value=found.value, unit=found.unit)
     values = {n.rpartition(".")[2]: _Shown(p.value, p.unit) for n, p in parameters.items()}
-    return cls.finding.format(F=_drive(model), Q=plant.position, V=plant.velocity, **values)
+    return cls.finding.format(F=_drive(problem), Q=plant.position, V=plant.velocity, **values)
 
 
-def _drive(model: Model) -> str:
+def _drive(problem: Problem) -> str:
     """Return the word for what drives the plant."""
-    return "torque" if model.plant.force_unit == "N·m" else "force"
+    return "torque" if problem.rotary or problem.base.plant.force_unit == "N·m" else "force"
 
 
 class _Shown(float):
@@ -387,7 +390,7 @@ def _entry(
     elif any(effect in names for names in rivals.values()) and verdict != "unexplained":
         owner = next(e for e, names in rivals.items() if effect in names)
         status, tied = "ambiguous", (owner, *(n for n in rivals[owner] if n != effect))
-        why = f"explains the record as well as {owner}: {sentence_of(effect, f.problem.base, parameters)}"
+        why = f"explains the record as well as {owner}: {sentence_of(effect, f.problem, parameters)}"
     else:
         status, why = _why_not(f, effect, step)
     return Entry(effect, status, parameters, validation, tied, why, gain, step.certainty)
@@ -403,8 +406,8 @@ def _added_parameters(f: Findings, r: Any, effect: str) -> dict[str, Estimate]:
 
 
 def _why_named(f: Findings, effect: str, parameters: dict[str, Estimate], tied: tuple[str, ...]) -> str:
-    step = f.final
-    text = sentence_of(effect, f.problem.base, parameters)
+    step = next(s for s in f.steps if effect in s.ranked.effects)
+    text = sentence_of(effect, f.problem, parameters)
     text += f"; the error on unseen data falls by {min(step.certainty, 99):.1f} standard errors"
     if tied:
         text += f"; {_named(tied)} would explain this record as well"
@@ -458,11 +461,9 @@ def _not_excited(f: Findings, effect: str) -> str:
     name = {"position": model.plant.position, "input": model.inputs[0]}.get(where, "")
     if name in ranges:
         low, high = ranges[name]
-        unit = model.plant.position_unit if where == "position" else model.units[name]
-        return f"the {name} stayed within {low:.3g} to {high:.3g} {unit}: beyond it nothing is known"
-    return (
-        f"at {100 * ORDINARY:.0f} % of the driving {_drive(model)} it would not stand out of the noise of this record"
-    )
+        return f"the {name} stayed within {low:.3g} to {high:.3g} {f.problem.units[name]}: beyond it nothing is known"
+    size = f"{100 * ORDINARY:.0f} % of the driving {_drive(f.problem)}"
+    return f"at {size} it would not stand out of the noise of this record"
 
 
 # --------------------------------------------------------------------------- the model that comes out
@@ -472,9 +473,10 @@ def proposal(f: Findings) -> Model:
     """Return the base model with the named effects and all fitted values, sensors included."""
     found = f.final.ranked.fit
     model, values = found.fitted(), found.parameters()
+    model = model.with_parameters({n: float(f"{model.value(n):.6g}") for n in values if not n.startswith("sensor_")})
     for name in f.final.ranked.sensors:
         kind, _, channel = name.partition(".")
-        model = model.with_effect(kind, None, **{channel: values[name]})
+        model = model.with_effect(kind, None, **{channel: float(f"{values[name]:.6g}")})
     return model
 
 

@@ -158,11 +158,11 @@ def _ladder(d: Diagnosis) -> list[Block]:
 
 
 def _rows(d: Diagnosis, estimation: Scores, validation: Scores) -> list[list[str]]:
-    rows = []
+    rows, units = [], d.findings.problem.units if d.findings else d.model.units
     for name, score in validation.channels.items():
         seen = estimation.channels[name]
         numbers = [number(seen.rmse), number(score.rmse), number(score.rmse_over_noise), percent(score.fit_percent)]
-        rows.append([name, d.model.units[name], *numbers])
+        rows.append([name, units[name], *numbers])
     return rows
 
 
