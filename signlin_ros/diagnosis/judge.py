@@ -148,8 +148,11 @@ class Whiteness:
     white: bool
 
 
-def whiteness(parts: Sequence[Array], tolerance: float = 0.05) -> Whiteness:
+def whiteness(parts: Sequence[Array], tolerance: float = 0.05, steps: bool = False) -> Whiteness:
     """Test a prewhitened residual; correlations below ``tolerance`` do not matter however long the record is.
+
+    ``steps``: it is mostly the rounding of what is shown in steps, whose correlations have either sign; only the mean
+    of the first ones counts then.
 
     Ljung and Box 1978, doi:10.1093/biomet/65.2.297, over lags up to a twentieth of the record (at most 200).
     """
@@ -160,7 +163,7 @@ def whiteness(parts: Sequence[Array], tolerance: float = 0.05) -> Whiteness:
     limit = float(chi2.ppf(0.9999, lags))
     bound = tolerance + 4.0 / np.sqrt(max(count, 1))
     slow = float(np.abs(r[:LAGS].mean()))
-    white = (statistic < 1.5 * limit or float(np.max(np.abs(r))) < bound) and slow < bound / 2
+    white = (steps or statistic < 1.5 * limit or float(np.max(np.abs(r))) < bound) and slow < bound / 2
     return Whiteness(float(r[0]), statistic / limit, bool(white))
 
 

@@ -32,23 +32,40 @@ def narrowed(
     problem: Problem, c: Candidate, starts: Sequence[dict[str, float]], key: str, gains: Gains
 ) -> list[dict[str, float]]:
     """Return the best points found from many positive ``starts`` of the effect ``key`` of a candidate, best first."""
-    free = [k for k in starts[0] if any(k == n for n, _ in _own(c, key))]
-    points = np.log([[one[n] for n in free] for one in starts])
-    best = _bred(points, _cost(problem, c, c.start(), dict(_own(c, key)), free, gains))
+    own = _own(c, key)
+    free = [n for n in starts[0] if n in own]
+    index = [own[n] for n in free]
+    coordinates = [c.coordinates[i] for i in index]
+
+    def cost(z: Array) -> float:
+        theta = c.start()
+        values = zip(coordinates, np.exp(z).tolist(), strict=True)
+        theta[index] = [np.clip(k.theta(value), k.low, k.high) for k, value in values]
+        return likelihood(problem, c, theta, gains)
+
+    best = _bred(np.log([[one[n] for n in free] for one in starts]), cost, LEAST)
     return [{**starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best[:3]]
 
 
 def deepened(problem: Problem, found: Fit, key: str) -> Fit:
     """Return a fit of the effect ``key``, gone on from until nothing better is found nearby."""
-    c, own = found.candidate, dict(_own(found.candidate, key))
+    c, index = found.candidate, list(_own(found.candidate, key).values())
+    low, high = (np.array([getattr(c.coordinates[i], side) for i in index]) for side in ("low", "high"))
     for _ in range(AGAIN):
-        values = {n: abs(c.coordinates[i].value(float(found.theta[i]))) for n, i in own.items()}
-        free = [n for n, value in values.items() if value > 0]
-        centre = np.log([values[n] for n in free])
-        points = centre + NEAR * np.random.default_rng(1).standard_normal((CHILDREN, len(free)))
-        best = _bred(points, _cost(problem, c, found.theta, own, free, found.gains), ROUNDS // 2)[0]
-        theta = _moved(c, found.theta, own, free, best)
-        again = fit(problem, c, found.gains, theta, 12, found.filter, 0.0)
+        centre, gains = found.theta.copy(), found.gains
+        scale = NEAR * np.array([1.0 if c.coordinates[i].log else abs(centre[i]) for i in index])
+
+        def moved(z: Array, centre: Array = centre, scale: Array = scale) -> Array:
+            theta: Array = centre.copy()
+            theta[index] = np.clip(centre[index] + scale * z, low, high)
+            return theta
+
+        def cost(z: Array, gains: Gains = gains, moved: Callable[[Array], Array] = moved) -> float:
+            return likelihood(problem, c, moved(z), gains)
+
+        points = np.random.default_rng(1).standard_normal((CHILDREN, len(index)))
+        best = _bred(points, cost, LEAST / NEAR, ROUNDS // 2)[0]
+        again = fit(problem, c, gains, moved(best), 12, found.filter, 0.0)
         if again is None or again.cost > found.cost - 1.0:
             return found
         found = again
@@ -75,34 +92,20 @@ def tuned(problem: Problem, found: Fit, order: str, phase: str) -> Fit:
     return found
 
 
-def _own(c: Candidate, key: str) -> list[tuple[str, int]]:
+def _own(c: Candidate, key: str) -> dict[str, int]:
     """Return the free parameters of an effect, and where they stand among the coordinates."""
-    return [(k.name.partition(".")[2], i) for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key]
+    return {k.name.partition(".")[2]: i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key}
 
 
-def _moved(c: Candidate, theta: Array, own: dict[str, int], free: Sequence[str], z: Array) -> Array:
-    point: Array = theta.copy()
-    for name, value in zip(free, np.exp(z), strict=True):
-        k = c.coordinates[own[name]]
-        point[own[name]] = np.clip(k.theta(float(value)), k.low, k.high)
-    return point
-
-
-def _cost(
-    problem: Problem, c: Candidate, theta: Array, own: dict[str, int], free: Sequence[str], gains: Gains
-) -> Callable[[Array], float]:
-    return lambda z: likelihood(problem, c, _moved(c, theta, own, free, z), gains)
-
-
-def _bred(points: Array, cost: Callable[[Array], float], rounds: int = ROUNDS) -> Array:
-    """Return points (N, n) and what was bred of them, best first."""
+def _bred(points: Array, cost: Callable[[Array], float], least: float, rounds: int = ROUNDS) -> Array:
+    """Return points (N, n) and what was bred of them, best first; ``least``: smallest spread of what is drawn."""
     costs = np.array([cost(z) for z in points])
     draw = np.random.default_rng(0).standard_normal
     low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
     size = points.shape[1]
     for _ in range(rounds):
         parents = points[np.argsort(costs)[:PARENTS]]
-        spread = np.linalg.cholesky(np.cov(parents.T).reshape(size, size) + LEAST**2 * np.eye(size))
+        spread = np.linalg.cholesky(np.cov(parents.T).reshape(size, size) + least**2 * np.eye(size))
         children = np.clip(parents.mean(axis=0) + draw((CHILDREN, size)) @ spread.T, low, high)
         points = np.concatenate([points, children])
         costs = np.concatenate([costs, [cost(z) for z in children]])

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 SETTLED = 25.0
 """Variance of the initial state in variances of the measurement noise."""
 LEAST_SAMPLES = 100
+EVEN = 0.5
+"""A channel is shown in steps if more than this share of the distances between its values are the same."""
 FEWEST, LONG, CHUNKS = 2000, 6000, 4
 """Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches."""
 
@@ -80,7 +82,8 @@ class Problem:
 
     ``base``: the model as given (a motor whose position is measured has it as a state). ``noise`` (ny): standard
     deviation of white noise on each channel, from fourth differences. ``levels``: gains from high to low.
-    ``x_scale``: size of every state by name. ``units``: of what is measured, as the records have them.
+    ``x_scale``: size of every state by name. ``units``: of what is measured, as the records have them. ``quanta``
+    (ny): the steps in which it is shown, 0 for none.
     """
 
     base: Model
@@ -92,6 +95,7 @@ class Problem:
     x_scale: dict[str, float]
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
+    quanta: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def rotary(self) -> bool:
@@ -115,6 +119,17 @@ def white_noise(segments: Sequence[Segment]) -> Array:
     everything = np.concatenate([s.y for s in segments])
     noise = np.array([fourth_difference_noise(values) for values in everything.T])
     return np.asarray(np.maximum(noise, 1e-6 * np.maximum(np.nanstd(everything, axis=0), 1e-300)))
+
+
+def quanta(segments: Sequence[Segment]) -> Array:
+    """Return the step (ny) in which every channel is shown, 0 where there is none."""
+    found = []
+    for values in np.concatenate([s.y for s in segments]).T:
+        steps = np.diff(np.unique(values[np.isfinite(values)]))
+        step = float(np.median(steps)) if steps.size > 2 else 0.0
+        even = np.mean(np.abs(steps - step) < 0.01 * step) > EVEN
+        found.append(step if even else 0.0)
+    return np.array(found)
 
 
 def with_measured_position(model: Model, data: Sequence[ModelData]) -> Model:
@@ -274,7 +289,9 @@ def prepare(model: Model, data: Sequence[ModelData]) -> Problem:
     levels = tuple(design(model, channels, noise, x_scale, dt, tau) for tau in taus)
     scale = _scale(model, segments, channels, look, dt, duration)
     units = {**model.units, **data[0].units}
-    return Problem(model, channels, segments, noise, scale, levels, x_scale, _ranges(model, segments, X), units)
+    return Problem(
+        model, channels, segments, noise, scale, levels, x_scale, _ranges(model, segments, X), units, quanta(segments)
+    )
 
 
 def _guess_velocity(

@@ -25,6 +25,8 @@ PRICE = 10.0
 """What an effect must gain in -2 log likelihood on top of ln n for each of its parameters."""
 CLOSE = 50.0
 """Difference in -2 log likelihood to the best at the middle gain within which a rugged effect is fitted thoroughly."""
+LATE = (1.5, 5.0)
+"""Delays of a sensor that a fit starts from, in samples."""
 FRONT = 4
 """How many of the best singles are taken for what they contain."""
 MOST_STARTS = 6
@@ -140,9 +142,10 @@ def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
 
 
 def _sensor_trials(problem: Problem, name: str) -> list[Trial]:
-    start = {"sensor_gain": 1.0, "sensor_delay": 1.5 * problem.scale.step}.get(name, 0.0)
+    late = [steps * problem.scale.step for steps in LATE]
+    starts = {"sensor_gain": [1.0], "sensor_delay": late}.get(name, [0.0])
     shown = [c for c in problem.channels if c in problem.base.states or name != "sensor_delay"]
-    return [Trial(name, (), {f"{name}.{c}": start}, ({},)) for c in shown]
+    return [Trial(name, (), {f"{name}.{c}": start}, ({},)) for c in shown for start in starts]
 
 
 def extended(problem: Problem, before: Ranked | None, trial: Trial, start: dict[str, float]) -> Candidate:
@@ -324,6 +327,19 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     return sorted((r for r in found if r is not None), key=_evidence)
 
 
+def deeper(problem: Problem, r: Ranked) -> Ranked:
+    """Return the fit of a single effect, gone on from to a deeper minimum nearby if there is one."""
+    if r.sensors:
+        return r
+    key = r.fit.candidate.label[-1]
+    best = deepened(problem, r.fit, key)
+    if best is r.fit:
+        return r
+    low = best if best.gains is problem.levels[-1] else fit(problem, best.candidate, problem.levels[-1], best.theta, 10)
+    found = ranked(problem, r.effects, r.sensors, [best, low]) if low else None
+    return r if found is None or found.evidence > r.evidence else found
+
+
 def simplified(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked], run: Executor) -> list[Ranked]:
     """Return fits of single effects, the simpler ones also started from where richer ones arrived that contain them."""
     known = {t.effect: t for t in trials if t.added}
@@ -371,6 +387,7 @@ __all__ = [
     "applicable",
     "assess",
     "compete",
+    "deeper",
     "descend",
     "free_parameters",
     "ranked",

@@ -30,6 +30,7 @@ from signlin_ros.diagnosis.rank import (
     applicable,
     assess,
     compete,
+    deeper,
     descend,
     evidence,
     extended,
@@ -58,6 +59,8 @@ SHARE = 0.05
 """Least share of the squared innovations on unseen data that one more effect must take away from a poor model."""
 SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
+ROUNDED = 0.6
+"""A residual smaller than this share of the step in which a channel is shown is its rounding."""
 DRAWS, SENSITIVE = 3, 0.3
 """Draws of uncertain parameters, and the share of what is left that they must make where motion is chaotic."""
 NEEDED = 30.0
@@ -159,7 +162,8 @@ def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:
     if at.cost - r.fit.cost > NEEDED or any(one.structured for one in residues(at.innovations, problem.noise)):
         return True
     whitened = [filter.apply(e) for e in at.innovations]
-    return not all(whiteness([e[:, c] for e in whitened]).white for c in range(filter.rho.size))
+    rounding = np.nanstd(np.concatenate(at.innovations), axis=0) < ROUNDED * problem.quanta
+    return not all(whiteness([e[:, c] for e in whitened], steps=bool(rounding[c])).white for c in range(rounding.size))
 
 
 def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
@@ -252,6 +256,9 @@ class _Search:
         singles = compete(self.problem, base, trials, self.executor)
         if not self._enough(min([base, *singles], key=_evidence)):
             singles = searched(self.problem, trials, singles, self.executor)
+            if not self._enough(min([base, *singles], key=_evidence)):
+                front = self.executor.map(functools.partial(deeper, self.problem), singles[:2])
+                singles = sorted([*front, *singles[2:]], key=_evidence)
         singles = simplified(self.problem, trials, singles, self.executor)
         base, singles = self._whiten(base, singles)
         path = self._forced(base, singles) if only else self._path(base, singles, trials)

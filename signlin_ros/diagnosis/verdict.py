@@ -254,11 +254,12 @@ def describe(f: Findings) -> Diagnosis:
     unseen = unseen_noise(f)
     explained = _explained(f)
     structure = f.structured
-    verdict = _verdict(f, explained, structure)
     ladder = tuple(
         Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
         for s in f.steps
     )
+    rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
+    verdict = _verdict(f, explained, structure, rest)
     model, ranking = proposal(f), _ranking(f, kind, unseen, verdict)
     base = f.steps[0].ranked.fit
     names = [c.name for c in final.fit.candidate.coordinates]
@@ -299,10 +300,10 @@ def unseen_noise(f: Findings) -> Array:
     return np.array([r.noise if r.structure < 0.5 else seen.noise for r, seen in zip(left, f.left, strict=True)])
 
 
-def _verdict(f: Findings, explained: float, structure: bool) -> str:
+def _verdict(f: Findings, explained: float, structure: bool, rest: float) -> str:
     if len(f.steps) == 1:
         return "unexplained" if structure else "adequate"
-    return "unexplained" if structure and (explained < EXPLAINED or _rest(f) > REST) else "missing"
+    return "unexplained" if structure and (explained < EXPLAINED or rest > REST) else "missing"
 
 
 def _rest(f: Findings) -> float:
