@@ -7,6 +7,7 @@ sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method wit
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -68,6 +69,11 @@ class Candidate:
     coordinates: tuple[Coordinate, ...]
     values: dict[str, float]
     label: tuple[str, ...] = ()
+
+    @functools.cached_property
+    def angular(self) -> bool:
+        """Whether a force depends on the angle from turn to turn, and so on where exactly a record starts."""
+        return any(find_effect(use.type, "effects").angular for use in self.model.effects.values())
 
     def p(self, theta: Array) -> Array:
         """Return all parameters in the order of the equations."""
@@ -269,12 +275,12 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
     fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best.
     """
     x0, eq, names = _initial(c, s), c.equations, c.model.states
-    hidden = {i: _twin(n, names) for i, n in enumerate(names) if "." in n}
-    if (
-        not hidden
-        or not s.whole
-        or abs(s.start.get(problem.base.plant.velocity, np.inf)) < RESTING * problem.scale.velocity
-    ):
+    plant = problem.base.plant
+    moving = abs(s.start.get(plant.velocity, np.inf)) > RESTING * problem.scale.velocity
+    hidden = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and moving}
+    if c.angular and plant.position in s.start:
+        hidden[names.index(plant.position)] = ""
+    if not hidden or not s.whole:
         return x0
     rows, *others = rest
     size = min(s.t.size, MEMORY)
@@ -290,6 +296,8 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
     e, X = errors(x0)
     for i, twin in hidden.items():
         bound = float(np.abs(X[:, i] - (X[:, names.index(twin)] if twin else 0.0)).max())
+        if names[i] == plant.position:
+            bound = float(problem.noise[problem.channels.index(plant.position)])
         tried = [x0 + sign * bound * np.eye(x0.size)[i] for sign in (-1.0, 1.0)]
         x0, e = min([(x0, e), *((x, errors(x)[0]) for x in tried)], key=lambda pair: float(pair[1] @ pair[1]))
         for _ in range(2):

@@ -61,7 +61,7 @@ SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
 ROUNDED = 0.6
 """A residual smaller than this share of the step in which a channel is shown is its rounding."""
-DRAWS, SENSITIVE = 3, 0.3
+DRAWS, SENSITIVE = 4, 0.1
 """Draws of uncertain parameters, and the share of what is left that they must make where motion is chaotic."""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
@@ -338,7 +338,7 @@ class _Search:
     def _best_step(self, path: list[Step], options: list[Ranked]) -> Step | None:
         """Return the best option that lowers the error on unseen data beyond doubt, or None."""
         for option in self._simplest_first(sorted(options, key=_evidence))[:3]:
-            if option.evidence >= path[-1].ranked.evidence:
+            if option.evidence >= path[-1].ranked.evidence - (TIE if len(path) > 1 else 0.0):
                 return None
             r = self._pruned(option, path)
             last = path[-1]

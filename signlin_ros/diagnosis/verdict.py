@@ -333,7 +333,7 @@ def _sentence(f: Findings, verdict: str, explained: float, structure: bool) -> s
 
 
 def _rivals(f: Findings, effect: str) -> list[str]:
-    """Return what could stand in place of an effect of the proposal: as good by evidence, within `TIE`."""
+    """Return what could stand in place of an effect of the proposal: as good by evidence, or nearly the same."""
     final = f.final.ranked
     others = set(final.effects) - {effect}
     options = [s.ranked for s in f.singles] if len(final.effects) == 1 else list(f.pairs)
@@ -345,7 +345,9 @@ def _rivals(f: Findings, effect: str) -> list[str]:
                 continue
             if abs(r.evidence - final.evidence) < TIE and new not in found:
                 found.append(new)
-    return found
+    values = {n: p.value for n, p in _added_parameters(f, final, effect).items()}
+    nearly = [n for n in find_effect(effect, "effects").simpler(values) if n not in (*found, *final.effects)]
+    return found + [n for n in nearly if any(s.ranked.label == n for s in f.singles)]
 
 
 def _ranking(f: Findings, kind: str, noise: Array, verdict: str) -> tuple[Entry, ...]:

@@ -27,7 +27,8 @@ class AsymmetricViscousFriction(Effect):
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        return {"viscous_friction": {"b": (p["b_p"] + p["b_n"]) / 2}}
+        mean = (p["b_p"] + p["b_n"]) / 2
+        return {"viscous_friction": {"b": mean}} if abs(p["b_p"] - p["b_n"]) < 0.02 * mean else {}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.b_p * m.positive(x.velocity) + p.b_n * m.positive(-x.velocity)

@@ -56,6 +56,8 @@ class Effect(HasPars):
     """Where a fit starts from, in multiples of the record's `Scale`; empty: 0.05 of each."""
     held: ClassVar[Mapping[str, float | None]] = {}
     """Parameters that no record tells from the others, and what a fit holds them at (None: at the start)."""
+    angular: ClassVar[bool] = False
+    """Whether its force is periodic in the position, so that it matters where exactly a record starts."""
     rugged: ClassVar[bool] = False
     """Whether a fit has many local minima: ``starts`` are many then, all parameters positive, and the best are bred."""
     periodic: ClassVar[tuple[str, ...]] = ()
@@ -70,7 +72,7 @@ class Effect(HasPars):
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        """Return the simpler effects that this one is nearly, for these parameters, and their parameters."""
+        """Return the simpler effects that this one nearly is for these parameters, and theirs."""
         return {}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:

@@ -19,6 +19,7 @@ class CoggingTorque(Effect):
     equation = "-A sin(N q + phi)"
     finding = "the residual {F} repeats with the {Q}: {A:.3g} {A.unit} high, of order {N:.4g}"
     shows_at_large = "position"
+    angular = True
     experiment = "move slowly over a full turn at constant input"
 
     A = Par("F", nominal=0.02, low=-1e9, doc="amplitude")

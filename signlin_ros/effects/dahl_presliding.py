@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -31,10 +30,6 @@ class DahlPresliding(Effect):
         {"F_c": 0.1, "sigma": 0.7},
         {"F_c": 0.1, "sigma": 0.2},
     )
-
-    @classmethod
-    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        return {"coulomb_friction": {"mu": p["F_c"]}}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * x.own.z

@@ -19,6 +19,7 @@ class GravityLoad(Effect):
     equation = "-A sin(q - q0)"
     finding = "the residual {F} is one sine of the {Q}, {A:.3g} {A.unit} high, zero at {q0:.3g} {q0.unit}"
     shows_at_large = "position"
+    angular = True
     experiment = "rest at several positions over a full turn"
     external = True
 

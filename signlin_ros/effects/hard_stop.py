@@ -28,7 +28,7 @@ class HardStop(Effect):
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        return {"linear_stiffness": {"k": p["k_s"]}}
+        return {"linear_stiffness": {"k": p["k_s"]}} if p["gap"] == 0.0 else {}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.k_s * m.dead_zone(x.position, p.gap)

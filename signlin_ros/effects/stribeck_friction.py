@@ -36,7 +36,7 @@ class StribeckFriction(Effect):
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
-        return {"coulomb_friction": {"mu": p["mu"]}}
+        return {"coulomb_friction": {"mu": p["mu"]}} if p["excess"] < 0.02 * p["mu"] else {}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         level = p.mu + p.excess * m.exp(-((x.velocity / p.v_s) ** 2))

@@ -63,3 +63,16 @@ def test_bad_input_is_one_line_and_exit_2(record, monkeypatch, capsys, arguments
     error = capsys.readouterr().err
     assert said in error
     assert "Traceback" not in error
+
+
+def test_an_interrupt_leaves_no_file(record, tmp_path, monkeypatch, capsys):
+    def interrupted(what, share):
+        if share > 0.0:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("signlin_ros.cli._stage", interrupted)
+    new, report = tmp_path / "new.yaml", tmp_path / "report.html"
+    data = (record / "model.yaml", record / "estimation.csv")
+    assert main(["refine", *map(str, data), "-o", str(new), "--report", str(report)]) == 130
+    assert "interrupted" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
