@@ -100,7 +100,8 @@ class Findings:
 
     ``steps``: base, then one more effect each. ``singles``: every effect alone, best first, with its innovations on
     unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal;
-    ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged.
+    ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged;
+    ``followed``: the same at the middle gain.
     """
 
     problem: Problem
@@ -112,6 +113,7 @@ class Findings:
     outside: tuple[str, ...]
     left: tuple[Residue, ...]
     held_out: tuple[tuple[Array, ...], tuple[Array, ...]]
+    followed: tuple[tuple[Array, ...], tuple[Array, ...]]
 
     @property
     def final(self) -> Step:
@@ -274,7 +276,8 @@ class _Search:
             tuple(self.pairs),
             tuple(outside),
             tuple(residues(at.innovations, self.problem.noise)),
-            (self._unseen(path[0].ranked, at.gains), self._unseen(path[-1].ranked, at.gains)),
+            self._both(path, at.gains),
+            self._both(path, self.problem.levels[1]),
         )
 
     # ------------------------------------------------------------ noise
@@ -460,6 +463,9 @@ class _Search:
         if found is None:
             return tuple(np.full(s.y.shape, 1e3) * self.problem.noise for s in self.unseen.segments)
         return tuple(found[0])
+
+    def _both(self, path: Sequence[Step], gains: Gains) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+        return self._unseen(path[0].ranked, gains), self._unseen(path[-1].ranked, gains)
 
     def _step(self, r: Ranked) -> Step:
         return Step(r, self._unseen(r, r.fit.gains))
