@@ -278,7 +278,7 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
     plant = problem.base.plant
     moving = abs(s.start.get(plant.velocity, np.inf)) > RESTING * problem.scale.velocity
     hidden = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and moving}
-    if c.angular and plant.position in s.start:
+    if c.angular and plant.position in s.start and plant.position in problem.channels:
         hidden[names.index(plant.position)] = ""
     if not hidden or not s.whole:
         return x0

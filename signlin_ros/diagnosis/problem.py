@@ -34,7 +34,7 @@ FEWEST, LONG, CHUNKS = 2000, 6000, 4
 class Segment:
     """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
 
-    ``whole``: not a stretch of a longer one, on which starts are only searched.
+    ``whole``: whether what an effect remembers at the start is fitted; not so for stretches and windows of a record.
     """
 
     t: Array

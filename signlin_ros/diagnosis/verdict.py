@@ -149,7 +149,8 @@ def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
         part = slice(first, last + 1)
         start = dict(zip(f.candidate.model.states, X[first], strict=True))
         u = s.u[part]
-        run = follow_records(problem, f.candidate, f.theta, free, False, (Segment(s.t[part], u, s.y[part], start, ""),))
+        window = Segment(s.t[part], u, s.y[part], start, "", whole=False)  # it starts from nothing but what was before
+        run = follow_records(problem, f.candidate, f.theta, free, False, (window,))
         if run:
             errors[first + 1 : last + 1] = run[0][0][1:]
     return errors

@@ -178,3 +178,11 @@ def test_what_is_only_outside_the_catalogue_is_not_named(tmp_path):
     model, data, unseen = recorded(tmp_path, SMALL, law)
     found = diagnose(model, data, unseen)
     assert found.verdict == "unexplained"
+
+
+def test_every_choice_of_channels_works(tmp_path):
+    for number, only in enumerate((("velocity",), ("displacement",))):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        found = diagnose(*recorded(folder, AXIS, {}, only=only, skip=200))
+        assert found.verdict == "adequate"
