@@ -8,6 +8,7 @@ sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method wit
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -274,16 +275,12 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
     Where it starts in motion, what an effect remembers (a bristle's bend, a temperature, by how much a load lags) is
     fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best.
     """
-    x0, eq, names = _initial(c, s), c.equations, c.model.states
-    plant = problem.base.plant
-    moving = abs(s.start.get(plant.velocity, np.inf)) > RESTING * problem.scale.velocity
-    hidden = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and moving}
-    if c.angular and plant.position in s.start and plant.position in problem.channels:
-        hidden[names.index(plant.position)] = ""
-    if not hidden or not s.whole:
+    x0 = _initial(c, s)
+    unknown = _unknown(problem, c, s) if s.whole else {}
+    if not unknown:
         return x0
     rows, *others = rest
-    size = min(s.t.size, MEMORY)
+    size, eq = min(s.t.size, MEMORY), c.equations
     t, u, y = s.t[:size], s.u[:size], s.y[:size]
 
     def errors(x: Array) -> tuple[Array, Array]:
@@ -294,22 +291,41 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
 
     e, X = errors(x0)
-    for i, twin in hidden.items():
-        bound = float(np.abs(X[:, i] - (X[:, names.index(twin)] if twin else 0.0)).max())
-        if names[i] == plant.position:
-            bound = float(problem.noise[problem.channels.index(plant.position)])
-        tried = [x0 + sign * bound * np.eye(x0.size)[i] for sign in (-1.0, 1.0)]
-        x0, e = min([(x0, e), *((x, errors(x)[0]) for x in tried)], key=lambda pair: float(pair[1] @ pair[1]))
-        for _ in range(2):
-            step = 0.1 * bound * np.eye(x0.size)[i]
-            change = errors(x0 + step)[0] - e
-            square = float(change @ change)
-            x = x0 - step * (float(change @ e) / square if square > 0 else 0.0)
-            new = errors(x)[0]
-            if not new @ new < e @ e:
-                break
-            x0, e = x, new
+    for i, (twin, known) in unknown.items():
+        apart = X[:, i] - (X[:, twin] if twin >= 0 else 0.0)
+        reach = (known or float(np.abs(apart).max())) * np.eye(x0.size)[i]
+        x0, e = _by_secants(lambda x: errors(x)[0], x0, e, reach)
     return x0
+
+
+def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int, float]]:
+    """Return the states whose start is fitted: (what each moves with or -1, by how much it may be off).
+
+    0: as far as it ever gets from what it moves with.
+    """
+    names, plant = c.model.states, problem.base.plant
+    unknown: dict[int, tuple[int, float]] = {}
+    if abs(s.start.get(plant.velocity, np.inf)) > RESTING * problem.scale.velocity:
+        twins = {i: _twin(n, names) for i, n in enumerate(names) if "." in n}
+        unknown = {i: (names.index(twin) if twin else -1, 0.0) for i, twin in twins.items()}
+    if c.angular and plant.position in s.start and plant.position in problem.channels:
+        unknown[names.index(plant.position)] = (-1, float(problem.noise[problem.channels.index(plant.position)]))
+    return unknown
+
+
+def _by_secants(errors: Callable[[Array], Array], x: Array, e: Array, reach: Array) -> tuple[Array, Array]:
+    """Return the point x (n,) moved along ``reach`` (n,) to where the errors are least, and these."""
+    tried = [(x + sign * reach, errors(x + sign * reach)) for sign in (-1.0, 1.0)]
+    x, e = min([(x, e), *tried], key=lambda pair: float(pair[1] @ pair[1]))
+    for _ in range(2):
+        change = errors(x + 0.1 * reach) - e
+        square = float(change @ change)
+        moved = x - 0.1 * reach * (float(change @ e) / square if square > 0 else 0.0)
+        new = errors(moved)
+        if not new @ new < e @ e:
+            break
+        x, e = moved, new
+    return x, e
 
 
 def _own_scale(problem: Problem, c: Candidate) -> Array:

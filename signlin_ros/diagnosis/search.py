@@ -255,14 +255,7 @@ class _Search:
         if base is None:
             raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
         self.progress("single effects", 0.1)
-        singles = compete(self.problem, base, trials, self.executor)
-        if not self._enough(min([base, *singles], key=_evidence)):
-            singles = searched(self.problem, trials, singles, self.executor)
-            if not self._enough(min([base, *singles], key=_evidence)):
-                front = self.executor.map(functools.partial(deeper, self.problem), singles[:2])
-                singles = sorted([*front, *singles[2:]], key=_evidence)
-        singles = simplified(self.problem, trials, singles, self.executor)
-        base, singles = self._whiten(base, singles)
+        base, singles = self._whiten(base, self._singles(base, trials))
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.progress("validation", 0.9)
         shown = self._shown(path[0], singles)
@@ -279,6 +272,16 @@ class _Search:
             self._both(path, at.gains),
             self._both(path, self.problem.levels[1]),
         )
+
+    def _singles(self, base: Ranked, trials: list[Trial]) -> list[Ranked]:
+        """Return every effect alone, best first; searched as thoroughly as is needed for one that is enough."""
+        singles = compete(self.problem, base, trials, self.executor)
+        if not self._enough(min([base, *singles], key=_evidence)):
+            singles = searched(self.problem, trials, singles, self.executor)
+            if not self._enough(min([base, *singles], key=_evidence)):
+                front = self.executor.map(functools.partial(deeper, self.problem), singles[:2])
+                singles = sorted([*front, *singles[2:]], key=_evidence)
+        return simplified(self.problem, trials, singles, self.executor)
 
     # ------------------------------------------------------------ noise
 
