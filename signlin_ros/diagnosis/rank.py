@@ -348,7 +348,10 @@ def simplified(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked
         values = {n.partition(".")[2]: v for n, v in r.fit.parameters().items() if n.startswith(f"{r.label}.")}
         richer = EFFECTS[r.label]
         nominal = {n: par.nominal for n, par in richer.pars().items()}
-        wanted = richer.simpler({**nominal, **values}) if r.label in known else {}
+        values = {**nominal, **values}
+        parents = [n for n in known if richer in _children(n)]
+        wanted = {n: {k: values[k] for k in EFFECTS[n].pars()} for n in parents} if r.label in known else {}
+        wanted |= richer.simpler(values) if r.label in known else {}
         jobs += [(replace(known[n], starts=(p,)), r.fit) for n, p in wanted.items() if n in known]
     again = run.map(lambda job: _started(problem, *job), jobs)
     best = {(r.effects, r.sensors): r for r in sorted((*found, *(r for r in again if r)), key=_evidence, reverse=True)}
