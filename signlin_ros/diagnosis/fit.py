@@ -24,7 +24,7 @@ from signlin_ros.par import Par
 
 Array = NDArray[np.float64]
 
-KNOWN_EFFECT = 0.5
+KNOWN_EFFECT = 0.2
 """Relative standard deviation of the prior on the parameters of effects that the model already has."""
 ENOUGH = 0.02
 """A fit ends where a step lowers -2 log likelihood by less than this,"""
@@ -32,6 +32,8 @@ FAR = 1e-3
 """or by less than this share of its distance from that of pure noise: a wrong model need not be fitted to the end."""
 RESTING, MEMORY = 0.02, 400
 """A record is at rest below this share of the RMS velocity; else what is remembered is fitted to so many samples."""
+GAIN = 0.7
+"""Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
 
@@ -207,7 +209,7 @@ def _known_sensors(problem: Problem) -> dict[str, float]:
 
 def _sensor_coordinate(problem: Problem, name: str) -> Coordinate:
     if name.startswith("sensor_gain"):
-        return Coordinate(name, True, 1.0, -2.3, 2.3, 0.0, 0.5)
+        return Coordinate(name, True, 1.0, -GAIN, GAIN, 0.0, GAIN / 2)
     if name.startswith("sensor_delay"):
         return Coordinate(name, False, problem.scale.step, 0.0, 1.0 / problem.scale.step, 0.0, np.inf)
     unit = float(problem.noise[problem.channels.index(name.partition(".")[2])])

@@ -357,7 +357,8 @@ class _Search:
             needed = (LIKELY if strong else SURE) if len(path) == 1 or self._enough(step.ranked) else CERTAIN
             if len(path) > 1 and step.share < SHARE and not self._enough(last.ranked):
                 continue
-            if _prior(last.ranked.fit) - _prior(r.fit) > STRONG and step.certainty > -SURE:
+            moved = _prior(last.ranked.fit) - _prior(r.fit)
+            if len(path) == 1 and moved > STRONG and step.certainty > -SURE:
                 return step
             if step.gain > 0 and step.certainty > needed:
                 return step
@@ -398,6 +399,9 @@ class _Search:
         covariance = np.linalg.pinv(r.fit.hessian, hermitian=True)
         coordinates = r.fit.candidate.coordinates
         added = [i for i, c in enumerate(coordinates) if c.name not in known]
+        gains = [i for i in added if coordinates[i].name.startswith("sensor_gain.")]
+        if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
+            return False  # no sensor is that wrong: it stands in for something else
         amplitudes = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
         a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]
         wald = float(a @ np.linalg.pinv(spread, hermitian=True) @ a)
