@@ -48,7 +48,7 @@ def ladder(d: Diagnosis) -> Any:
     with styled(9.5, 1.25 + 0.42 * (len(labels) + 1)) as figure:
         grid = figure.subplots(1, len(channels), sharey=True, squeeze=False)[0]
         for ax, name in zip(grid, channels, strict=True):
-            _rungs(ax, d.ladder, name, d.model.units[name])
+            _rungs(ax, d.ladder, name, d.findings.problem.shown(d.model.units[name]))
         rows = np.arange(len(labels) + 1)[::-1]
         grid[0].set_yticks(rows, [*labels, "noise of the sensors"])
         kind = "free run" if d.base_validation.kind == "free_run" else f"over windows of {d.model.update_period:g} s"

@@ -120,7 +120,7 @@ def target(motion: Motion) -> Target | None:
     problem, plant = motion.problem, motion.model.plant
     if motion.of_sensor:
         channel = next(c for c in problem.channels if motion.sensors[c] != motion.blind[c])
-        return Target("sensor", channel, f"{channel} shown too much", motion.model.units[channel])
+        return Target("sensor", channel, f"{channel} shown too much", motion.problem.shown(motion.model.units[channel]))
     changes = _changes(motion)
     seen = [n for n in problem.channels if n in changes]
     if plant.velocity in changes and plant.velocity not in seen:
@@ -137,11 +137,12 @@ def target_at(motion: Motion, name: str) -> Target:
     """Return the state or the output of that name as a target."""
     model, plant = motion.without, motion.model.plant
     if name not in model.states:
-        return Target("output", name, f"missing {name}", model.units[name])
+        return Target("output", name, f"missing {name}", motion.problem.shown(model.units[name]))
     if name == plant.velocity:
-        quantity = "missing force" if plant.force_unit == "N" else "missing torque"
+        unit = motion.problem.shown(plant.force_unit)
+        quantity = "missing force" if unit == "N" else "missing torque"
         plain = bare(model)
-        return Target("state", name, quantity, plant.force_unit, float(per_force(plain)[plain.states.index(name)]))
+        return Target("state", name, quantity, unit, float(per_force(plain)[plain.states.index(name)]))
     states, _, B, _ = linear_base(model, motion.problem.channels)
     return Target("state", name, f"missing {model.inputs[0]}", plant.input_unit, float(B[states.index(name), 0]))
 

@@ -18,6 +18,7 @@ from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
+from signlin_ros.trace import ROTARY
 
 Array = NDArray[np.float64]
 
@@ -101,6 +102,10 @@ class Problem:
     def rotary(self) -> bool:
         """Whether a plant of forces and displacements stands for one of torques and angles."""
         return self.base.plant.position_unit == "m" and self.units.get(self.base.plant.position) == "rad"
+
+    def shown(self, unit: str) -> str:
+        """Return a unit of the model as the records have it."""
+        return ROTARY.get(unit, unit) if self.rotary else unit
 
     @property
     def samples(self) -> int:
