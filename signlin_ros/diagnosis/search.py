@@ -55,6 +55,8 @@ whose evidence on the data that it was fitted to is `STRONG`, in white noise."""
 CERTAIN = 2.5
 """Standard errors for a second and further effect in a model that stays imperfect with it."""
 STRONG = 30.0
+MOVED = 12.0
+"""What an effect must save of the priors, in -2 log likelihood, that stands in for parameters moved far from nominal."""
 SHARE = 0.05
 """Least share of the squared innovations on unseen data that one more effect must take away from a poor model."""
 SIMPLE = 0.15
@@ -358,7 +360,7 @@ class _Search:
             if len(path) > 1 and step.share < SHARE and not self._enough(last.ranked):
                 continue
             moved = _prior(last.ranked.fit) - _prior(r.fit)
-            if len(path) == 1 and moved > STRONG and step.certainty > -SURE:
+            if len(path) == 1 and moved > MOVED and step.certainty > -SURE:
                 return step
             if step.gain > 0 and step.certainty > needed:
                 return step
