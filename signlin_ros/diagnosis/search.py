@@ -56,7 +56,7 @@ CERTAIN = 2.5
 """Standard errors for a second and further effect in a model that stays imperfect with it."""
 STRONG = 30.0
 MOVED = 12.0
-"""What an effect must save of the priors, in -2 log likelihood, that stands in for parameters moved far from nominal."""
+"""What an effect must save of the priors, in -2 log likelihood, if it stands for parameters moved far from nominal."""
 SHARE = 0.05
 """Least share of the squared innovations on unseen data that one more effect must take away from a poor model."""
 SIMPLE = 0.15
