@@ -11,8 +11,7 @@ Names below are loaded when first asked for.
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from signlin_ros.lazy import exports
 
 _EXPORTS = {
     "Comparison": "comparison",
@@ -30,12 +29,4 @@ _EXPORTS = {
     "residual_test": "whiteness",
 }
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _EXPORTS:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_EXPORTS[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_EXPORTS)
+__getattr__, __dir__ = exports(__name__, _EXPORTS)

@@ -11,17 +11,8 @@ loaded when first asked for; drawing needs the extra `plot`, and formulas are se
 
 from __future__ import annotations
 
-import importlib
-from typing import Any
+from signlin_ros.lazy import exports
 
 _EXPORTS = {"compare_report": "comparison", "diagnosis_report": "diagnosis"}
 
-
-def __getattr__(name: str) -> Any:
-    if name not in _EXPORTS:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_EXPORTS[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted(_EXPORTS)
+__getattr__, __dir__ = exports(__name__, _EXPORTS)
