@@ -321,7 +321,8 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     reference = middle.cost if middle else np.inf
     gains = [reference - c[0][1].cost if c else -np.inf for c in climbed]
     limit = min(SERIOUS * max(gains, default=0.0), 1e9)
-    serious = [g > limit or max(gains) < 1000.0 for g in gains]
+    mild = [EFFECTS[t.effect].rugged for t in trials]
+    serious = [(g > limit or max(gains) < 1000.0) and not m for g, m in zip(gains, mild, strict=True)]
     work = [(t, c, s) for t, c, s in zip(trials, climbed, serious, strict=True) if c]
     found = run.map(lambda w: _descend(problem, *w), work)
     return sorted((r for r in found if r is not None), key=_evidence)
