@@ -212,6 +212,13 @@ def _silent(what: str, done: float) -> None:
     return
 
 
+def plausible(problem: Problem, r: Ranked) -> bool:
+    """Tell whether the parameters of all that was added are those of the effects, not of what they imitate."""
+    model = r.fit.fitted()
+    added = [use for key, use in model.effects.items() if key not in problem.base.effects]
+    return all(find_effect(use.type, "effects").plausible(use.parameters) for use in added)
+
+
 def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
     """Return the trials of one effect; raise `InputError` if it cannot be added."""
     find_effect(name, "effect")
@@ -401,6 +408,8 @@ class _Search:
         covariance = np.linalg.pinv(r.fit.hessian, hermitian=True)
         coordinates = r.fit.candidate.coordinates
         added = [i for i, c in enumerate(coordinates) if c.name not in known]
+        if not plausible(self.problem, r):
+            return False
         gains = [i for i in added if coordinates[i].name.startswith("sensor_gain.")]
         if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
             return False  # no sensor is that wrong: it stands in for something else

@@ -19,7 +19,7 @@ from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, l
 from signlin_ros.diagnosis.rank import free_parameters
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
-from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SURE, TIE, Findings, Progress, Step, search
+from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SURE, TIE, Findings, Progress, Step, plausible, search
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model
@@ -435,6 +435,8 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
         return "not_excited", _not_excited(f, effect)
     if gain <= 0:
         return "rejected", "alone it does not lower the error by more than its parameters are worth"
+    if not plausible(f.problem, step.ranked):
+        return "rejected", "it fits only with parameters that it cannot have: its equation imitates something else"
     if step.certainty <= SURE and step.gain <= 0:
         return "rejected", "it lowers the error on the data that it was fitted to and raises it on unseen data"
     if final.effects:

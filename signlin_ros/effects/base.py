@@ -75,6 +75,11 @@ class Effect(HasPars):
         """Return the simpler effects that this one nearly is for these parameters, and theirs."""
         return {}
 
+    @classmethod
+    def plausible(cls, p: Mapping[str, float]) -> bool:
+        """Tell whether fitted parameters are those of the effect, and not of something that its equation imitates."""
+        return True
+
     def force(self, m: Any, x: Any, p: Any) -> Any:
         """Return the force on the moving mass."""
         return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -33,6 +34,10 @@ class LuGreFriction(Effect):
     start = tuple(
         {"sigma0": sigma0, "sigma1": 0.01, "sigma2": 0.01, "F_c": 0.1, "F_s": 0.15, "v_s": 0.2} for sigma0 in (5.0, 0.7)
     )
+
+    @classmethod
+    def plausible(cls, p: Mapping[str, float]) -> bool:
+        return p["F_s"] > 0.8 * p["F_c"]  # breaking away takes no less than sliding
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         z_rate = self.rates(m, x, p)["z"]

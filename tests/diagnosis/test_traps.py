@@ -186,3 +186,10 @@ def test_every_choice_of_channels_works(tmp_path):
         folder.mkdir()
         found = diagnose(*recorded(folder, AXIS, {}, only=only, skip=200))
         assert found.verdict == "adequate"
+
+
+def test_a_bristle_that_breaks_away_below_its_sliding_level_is_not_named(tmp_path):
+    hidden = {"coulomb_friction": {"mu": 0.033}, "quadratic_drag": {"c2": 6e-5}}
+    found = diagnose(*recorded(tmp_path, SMALL, hidden))
+    assert proposed(found) == set(hidden)
+    assert status(found, "lugre_friction") == "rejected"
