@@ -10,6 +10,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil
 from typing import Any, cast
 
 import numpy as np
@@ -235,6 +236,8 @@ def follow_records(
 ) -> tuple[list[Array], list[Array], list[Array]] | None:
     """Return innovations (T, ny), their derivatives (T, ny, np) and states (T, n) for every record; None if it
     diverges.
+
+    While a delayed input is still that from before the record, which nobody knows, the observer stays wide awake.
     """
     p, eq = c.p(theta), c.equations
     ny, count = eq.sizes[2], eq.sizes[3]
@@ -255,14 +258,16 @@ def follow_records(
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
         x0 = _start(problem, c, s, (rows, p, scale, delay, lags))
-        arguments = (eq.flags(with_s), s.t, s.u, s.y, rows, x0, p, scale, delay, lags)
+        unknown = ceil(delay / problem.scale.step) if s.whole else 0
+        held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
+        arguments = (eq.flags(with_s), s.t, s.u, s.y, held, x0, p, scale, delay, lags)
         if follow(eq.head, eq.whole, *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
             return None
-        first = min(gains.weights.shape[0], s.t.size)
-        E[:first] *= gains.weights[:first]
+        weights = np.concatenate([np.full((unknown, ny), np.sqrt(0.5)), gains.weights])[: s.t.size]
+        E[: weights.shape[0]] *= weights
         if with_s:
             D *= slopes
-            D[:first] *= gains.weights[:first, :, None]
+            D[: weights.shape[0]] *= weights[:, :, None]
             if not np.isfinite(D.sum()):
                 return None
         errors.append(E)

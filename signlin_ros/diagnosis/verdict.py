@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -143,16 +144,21 @@ def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
 def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
     """Return the errors (T, ny) of runs over windows of the update period, each started from X (T, n)."""
     errors = np.full_like(s.y, np.nan)
-    shape = problem.levels[0].values.shape[1:]
-    free = Gains(np.inf, problem.levels[0].names, np.zeros((1, *shape)), np.ones((0, shape[1])))
+    steady, names = problem.levels[1].values[-1:], problem.levels[1].names
+    eq = f.candidate.equations
+    late = ceil(max(float(eq.delay @ f.candidate.p(f.theta)), 0.0) / problem.scale.step)
+    values = np.concatenate([np.repeat(steady, late, axis=0), np.zeros_like(steady)])
+    free = Gains(np.inf, names, values, np.ones((0, steady.shape[2])))
     for first, last in windows(s.t, problem.base.update_period)[1:]:
-        part = slice(first, last + 1)
-        start = dict(zip(f.candidate.model.states, X[first], strict=True))
+        if first < late:
+            continue
+        part = slice(first - late, last + 1)  # the input that is still on its way at the start counts
+        start = dict(zip(f.candidate.model.states, X[first - late], strict=True))
         u = s.u[part]
         window = Segment(s.t[part], u, s.y[part], start, "", whole=False)  # it starts from nothing but what was before
         run = follow_records(problem, f.candidate, f.theta, free, False, (window,))
         if run:
-            errors[first + 1 : last + 1] = run[0][0][1:]
+            errors[first + 1 : last + 1] = run[0][0][late + 1 :]
     return errors
 
 
