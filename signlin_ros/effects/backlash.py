@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from signlin_ros.effects.compliant_load import FASTEST, SLOWEST, CompliantLoad
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
@@ -38,6 +36,7 @@ class Backlash(CompliantLoad):
     @classmethod
     def starts(cls, scale: Scale) -> list[dict[str, float]]:
         """Return many: loads of some parts of the inertia, resonances in contact, damping, parts of an excursion."""
+        import numpy as np
         from scipy.stats.qmc import Halton
 
         excursion = min(scale.travel, scale.velocity**2 / scale.acceleration)

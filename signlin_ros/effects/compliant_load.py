@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
@@ -34,6 +32,8 @@ class CompliantLoad(Effect):
     def starts(cls, scale: Scale) -> list[dict[str, float]]:
         """Return loads of a third of the inertia, with resonances over the band of the record, all weakly damped."""
         inertia = 0.3 * scale.of("F·s²/Q")
+        import numpy as np
+
         resonances = np.geomspace(SLOWEST / scale.duration, FASTEST / scale.step, RESONANCES).tolist()
         return [{"k": inertia * w * w, "c": 0.1 * inertia * w, "J": inertia} for w in resonances]
 

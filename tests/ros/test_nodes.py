@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -344,15 +343,12 @@ def test_restart_in_any_order(graph: Any) -> None:
     count = len(models)
     graph.wait(lambda: len(models) > count + 5, "models with the second plant")
     assert linearizer.stop(signal.SIGTERM) == 0
+    graph.wait(lambda: graph.node.count_publishers("/linearizer/model") == 0, "the first linearizer to be gone")
+    count = len(models)
     graph.start("linearizer", "update_period:=0.02")
-
-    sequences: list[int] = []
-
-    def started_anew() -> bool:
-        sequences.extend(convert.read_model(message).sequence for message in models[len(sequences) :])
-        return any(later < earlier for earlier, later in pairwise(sequences))
-
-    graph.wait(started_anew, "models of the second linearizer")
+    graph.wait(lambda: len(models) > count + 5, "models of the second linearizer")
+    sequences = [convert.read_model(message).sequence for message in models[count:]]
+    assert sequences == sorted(sequences)
 
 
 def test_two_linearizers_by_namespace(graph: Any) -> None:
