@@ -29,6 +29,8 @@ EVEN = 0.5
 """A channel is shown in steps if more than this share of the distances between its values are the same."""
 FEWEST, LONG, CHUNKS = 2000, 6000, 4
 """Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches."""
+SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
+"""Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 
 
 @dataclass(frozen=True)
@@ -183,9 +185,28 @@ def shortened(problem: Problem) -> Problem:
     return replace(problem, segments=tuple(parts))
 
 
-def _first_slope(t: Array, values: Array, count: int = 8) -> float:
-    there = np.flatnonzero(np.isfinite(values))[:count]
-    return float(np.polyfit(t[there] - t[there[0]], values[there], 1)[0]) if there.size > 2 else 0.0
+def _first_slope(t: Array, values: Array) -> float:
+    """Return the slope at the start of a noisy signal (T,), NaN where there is no sample.
+
+    Straight lines through more and more samples, as long as their confidence intervals have a common point
+    [Goldenshluger and Nemirovski 1997, Mathematical Methods of Statistics 6(2)].
+    """
+    there = np.flatnonzero(np.isfinite(values))
+    noise = fourth_difference_noise(values)
+    low, high, slope = -np.inf, np.inf, 0.0
+    for count in SLOPES:
+        if count > there.size:
+            break
+        at = t[there[:count]] - t[there[0]]
+        centred = at - at.mean()
+        square = float(centred @ centred)
+        found = float(centred @ values[there[:count]]) / square
+        reach = CONFIDENT * noise / np.sqrt(square)
+        low, high = max(low, found - reach), min(high, found + reach)
+        if low > high:
+            break
+        slope = found
+    return slope
 
 
 def pieces(data: ModelData) -> list[ModelData]:

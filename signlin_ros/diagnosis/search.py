@@ -267,6 +267,9 @@ class _Search:
         base, singles = self._whiten(base, self._singles(base, trials))
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.progress("validation", 0.9)
+        final = path[-1].ranked
+        if len(final.effects) == 1:  # it may have come from a pair
+            singles = sorted([final, *(r for r in singles if r.effects != final.effects)], key=_evidence)
         shown = self._shown(path[0], singles)
         at = judged(self.problem, path[-1].ranked)
         return Findings(
