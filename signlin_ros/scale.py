@@ -20,6 +20,11 @@ class Scale:
     step: float
     duration: float
 
+    @property
+    def excursion(self) -> float:
+        """How far the motion goes between two reversals, about."""
+        return min(self.travel, self.velocity**2 / self.acceleration)
+
     def of(self, unit: str) -> float:
         """Return the size of a declared unit, e.g. of ``F·s/Q``: force by velocity."""
         special = {"s": self.step, "rad": 1.0, "-": 1.0, "1/A²": self.current**-2, "1/Q": 1.0 / self.travel}

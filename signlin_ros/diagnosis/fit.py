@@ -35,6 +35,9 @@ RESTING, MEMORY = 0.02, 400
 """A record is at rest below this share of the RMS velocity; else what is remembered is fitted to so many samples."""
 GAIN = 0.7
 """Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
+APART, WANDER = 0.3, 0.05
+"""How uncertain the start of a load is that floats, as a part of an excursion and of the velocity (RMS), and the part
+of that by which it may wander in a second."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
 
@@ -78,6 +81,12 @@ class Candidate:
     def angular(self) -> bool:
         """Whether a force depends on the angle from turn to turn, and so on where exactly a record starts."""
         return any(find_effect(use.type, "effects").angular for use in self.model.effects.values())
+
+    @functools.cached_property
+    def floating(self) -> frozenset[str]:
+        """The own states that an observer must correct."""
+        keys = [k for k, use in self.model.effects.items() if find_effect(use.type, "effects").floating]
+        return frozenset(n for n in self.model.states if n.partition(".")[0] in keys)
 
     def p(self, theta: Array) -> Array:
         """Return all parameters in the order of the equations."""
@@ -253,15 +262,18 @@ def follow_records(
     lags = _lags(problem, c, p)
     shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
     rows = gains.rows(c.model.states) / np.array(shown)
+    belief = _belief(problem, c, gains)
     errors, derivatives, states = [], [], []
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
-        x0 = _start(problem, c, s, (rows, p, scale, delay, lags))
+        x0 = _start(problem, c, s, (rows, p, scale, delay, lags, belief, problem.noise**2))
         unknown = ceil(delay / problem.scale.step) if s.whole else 0
         held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
         arguments = (eq.flags(with_s), s.t, s.u, s.y, held, x0, p, scale, delay, lags)
-        if follow(eq.head, eq.whole, *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
+        if follow(eq.head, eq.whole, *arguments, belief, problem.noise**2, E, D, X) < s.t.size or not np.isfinite(
+            np.nansum(E)
+        ):
             return None
         weights = np.concatenate([np.full((unknown, ny), np.sqrt(0.5)), gains.weights])[: s.t.size]
         E[: weights.shape[0]] *= weights
@@ -274,6 +286,23 @@ def follow_records(
         derivatives.append(D)
         states.append(X)
     return errors, derivatives, states
+
+
+def _belief(problem: Problem, c: Candidate, gains: Gains) -> Array:
+    """Return what `follow` takes to correct an effect's own states where they float; (3, 0) if none does."""
+    names, floating, scale = c.model.states, c.floating, problem.scale
+    if not floating or not gains.spread.size:
+        return np.zeros((3, 0))
+    apart = {"position": scale.excursion, "velocity": scale.velocity}
+    found = np.ones((3, len(names)))
+    for i, name in enumerate(names):
+        if name in gains.names:
+            found[:2, i] = gains.spread[:, gains.names.index(name)]
+            continue
+        own = name.rpartition(".")[2]
+        size = APART * apart.get(own, 0.0) if name in floating else 0.0
+        found[:, i] = WANDER**2 * size**2 * scale.step, size**2, 2.0 if own == "position" else 1.0
+    return found
 
 
 def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) -> Array:
@@ -313,7 +342,7 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
     names, plant = c.model.states, problem.base.plant
     unknown: dict[int, tuple[int, float]] = {}
     if abs(s.start.get(plant.velocity, np.inf)) > RESTING * problem.scale.velocity:
-        twins = {i: _twin(n, names) for i, n in enumerate(names) if "." in n}
+        twins = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and n not in c.floating}
         unknown = {i: (names.index(twin) if twin else -1, 0.0) for i, twin in twins.items()}
     if c.angular and plant.position in s.start and plant.position in problem.channels:
         unknown[names.index(plant.position)] = (-1, float(problem.noise[problem.channels.index(plant.position)]))

@@ -307,7 +307,63 @@ def _lagged(k, t, lag, i, past, past_s, row, with_s):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, X):
+def _aware(H, e, noise, P, K):
+    """Fill the Kalman gains K (n, ny); P (n, n), the covariance of the state's error, becomes that after them.
+
+    Channels without a sample say nothing.
+    """
+    n, ny = K.shape
+    PH, C = np.zeros((n, ny)), np.zeros((ny, ny))
+    for c in range(ny):
+        if e[c] == e[c]:
+            for i in range(n):
+                for j in range(n):
+                    PH[i, c] += P[i, j] * H[c, j]
+    for c in range(ny):
+        C[c, c] = noise[c]
+        for d in range(ny):
+            if e[c] == e[c] and e[d] == e[d]:
+                for i in range(n):
+                    C[c, d] += H[c, i] * PH[i, d]
+    K[:] = np.linalg.solve(C, PH.T).T
+    P -= K @ PH.T
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _spread(first, last, h, process, P):
+    """Carry the covariance P (n, n) over h by the trapezoidal rule, and add the variances ``process`` (n)."""
+    one = np.eye(P.shape[0])
+    step = np.linalg.solve(one - 0.5 * h * last, one + 0.5 * h * first)
+    P[:] = step @ P @ step.T
+    P[:] = 0.5 * (P + P.T)
+    for i in range(P.shape[0]):
+        P[i, i] += process[i]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _averaged(whole, sizes, z, out, x, mode, s, belief, P, J, part, J1):
+    """Fill J with dF/dx averaged over how uncertain the own positions are, by Gauss and Hermite's rule of order 3."""
+    n = x.size
+    for i in range(n):
+        z[i] = x[i]
+    _linearized(whole, sizes, z, out, mode, s, J, part)
+    for own in range(n):
+        if belief[2, own] > 1.0:
+            reach = np.sqrt(3.0 * max(P[own, own], 0.0))
+            for i in range(n):
+                for j in range(n):
+                    J[i, j] *= 2.0 / 3.0
+            for sign in (-1.0, 1.0):
+                z[own] = x[own] + sign * reach
+                _linearized(whole, sizes, z, out, mode, s, J1, part)
+                for i in range(n):
+                    for j in range(n):
+                        J[i, j] += J1[i, j] / 6.0
+            z[own] = x[own]
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X):
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
 
     ``sizes``: n, m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is
@@ -315,7 +371,11 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, 
     held, ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny): those of the first G samples, the last one for all
     others. X (T, n) gets the state before the correction, if it is not empty. ``lags`` (ny, 3): by how much every
     channel is seen late in s, the state that it shows, and the index of its lag among the sensitivities (-1); empty
-    if none is late. Returns how many samples were followed before the run left all bounds.
+    if none is late. ``belief`` (3, n): variances that a step adds to the states and that they start with, from which
+    an extended Kalman filter corrects them all, with the variances ``noise`` (ny), but nowhere where ``gains`` are 0;
+    2 in its last row: an own position that makes contact, over whose uncertainty derivatives are averaged. (3, 0): all
+    are corrected by ``gains``.
+    Returns how many samples were followed before the run left all bounds.
     """
     n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     with_s = sizes[7] != 0
@@ -335,6 +395,10 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, 
     past = np.zeros((total if late else 0, 4, n))
     past_s = np.zeros((total if late and with_s else 0, 2, n, count))
     row = np.zeros(count)
+    aware = belief.shape[1] > 0
+    P, K, H, first = np.zeros((n, n)), np.zeros((n, ny)), np.zeros((ny, n)), np.zeros((n, n))
+    for i in range(n if aware else 0):
+        P[i, i] = belief[1, i]
     mode, s, active = 1, 1.0, 0
     for k in range(total):
         for i in range(n):
@@ -360,7 +424,7 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, 
         if X.shape[0]:
             X[k] = x
         gain = gains[min(k, gains.shape[0] - 1)]
-        corrected = False
+        corrected, awake = False, aware and np.any(gain != 0.0)
         for c in range(ny):
             E[k, c] = y[k, c] - out[at_h + c]
             if with_s:
@@ -382,6 +446,12 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, 
                         D[k, c, i_lag] += slope * rate
                     for j in range(count):
                         d[c, j] = D[k, c, j]
+        if awake:
+            for c in range(ny):
+                for i in range(n):
+                    H[c, i] = out[at_hx + c * n + i]
+            _aware(H, E[k], noise, P, K)
+            gain = K
         for c in range(ny):
             if E[k, c] == E[k, c]:
                 for i in range(n):
@@ -407,6 +477,8 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, 
             end = t[k + 1]
             if active + 1 < total and t[active + 1] + delay < end - 1e-12:
                 end = t[active + 1] + delay
+            if awake and begin == t[k]:
+                _averaged(whole, sizes, z, out, x, mode, s, belief, P, first, P0, J1)
             _linearized(whole, sizes, z, out, mode, s, J0, P0)
             substeps = int(np.ceil((end - begin) * _fastest(J0, scale) / REACH))
             substeps = min(MOST, max(sizes[8], substeps))
@@ -415,6 +487,9 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, E, D, 
                 if not abs(x[i]) < 1e6 * scale[i]:
                     return k + 1
             if end == t[k + 1]:
+                if awake:
+                    _averaged(whole, sizes, z, out, x, mode, s, belief, P, J0, P0, J1)
+                    _spread(first, J0, end - t[k], belief[0], P)
                 if late:
                     past[k, 2], past[k, 3] = x, out[:n]
                     if with_s:

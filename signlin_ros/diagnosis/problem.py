@@ -53,12 +53,14 @@ class Gains:
     """Kalman gains (G, n, ny) for the states ``names``; ``tau`` is the observer's time constant in s.
 
     ``weights`` (G, ny): what the first innovations count, made uncertain as they are by the unknown initial state.
+    ``spread`` (2, n): variances that a step adds to the states, and those that they start with; (2, 0): not known.
     """
 
     tau: float
     names: tuple[str, ...]
     values: Array
     weights: Array
+    spread: Array = field(default_factory=lambda: np.zeros((2, 0)))
 
     def rows(self, states: tuple[str, ...]) -> Array:
         """Return the gains for a model with these states: an effect's own position or velocity moves with the
@@ -274,7 +276,8 @@ def design(
     values = np.zeros((20_000, len(states), len(channels)))
     variances = np.zeros((20_000, len(channels)))
     used = kalman_gains(expm(A * dt), np.ascontiguousarray(C), Q, np.diag(noise**2), P0, values, variances)
-    return Gains(tau, states, values[:used].copy(), np.sqrt(variances[used - 1] / variances[:used]))
+    spread = np.array([np.diag(Q), np.diag(P0)])
+    return Gains(tau, states, values[:used].copy(), np.sqrt(variances[used - 1] / variances[:used]), spread)
 
 
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:

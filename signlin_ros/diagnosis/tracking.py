@@ -54,8 +54,8 @@ class Tracker:
         gains = np.zeros((1, n, ny)) if gains is None else np.ascontiguousarray(gains)
         innovation, state = np.full((total, ny), np.nan), np.full((total, n), np.nan)
         record = (self.t, self.u, self.y, gains, np.array(x0, dtype=float), self._p, self.scale, self.model.delay)
-        late, derivatives = np.zeros((0, 3)), np.zeros((0, ny, 0))
-        done = follow(e.head, e.whole, e.flags(False), *record, late, innovation, derivatives, state)
+        rest = (np.zeros((0, 3)), np.zeros((3, 0)), np.ones(ny), innovation, np.zeros((0, ny, 0)), state)
+        done = follow(e.head, e.whole, e.flags(False), *record, *rest)
         innovation[done:], state[done:] = np.nan, np.nan
         return Run(innovation, state, int(done) if done < total else None)
 

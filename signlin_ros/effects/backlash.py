@@ -30,6 +30,7 @@ class Backlash(CompliantLoad):
     experiment = "reverse the drive slowly while the load lags"
 
     rugged = True
+    floating = True
 
     gap = Par("Q", nominal=0.01, doc="half width of the play")
 
@@ -39,13 +40,12 @@ class Backlash(CompliantLoad):
         import numpy as np
         from scipy.stats.qmc import Halton
 
-        excursion = min(scale.travel, scale.velocity**2 / scale.acceleration)
         highest = FASTEST / scale.step
         low = np.log([LIGHTEST, min(4 * SLOWEST / scale.duration, highest / 4), LEAST_DAMPING, SMALLEST])
         high = np.log([HEAVIEST, highest, MOST_DAMPING, LARGEST])
         points = np.exp(low + (high - low) * Halton(4, scramble=False).random(STARTS + 1)[1:])
         found = []
-        for J, w, d, gap in points * [scale.of("F·s²/Q"), 1.0, 1.0, excursion]:
+        for J, w, d, gap in points * [scale.of("F·s²/Q"), 1.0, 1.0, scale.excursion]:
             found.append({"k": J * w * w, "c": d * J * w, "J": J, "gap": gap})
         return [{name: float(value) for name, value in one.items()} for one in found]
 

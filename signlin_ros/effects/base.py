@@ -60,6 +60,9 @@ class Effect(HasPars):
     """Whether its force is periodic in the position, so that it matters where exactly a record starts."""
     rugged: ClassVar[bool] = False
     """Whether a fit has many local minima: ``starts`` are many then, all parameters positive, and the best are bred."""
+    floating: ClassVar[bool] = False
+    """Whether its own states run away from where they should be (a load that is free in its play), so that an observer
+    must correct them."""
     periodic: ClassVar[tuple[str, ...]] = ()
     """(order, amplitude, phase) of a force -amplitude sin(order q + phase), whose order is scanned for."""
 

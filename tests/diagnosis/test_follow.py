@@ -45,7 +45,8 @@ def run(model, free=(), change=None, y=None, gains=None, lags=None):
     E, D, X = np.zeros((T, 3)), np.zeros((T if free else 0, 3, count)), np.zeros((T, n))
     lags = np.zeros((0, 3)) if lags is None else lags
     arguments = (eq.flags(bool(free)), TIMES, INPUT, y, gains, np.zeros(n), p, SCALE[:n], delay, lags)
-    assert follow(eq.head, eq.whole, *arguments, E, D, X) == T
+    plain = (np.zeros((3, 0)), np.ones(3))
+    assert follow(eq.head, eq.whole, *arguments, *plain, E, D, X) == T
     return E, D, X
 
 
@@ -95,5 +96,6 @@ def test_a_run_out_of_bounds_says_where():
     p = np.concatenate([model.p, neutral_sensors(1)])
     E, X = np.zeros((T, 1)), np.zeros((T, 2))
     arguments = (eq.flags(False), TIMES, 100 * INPUT, np.zeros((T, 1)), np.zeros((1, 2, 1)), np.zeros(2), p)
-    done = follow(eq.head, eq.whole, *arguments, np.ones(2), 0.0, np.zeros((0, 3)), E, np.zeros((0, 1, 0)), X)
+    rest = (np.ones(2), 0.0, np.zeros((0, 3)), np.zeros((3, 0)), np.ones(1), E, np.zeros((0, 1, 0)), X)
+    done = follow(eq.head, eq.whole, *arguments, *rest)
     assert 0 < done < T
