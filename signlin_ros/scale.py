@@ -8,7 +8,7 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class Scale:
     """Sizes in SI units: RMS of driving force, velocity and acceleration, half the travel, RMS current (1 without),
-    largest input, median sampling step and duration in s.
+    largest input, median sampling step and duration in s; inertia of the plant (0: what force and acceleration say).
     """
 
     force: float
@@ -19,6 +19,7 @@ class Scale:
     input: float
     step: float
     duration: float
+    inertia: float = 0.0
 
     @property
     def excursion(self) -> float:
@@ -28,6 +29,8 @@ class Scale:
     def of(self, unit: str) -> float:
         """Return the size of a declared unit, e.g. of ``F·s/Q``: force by velocity."""
         special = {"s": self.step, "rad": 1.0, "-": 1.0, "1/A²": self.current**-2, "1/Q": 1.0 / self.travel}
+        if self.inertia:
+            special["F·s²/Q"] = self.inertia
         if unit in special:
             return special[unit]
         if unit == "U":

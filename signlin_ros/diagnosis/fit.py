@@ -289,9 +289,9 @@ def follow_records(
 
 
 def _belief(problem: Problem, c: Candidate, gains: Gains) -> Array:
-    """Return what `follow` takes to correct an effect's own states where they float; (3, 0) if none does."""
+    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not."""
     names, floating, scale = c.model.states, c.floating, problem.scale
-    if not floating or not gains.spread.size:
+    if not (floating or c.angular) or not gains.spread.size:
         return np.zeros((3, 0))
     apart = {"position": scale.excursion, "velocity": scale.velocity}
     found = np.ones((3, len(names)))

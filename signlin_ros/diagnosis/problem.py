@@ -13,6 +13,7 @@ from scipy.linalg import expm
 from signlin_ros.diagnosis.data import gaps, measured_channels
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import kalman_gains
+from signlin_ros.diagnosis.missing import per_force
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
@@ -367,7 +368,14 @@ def _scale(
         float(np.max(np.abs(u[:, 0]))) or 1.0,
         dt,
         duration,
+        _inertia(model),
     )
+
+
+def _inertia(model: Model) -> float:
+    """Return the inertia of the plant, 0 where it has none."""
+    velocity = model.plant.velocity
+    return abs(1.0 / float(per_force(model)[model.states.index(velocity)])) if velocity in model.states else 0.0
 
 
 def _ranges(model: Model, segments: Sequence[Segment], X: Array) -> dict[str, tuple[float, float]]:
