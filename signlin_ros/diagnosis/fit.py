@@ -344,6 +344,8 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
     if abs(s.start.get(plant.velocity, np.inf)) > RESTING * problem.scale.velocity:
         twins = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and n not in c.floating}
         unknown = {i: (names.index(twin) if twin else -1, 0.0) for i, twin in twins.items()}
+        if plant.position in names and plant.position not in s.start:
+            unknown[names.index(plant.position)] = (-1, 0.0)
     if c.angular and plant.position in s.start and plant.position in problem.channels:
         unknown[names.index(plant.position)] = (-1, float(problem.noise[problem.channels.index(plant.position)]))
     return unknown

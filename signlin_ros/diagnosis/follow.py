@@ -307,36 +307,46 @@ def _lagged(k, t, lag, i, past, past_s, row, with_s):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _aware(H, e, noise, P, K):
+def _aware(out, at, e, noise, P, K, row):
     """Fill the Kalman gains K (n, ny); P (n, n), the covariance of the state's error, becomes that after them.
 
-    Channels without a sample say nothing.
+    Channel by channel, since their noises are independent; H (ny, n) stands in ``out`` from ``at`` on. Channels without
+    a sample say nothing.
     """
     n, ny = K.shape
-    PH, C = np.zeros((n, ny)), np.zeros((ny, ny))
     for c in range(ny):
-        if e[c] == e[c]:
+        H = out[at + c * n : at + (c + 1) * n]
+        total = noise[c]
+        for i in range(n):
+            row[i] = 0.0
+            for j in range(n):
+                row[i] += P[i, j] * H[j]
+            total += H[i] * row[i]
+        there = 1.0 / total if e[c] == e[c] else 0.0
+        for d in range(c):
+            seen = 0.0
             for i in range(n):
-                for j in range(n):
-                    PH[i, c] += P[i, j] * H[c, j]
-    for c in range(ny):
-        C[c, c] = noise[c]
-        for d in range(ny):
-            if e[c] == e[c] and e[d] == e[d]:
-                for i in range(n):
-                    C[c, d] += H[c, i] * PH[i, d]
-    K[:] = np.linalg.solve(C, PH.T).T
-    P -= K @ PH.T
+                seen += H[i] * K[i, d]
+            for i in range(n):
+                K[i, d] -= row[i] * there * seen
+        for i in range(n):
+            K[i, c] = row[i] * there
+            for j in range(n):
+                P[i, j] -= row[i] * there * row[j]
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _spread(first, last, h, process, P):
+def _spread(first, last, h, process, P, none, M, R):
     """Carry the covariance P (n, n) over h by the trapezoidal rule, and add the variances ``process`` (n)."""
-    one = np.eye(P.shape[0])
-    step = np.linalg.solve(one - 0.5 * h * last, one + 0.5 * h * first)
-    P[:] = step @ P @ step.T
-    P[:] = 0.5 * (P + P.T)
-    for i in range(P.shape[0]):
+    n = P.shape[0]
+    for _ in range(2):
+        _carry(P, first, none, last, none, h, M, R)
+        for i in range(n):
+            for j in range(i):
+                P[i, j], P[j, i] = P[j, i], P[i, j]
+    for i in range(n):
+        for j in range(i):
+            P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
         P[i, i] += process[i]
 
 
@@ -396,7 +406,8 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
     past_s = np.zeros((total if late and with_s else 0, 2, n, count))
     row = np.zeros(count)
     aware = belief.shape[1] > 0
-    P, K, H, first = np.zeros((n, n)), np.zeros((n, ny)), np.zeros((ny, n)), np.zeros((n, n))
+    P, K, first = np.zeros((n, n)), np.zeros((n, ny)), np.zeros((n, n))
+    none, square = np.zeros((n, n)), np.zeros((n, n))
     for i in range(n if aware else 0):
         P[i, i] = belief[1, i]
     mode, s, active = 1, 1.0, 0
@@ -447,10 +458,7 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
                     for j in range(count):
                         d[c, j] = D[k, c, j]
         if awake:
-            for c in range(ny):
-                for i in range(n):
-                    H[c, i] = out[at_hx + c * n + i]
-            _aware(H, E[k], noise, P, K)
+            _aware(out, at_hx, E[k], noise, P, K, work[7])
             gain = K
         for c in range(ny):
             if E[k, c] == E[k, c]:
@@ -489,7 +497,7 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
             if end == t[k + 1]:
                 if awake:
                     _averaged(whole, sizes, z, out, x, mode, s, belief, P, J0, P0, J1)
-                    _spread(first, J0, end - t[k], belief[0], P)
+                    _spread(first, J0, end - t[k], belief[0], P, none, M, square)
                 if late:
                     past[k, 2], past[k, 3] = x, out[:n]
                     if with_s:
