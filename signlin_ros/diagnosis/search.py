@@ -263,6 +263,7 @@ class _Search:
         base = assess(self.problem, None)
         if base is None:
             raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
+        self.filter = self._colour(base)
         self.progress("single effects", 0.1)
         base, singles = self._whiten(base, self._singles(base, trials))
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
@@ -288,7 +289,7 @@ class _Search:
     def _singles(self, base: Ranked, trials: list[Trial]) -> list[Ranked]:
         """Return every effect alone, best first; searched as thoroughly as is needed for one that is enough."""
         singles = compete(self.problem, base, trials, self.executor)
-        if not self._enough(min([base, *singles], key=_evidence)):
+        if not (self.filter.rho.any() or self._enough(min([base, *singles], key=_evidence))):
             singles = searched(self.problem, trials, singles, self.executor)
             if not self._enough(min([base, *singles], key=_evidence)):
                 front = self.executor.map(functools.partial(deeper, self.problem), singles[:2])
@@ -297,11 +298,19 @@ class _Search:
 
     # ------------------------------------------------------------ noise
 
+    def _colour(self, base: Ranked) -> Filter:
+        """Return the filter for coloured noise if that is all that the base model leaves, else none."""
+        left = residues(judged(self.problem, base).innovations, self.problem.noise)
+        found = Filter(np.array([r.filter for r in left]))
+        nothing = Filter(np.zeros(len(left)))
+        return nothing if structured(self.problem, base, found) else found
+
     def _whiten(self, base: Ranked, singles: list[Ranked]) -> tuple[Ranked, list[Ranked]]:
         """Take the noise's colour from the best model so far; where it matters, fit all again with it."""
-        best = self._polished(min([base, *singles], key=_evidence))
-        left = residues(judged(self.problem, best).innovations, self.problem.noise)
-        self.filter = Filter(np.array([r.filter for r in left]))
+        if not self.filter.rho.any():
+            best = self._polished(min([base, *singles], key=_evidence))
+            left = residues(judged(self.problem, best).innovations, self.problem.noise)
+            self.filter = Filter(np.array([r.filter for r in left]))
         if not self.filter.rho.any():
             return base, singles
         refitted = self.executor.map(self._again, singles)
