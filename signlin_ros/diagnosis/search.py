@@ -25,6 +25,7 @@ from signlin_ros.diagnosis.problem import (
     with_measured_position,
 )
 from signlin_ros.diagnosis.rank import (
+    FRONT,
     Ranked,
     Trial,
     applicable,
@@ -263,7 +264,7 @@ class _Search:
         base = assess(self.problem, None)
         if base is None:
             raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
-        self.filter = self._colour(base)
+        self._is_noise_of(base)
         self.progress("single effects", 0.1)
         base, singles = self._whiten(base, self._singles(base, trials))
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
@@ -298,19 +299,25 @@ class _Search:
 
     # ------------------------------------------------------------ noise
 
-    def _colour(self, base: Ranked) -> Filter:
-        """Return the filter for coloured noise if that is all that the base model leaves, else none."""
-        left = residues(judged(self.problem, base).innovations, self.problem.noise)
-        found = Filter(np.array([r.filter for r in left]))
-        nothing = Filter(np.zeros(len(left)))
-        return nothing if structured(self.problem, base, found) else found
+    def _is_noise_of(self, r: Ranked) -> bool:
+        """Tell whether coloured noise is all that a model leaves; this is the noise's colour then."""
+        before = self.filter
+        left = residues(r.low.innovations, self.problem.noise)
+        self.filter = Filter(np.array([one.filter for one in left]))
+        if self._enough(self._polished(r)):
+            return True
+        self.filter = before
+        return False
 
     def _whiten(self, base: Ranked, singles: list[Ranked]) -> tuple[Ranked, list[Ranked]]:
-        """Take the noise's colour from the best model so far; where it matters, fit all again with it."""
+        """Take the noise's colour from the simplest model that leaves nothing else, or from the best; where it matters,
+        fit all again with it.
+        """
         if not self.filter.rho.any():
-            best = self._polished(min([base, *singles], key=_evidence))
-            left = residues(judged(self.problem, best).innovations, self.problem.noise)
-            self.filter = Filter(np.array([r.filter for r in left]))
+            good = sorted([base, *singles], key=_evidence)[:FRONT]
+            if not any(map(self._is_noise_of, sorted(good, key=lambda r: free_parameters(self.problem, r.fit)))):
+                left = residues(judged(self.problem, self._polished(good[0])).innovations, self.problem.noise)
+                self.filter = Filter(np.array([r.filter for r in left]))
         if not self.filter.rho.any():
             return base, singles
         refitted = self.executor.map(self._again, singles)
