@@ -181,7 +181,8 @@ def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordin
             result.append(Coordinate(full, True, value, -12.0, 12.0, 0.0, SHAPE))
         else:
             unit = 1.0 if name in effect.periodic[:1] else problem.scale.of(par.unit)  # an order comes from a scan
-            result.append(Coordinate(full, False, unit, par.low / unit, par.high / unit, 0.0, np.inf))
+            low, high = effect.within.get(name, (par.low, par.high))
+            result.append(Coordinate(full, False, unit, low / unit, high / unit, 0.0, np.inf))
     return result
 
 

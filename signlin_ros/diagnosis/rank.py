@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -205,9 +206,12 @@ def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     first = [f for f in (fit(short, c, high, None, 2) for c in candidates) if f]
     first = sorted(first, key=_cost)[:MOST_STARTS]
     first = [f for f in (fit(short, f.candidate, high, f.theta, 2) for f in first) if f]
-    first = sorted(first, key=_cost)[:2]
-    second = [(g, fit(problem, g.candidate, middle, g.theta, 8)) for g in first]
-    return sorted(((g, f) for g, f in second if f), key=_pair_cost)
+    first = sorted(first, key=_cost)
+    if EFFECTS[trial.effect].states:  # a high gain says little of what is remembered
+        direct = [f for f in (fit(short, c, middle, None, 4) for c in candidates) if f]
+        first = [*sorted(direct, key=_cost)[:1], *first]
+    second = ((g, fit(problem, g.candidate, middle, g.theta, 8)) for g in first)
+    return sorted(itertools.islice(((g, f) for g, f in second if f), 2), key=_pair_cost)
 
 
 def _bred(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
@@ -254,9 +258,11 @@ def _warm(trial: Trial, fits: Mapping[str, Fit]) -> Trial:
     """Return a trial that starts from where simpler effects arrived; without starts where there is no such effect."""
     effect, starts = EFFECTS[trial.effect], []
     for simple, found in fits.items():
+        values = {n.partition(".")[2]: v for n, v in found.parameters().items() if n.startswith(f"{simple}.")}
+        pars, first = effect.pars(), trial.starts[0]
+        after = effect.after(simple, values)
+        starts += [{n: pars[n].nearest(v) for n, v in one.items() if n in first} for one in after]
         if effect in _children(simple):
-            values = {n.partition(".")[2]: v for n, v in found.parameters().items() if n.startswith(f"{simple}.")}
-            pars = effect.pars()
             starts += [
                 {n: pars[n].nearest(v) for n, v in {**start, **_stiffer(values, factor)}.items()}
                 for start in trial.starts[:3]

@@ -56,6 +56,8 @@ class Effect(HasPars):
     """Where a fit starts from, in multiples of the record's `Scale`; empty: 0.05 of each."""
     held: ClassVar[Mapping[str, float | None]] = {}
     """Parameters that no record tells from the others, and what a fit holds them at (None: at the start)."""
+    within: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """Bounds that a fit keeps to, where a model file may go beyond."""
     angular: ClassVar[bool] = False
     """Whether its force is periodic in the position, so that it matters where exactly a record starts."""
     rugged: ClassVar[bool] = False
@@ -72,6 +74,11 @@ class Effect(HasPars):
         pars = cls.pars()
         multiples = cls.start or (dict.fromkeys(pars, 0.05),)
         return [{name: value * scale.of(pars[name].unit) for name, value in one.items()} for one in multiples]
+
+    @classmethod
+    def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
+        """Return more points to start from, given the parameters that a simpler effect was fitted with."""
+        return []
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -29,11 +30,22 @@ class BoucWenHysteresis(Effect):
     n = Par("-", nominal=1.0, low=1.0, high=50.0, structural=True, doc="sharpness of yielding")
     k = Par("F/Q", nominal=1.0, free_standing=True, doc="stiffness, where the plant has no spring of its own")
     held = {"lambda": 1.0, "D": None}
+    within = {"beta": (0.0, 1e6)}  # a loop takes energy, and does not give any
     start = tuple(
         {"alpha": 0.5, "D": 0.3, "beta": beta, "gamma": 0.6 * beta, "n": n, "k": 1.0}
-        for n in (1.0, 2.0)
+        for n in (1.0, 2.0, 3.0)
         for beta in (0.1, 0.5)
     )
+
+    @classmethod
+    def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
+        """Return loops of the width and the first slope of Dahl's; with n = 1 and gamma = 0 they are the same."""
+        if simple != "dahl_presliding" or min(p["F_c"], p["sigma"]) <= 0:
+            return []
+        loop = {"D": p["F_c"] / p["sigma"], "lambda": 1.0, "beta": 0.9, "gamma": 0.1}
+        return [
+            {**loop, "n": n, "alpha": alpha, "k": p["sigma"] / (1 - alpha)} for n in (1.0, 2.0) for alpha in (0.1, 0.6)
+        ]
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -self.spring(m, x, p, p.k) if hasattr(p, "k") else 0
