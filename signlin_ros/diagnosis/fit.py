@@ -38,6 +38,8 @@ GAIN = 0.7
 APART, WANDER = 0.3, 0.05
 """How uncertain the start of a load is that floats, as a part of an excursion and of the velocity (RMS), and the part
 of that by which it may wander in a second."""
+NEAR = 3.0
+"""Largest change of the logarithm of a floating load's inertia: one much larger stands still, and is a spring."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
 
@@ -69,18 +71,27 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model to be fitted: its free parameters as coordinates, its values elsewhere."""
+    """A model to be fitted: its free parameters as coordinates, its values elsewhere.
+
+    ``alert``: whether an extended Kalman filter follows it where its motion is sensitive.
+    """
 
     model: Model
     equations: Equations
     coordinates: tuple[Coordinate, ...]
     values: dict[str, float]
     label: tuple[str, ...] = ()
+    alert: bool = True
 
     @functools.cached_property
     def angular(self) -> bool:
         """Whether a force depends on the angle from turn to turn, and so on where exactly a record starts."""
         return any(find_effect(use.type, "effects").angular for use in self.model.effects.values())
+
+    @property
+    def filtered(self) -> bool:
+        """Whether an extended Kalman filter follows it."""
+        return self.alert and (self.angular or bool(self.floating))
 
     @functools.cached_property
     def floating(self) -> frozenset[str]:
@@ -178,7 +189,8 @@ def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordin
         if name in effect.held or par.structural or full not in model.trace.parameters:
             continue
         if par.positive:
-            result.append(Coordinate(full, True, value, -12.0, 12.0, 0.0, SHAPE))
+            reach = NEAR if effect.floating else 12.0
+            result.append(Coordinate(full, True, value, -reach, reach, 0.0, SHAPE))
         else:
             unit = 1.0 if name in effect.periodic[:1] else problem.scale.of(par.unit)  # an order comes from a scan
             low, high = effect.within.get(name, (par.low, par.high))
@@ -263,6 +275,7 @@ def follow_records(
     lags = _lags(problem, c, p)
     shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
     rows = gains.rows(c.model.states) / np.array(shown)
+    rows[:, [name in c.floating for name in c.model.states]] = 0.0  # corrected by the Kalman filter, or not at all
     belief = _belief(problem, c, gains)
     errors, derivatives, states = [], [], []
     for s in segments or problem.segments:
@@ -292,7 +305,7 @@ def follow_records(
 def _belief(problem: Problem, c: Candidate, gains: Gains) -> Array:
     """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not."""
     names, floating, scale = c.model.states, c.floating, problem.scale
-    if not (floating or c.angular) or not gains.spread.size:
+    if not c.filtered or not gains.spread.size:
         return np.zeros((3, 0))
     apart = {"position": scale.excursion, "velocity": scale.velocity}
     found = np.ones((3, len(names)))
@@ -343,7 +356,7 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
     names, plant = c.model.states, problem.base.plant
     unknown: dict[int, tuple[int, float]] = {}
     if abs(s.start.get(plant.velocity, np.inf)) > RESTING * problem.scale.velocity:
-        twins = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and n not in c.floating}
+        twins = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and not (c.filtered and n in c.floating)}
         unknown = {i: (names.index(twin) if twin else -1, 0.0) for i, twin in twins.items()}
         if plant.position in names and plant.position not in s.start:
             unknown[names.index(plant.position)] = (-1, 0.0)

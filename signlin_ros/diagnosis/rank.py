@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, likelihood
 from signlin_ros.diagnosis.narrow import deepened, narrowed, tuned
@@ -32,6 +33,9 @@ FRONT = 4
 """How many of the best singles are taken for what they contain."""
 MOST_STARTS = 6
 """Starts that are descended from: those most likely after two steps."""
+CONSISTENT = (2.0, 4.0)
+"""Largest residual, in multiples of white noise, of a model that is followed by a filter which takes it to be right:
+with own states that the filter corrects, and without."""
 SERIOUS = 0.25
 """Share of the best candidate's gain at the middle gain that makes another one worth a thorough fit."""
 
@@ -69,10 +73,29 @@ class Ranked:
 
 def ranked(problem: Problem, effects: tuple[str, ...], sensors: tuple[str, ...], fits: Sequence[Fit]) -> Ranked | None:
     """Return fits of one model, from high to low gain, as one entry; None if it was not followed to the lowest."""
+    fits = trusted(problem, fits)
     if not fits or fits[-1].gains is not problem.levels[-1]:
         return None
     best = min((f for f in fits if f.gains is not problem.levels[0]), key=_cost)
     return Ranked(effects, sensors, best, fits[-1], evidence(problem, best, len(effects)))
+
+
+def consistent(problem: Problem, f: Fit) -> bool:
+    """Tell whether most of what a fit leaves is of the size of the noise, as a Kalman filter for it takes it to be."""
+    left, most = np.concatenate(f.innovations), CONSISTENT[0] if f.candidate.floating else CONSISTENT[1]
+    return bool((np.nanmedian(np.abs(left), axis=0) < most * norm.ppf(0.75) * problem.noise).all())
+
+
+def trusted(problem: Problem, fits: Sequence[Fit]) -> Sequence[Fit]:
+    """Return fits; those that an extended Kalman filter followed, but not to the noise, with the common observer.
+
+    A filter that takes a model to be right lets it borrow what it lacks from the states that are corrected.
+    """
+    if not fits or not fits[-1].candidate.filtered or consistent(problem, fits[-1]):
+        return fits
+    last = fits[-1]
+    plain = replace(last.candidate, alert=False)
+    return descend(problem, plain, last.theta, [f.gains for f in fits], 4, last.filter)
 
 
 def descend(
@@ -211,7 +234,8 @@ def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
         direct = [f for f in (fit(short, c, middle, None, 4) for c in candidates) if f]
         first = [*sorted(direct, key=_cost)[:1], *first]
     second = ((g, fit(problem, g.candidate, middle, g.theta, 8)) for g in first)
-    return sorted(itertools.islice(((g, f) for g, f in second if f), 2), key=_pair_cost)
+    found = itertools.islice(((g, f) for g, f in second if f), 2)
+    return sorted(((g, f) for g, one in found for f in trusted(problem, [one])), key=_pair_cost)
 
 
 def _bred(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
@@ -221,8 +245,9 @@ def _bred(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     if len(starts) > MOST_STARTS:
         starts = narrowed(shortened(problem), first, starts, trial.added[0], middle)
     candidates = [extended(problem, None, trial, start) for start in starts]
-    found = sorted((f for f in (fit(problem, c, middle, None, 10) for c in candidates) if f), key=_cost)
-    return [(f, f) for f in found]
+    found = [f for f in (fit(problem, c, middle, None, 10) for c in candidates) if f]
+    kept = [f for one in found for f in trusted(problem, [one])]
+    return [(f, f) for f in sorted(kept, key=_cost)]
 
 
 def without(problem: Problem, r: Ranked, effect: str) -> Ranked | None:
@@ -403,5 +428,6 @@ __all__ = [
     "ranked",
     "searched",
     "simplified",
+    "trusted",
     "without",
 ]

@@ -39,6 +39,7 @@ from signlin_ros.diagnosis.rank import (
     ranked,
     searched,
     simplified,
+    trusted,
     without,
 )
 from signlin_ros.effects import EFFECTS, find_effect
@@ -481,6 +482,7 @@ class _Search:
                 if k.name in known:
                     theta[i] = k.theta(known[k.name])
             found = fit(self.short, c, gains, theta, 4 if EFFECTS[trial.effect].states else 2)
+            found = next(iter(trusted(self.short, [found])), None) if found else None
             if found and (best is None or found.cost < best.cost):
                 best = found
         if best is None:

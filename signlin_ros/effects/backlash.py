@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.compliant_load import FASTEST, SLOWEST, CompliantLoad
@@ -48,6 +49,11 @@ class Backlash(CompliantLoad):
         for J, w, d, gap in points * [scale.of("F·s²/Q"), 1.0, 1.0, scale.excursion]:
             found.append({"k": J * w * w, "c": d * J * w, "J": J, "gap": gap})
         return [{name: float(value) for name, value in one.items()} for one in found]
+
+    @classmethod
+    def plausible(cls, p: Mapping[str, float]) -> bool:
+        """Refuse a play of nothing: an elastic coupling is another effect."""
+        return p["gap"] > 0.0
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling, zero while the play is crossed."""
