@@ -1,0 +1,82 @@
+"""Models whose motion is sensitive: what follows them, and when that is not to be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis.fit import candidate, fit, follow_records
+from signlin_ros.diagnosis.problem import _first_slope, prepare
+from signlin_ros.diagnosis.rank import consistent, trusted
+from signlin_ros.diagnosis.verdict import diagnose
+from tests.diagnosis.test_traps import BENCH, SMALL, proposed, recorded
+
+PLAY = {"backlash": {"gap": 0.05, "k": 300.0, "c": 1.5, "J": 0.3}}
+
+
+def problem_of(tmp_path, drive=BENCH, hidden=None, **kinds):
+    model, data, _ = recorded(tmp_path, drive, hidden or {}, **kinds)
+    return prepare(model, data)
+
+
+def with_effect(problem, effect, **values):
+    return candidate(problem, problem.base.with_effect(effect, **values), (effect,))
+
+
+def innovations(problem, c, level=-1):
+    found = follow_records(problem, c, c.start(), problem.levels[level], False)
+    assert found is not None
+    return found[0][0]
+
+
+@pytest.mark.parametrize("drive", [BENCH, SMALL], ids=["oscillator", "motor"])
+def test_on_a_linear_model_the_kalman_filter_is_the_common_observer(tmp_path, drive):
+    problem = problem_of(tmp_path, drive)
+    nothing = with_effect(problem, "gravity_load", A=0.0, q0=0.0)
+    assert nothing.filtered
+    for level in range(len(problem.levels)):
+        filtered = innovations(problem, nothing, level)
+        observed = innovations(problem, replace(nothing, alert=False), level)
+        apart = np.abs(filtered - observed)[200:] / problem.noise
+        assert apart.max() < 0.1  # the current settles in less than a sample: trapezoidal rule against exponential
+
+
+def test_a_load_that_floats_in_its_play_is_followed(tmp_path):
+    problem = problem_of(tmp_path, BENCH, PLAY, off=1.0)
+    right = with_effect(problem, "backlash", **PLAY["backlash"])
+    followed, lost = innovations(problem, right), innovations(problem, replace(right, alert=False))
+    rms = [np.sqrt(np.mean(e[400:] ** 2, axis=0)) / problem.noise for e in (followed, lost)]
+    assert rms[0].max() < 1.2
+    assert rms[1].max() > 1.3
+
+
+def test_a_filter_that_does_not_reach_the_noise_is_not_trusted(tmp_path):
+    problem = problem_of(tmp_path, BENCH, {"coulomb_friction": {"mu": 2.0}})
+    borrowing = fit(problem, with_effect(problem, "backlash", **PLAY["backlash"]), problem.levels[1], None, 4)
+    assert borrowing is not None
+    assert not consistent(problem, borrowing)
+    (kept,) = trusted(problem, [borrowing])
+    assert not kept.candidate.filtered
+    right = fit(problem, with_effect(problem, "coulomb_friction", mu=2.0), problem.levels[1])
+    assert trusted(problem, [right]) == [right]
+
+
+def test_play_is_named_on_a_record_that_starts_in_motion(tmp_path):
+    found = diagnose(*recorded(tmp_path, BENCH, PLAY, skip=300))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"backlash"}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_first_slope_takes_as_many_samples_as_agree(seed):
+    rng, t = np.random.default_rng(seed), np.arange(2000) / 500
+    at_rest = rng.normal(0, 1.8, t.size)
+    assert abs(_first_slope(t, at_rest)) < 30.0  # 8 samples alone: 140
+    turning = np.sin(20 * t) + rng.normal(0, 1e-3, t.size)
+    assert _first_slope(t, turning) == pytest.approx(20.0, rel=0.05)
+
+
+def test_first_slope_of_nothing():
+    assert _first_slope(np.arange(10.0), np.full(10, np.nan)) == 0.0
