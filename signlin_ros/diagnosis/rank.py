@@ -235,7 +235,8 @@ def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
         first = [*sorted(direct, key=_cost)[:1], *first]
     second = ((g, fit(problem, g.candidate, middle, g.theta, 8)) for g in first)
     found = itertools.islice(((g, f) for g, f in second if f), 2)
-    return sorted(((g, f) for g, one in found for f in trusted(problem, [one])), key=_pair_cost)
+    kept = ((f if g.gains is middle else g, f) for g, one in found for f in trusted(problem, [one]))
+    return sorted(kept, key=_pair_cost)
 
 
 def _bred(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:

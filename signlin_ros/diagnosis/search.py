@@ -242,6 +242,12 @@ def _evidence(r: Ranked) -> float:
     return r.evidence
 
 
+def _taken(before: Sequence[Array], after: Sequence[Array]) -> float:
+    """Return the largest share of the squared innovations of a channel that is taken away."""
+    first, second = (np.nanmean(np.concatenate(e) ** 2, axis=0) for e in (before, after))
+    return float(np.max(1.0 - second / first))
+
+
 def _simple(singles: Sequence[Ranked]) -> list[Ranked]:
     """Return the effects that explain a good part of what the best explains, those of few parameters first."""
     best = singles[0].evidence if singles else 0.0
@@ -265,7 +271,9 @@ class _Search:
         base = assess(self.problem, None)
         if base is None:
             raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
-        self._is_noise_of(base)
+        alone, self.filter = self._in_its_colour(base)
+        if not self._enough(alone):
+            self.filter = Filter(np.zeros(len(self.problem.channels)))
         self.progress("single effects", 0.1)
         base, singles = self._whiten(base, self._singles(base, trials))
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
@@ -300,25 +308,23 @@ class _Search:
 
     # ------------------------------------------------------------ noise
 
-    def _is_noise_of(self, r: Ranked) -> bool:
-        """Tell whether coloured noise is all that a model leaves; this is the noise's colour then."""
+    def _in_its_colour(self, r: Ranked) -> tuple[Ranked, Filter]:
+        """Return a model fitted to the end with the colour of what it leaves, and that colour."""
         before = self.filter
-        left = residues(r.low.innovations, self.problem.noise)
-        self.filter = Filter(np.array([one.filter for one in left]))
-        if self._enough(self._polished(r)):
-            return True
+        self.filter = Filter(np.array([one.filter for one in residues(r.low.innovations, self.problem.noise)]))
+        found = self._polished(r), self.filter
         self.filter = before
-        return False
+        return found
 
     def _whiten(self, base: Ranked, singles: list[Ranked]) -> tuple[Ranked, list[Ranked]]:
-        """Take the noise's colour from the simplest model that leaves nothing else, or from the best; where it matters,
-        fit all again with it.
+        """Take the noise's colour from the model that is best with the colour of what it leaves; where it matters, fit
+        all again with it.
+
+        Coloured noise is borrowed by flexible models as long as it is taken for white; and what is missing looks like
+        coloured noise.
         """
-        if not self.filter.rho.any():
-            good = sorted([base, *singles], key=_evidence)[:FRONT]
-            if not any(map(self._is_noise_of, sorted(good, key=lambda r: free_parameters(self.problem, r.fit)))):
-                left = residues(judged(self.problem, self._polished(good[0])).innovations, self.problem.noise)
-                self.filter = Filter(np.array([r.filter for r in left]))
+        good = [base, *sorted(singles, key=_evidence)[:FRONT]]
+        _, self.filter = min(map(self._in_its_colour, good), key=lambda found: found[0].evidence)
         if not self.filter.rho.any():
             return base, singles
         refitted = self.executor.map(self._again, singles)
@@ -384,8 +390,10 @@ class _Search:
             step = self._compared(last, r)
             strong = last.ranked.evidence - r.evidence > STRONG and not self.filter.rho.any()
             needed = (LIKELY if strong else SURE) if len(path) == 1 or self._enough(step.ranked) else CERTAIN
-            if len(path) > 1 and step.share < SHARE and not self._enough(last.ranked):
-                continue
+            if len(path) > 1 and not self._enough(last.ranked):
+                little = _taken(last.unseen, step.unseen) < SHARE and not self._enough(step.ranked)
+                if little or step.share < SHARE:
+                    continue
             moved = _prior(last.ranked.fit) - _prior(r.fit)
             if len(path) == 1 and moved > MOVED and step.certainty > -SURE:
                 return step
