@@ -268,20 +268,12 @@ class _Search:
         trials, outside = applicable(self.problem)
         if only is not None:
             trials = _only(trials, only, self.problem.base)
-        base = assess(self.problem, None)
-        if base is None:
-            raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
-        alone, self.filter = self._in_its_colour(base)
-        if not self._enough(alone):
-            self.filter = Filter(np.zeros(len(self.problem.channels)))
+        base = self._base()
         self.progress("single effects", 0.1)
         base, singles = self._whiten(base, self._singles(base, trials))
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.progress("validation", 0.9)
-        final = path[-1].ranked
-        if len(final.effects) == 1:  # it may have come from a pair
-            singles = sorted([final, *(r for r in singles if r.effects != final.effects)], key=_evidence)
-        shown = self._shown(path[0], singles)
+        shown = self._shown(path, singles)
         at = judged(self.problem, path[-1].ranked)
         return Findings(
             self.problem,
@@ -295,6 +287,17 @@ class _Search:
             self._both(path, at.gains),
             self._both(path, self.problem.levels[1]),
         )
+
+    def _base(self) -> Ranked:
+        """Return the base model fitted; if all that it leaves is coloured noise, that is the noise's colour."""
+        base = assess(self.problem, None)
+        if base is None:
+            raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
+        alone, colour = self._in_its_colour(base)
+        white, self.filter = self.filter, colour
+        if not self._enough(alone):
+            self.filter = white
+        return base
 
     def _singles(self, base: Ranked, trials: list[Trial]) -> list[Ranked]:
         """Return every effect alone, best first; searched as thoroughly as is needed for one that is enough."""
@@ -534,8 +537,12 @@ class _Search:
             gain, certainty, share = max(*more, key=lambda g: g[1])
         return replace(step, gain=gain, certainty=certainty, share=share)
 
-    def _shown(self, base: Step, singles: list[Ranked]) -> list[Step]:
-        return list(self.executor.map(lambda r: self._compared(base, r), singles))
+    def _shown(self, path: Sequence[Step], singles: list[Ranked]) -> list[Step]:
+        """Return every single effect compared with the base; a proposal of one may have come from a pair."""
+        final = path[-1].ranked
+        if len(final.effects) == 1:
+            singles = sorted([final, *(r for r in singles if r.effects != final.effects)], key=_evidence)
+        return list(self.executor.map(lambda r: self._compared(path[0], r), singles))
 
 
 __all__ = ["Findings", "Step", "search"]
