@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import Candidate, Fit, fit, likelihood
-from signlin_ros.diagnosis.problem import Gains, Problem
+from signlin_ros.diagnosis.problem import Gains, Problem, shortened
 
 Array = NDArray[np.float64]
 
@@ -24,6 +24,8 @@ NEAR = 0.2
 """Spread of the logarithms around what was fitted, where the search goes on from there."""
 AGAIN = 3
 """How often at most it goes on."""
+MANY = 12_000
+"""Samples above which points are compared on stretches of the records."""
 BESIDE = np.array([-5.0, -2.5, 2.5, 5.0])
 """Where neighbouring minima of an order are looked for, in radians of phase from end to end of the travel."""
 
@@ -51,6 +53,7 @@ def deepened(problem: Problem, found: Fit, key: str) -> Fit:
     """Return a fit of the effect ``key``, gone on from until nothing better is found nearby."""
     c, index = found.candidate, list(_own(found.candidate, key).values())
     low, high = (np.array([getattr(c.coordinates[i], side) for i in index]) for side in ("low", "high"))
+    short = problem if problem.samples <= MANY else shortened(problem)
     for _ in range(AGAIN):
         centre, gains = found.theta.copy(), found.gains
         scale = NEAR * np.array([1.0 if c.coordinates[i].log else abs(centre[i]) for i in index])
@@ -61,7 +64,7 @@ def deepened(problem: Problem, found: Fit, key: str) -> Fit:
             return theta
 
         def cost(z: Array, gains: Gains = gains, moved: Callable[[Array], Array] = moved) -> float:
-            return likelihood(problem, c, moved(z), gains)
+            return likelihood(short, c, moved(z), gains)
 
         points = np.random.default_rng(1).standard_normal((CHILDREN, len(index)))
         best = _bred(points, cost, LEAST / NEAR, ROUNDS // 2)[0]
