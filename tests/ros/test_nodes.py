@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -344,11 +345,12 @@ def test_restart_in_any_order(graph: Any) -> None:
     graph.wait(lambda: len(models) > count + 5, "models with the second plant")
     assert linearizer.stop(signal.SIGTERM) == 0
     graph.wait(lambda: graph.node.count_publishers("/linearizer/model") == 0, "the first linearizer to be gone")
-    count = len(models)
+    count, before = len(models), monotonic()
     graph.start("linearizer", "update_period:=0.02")
     graph.wait(lambda: len(models) > count + 5, "models of the second linearizer")
     sequences = [convert.read_model(message).sequence for message in models[count:]]
     assert sequences == sorted(sequences)
+    assert sequences[-1] <= (monotonic() - before) / 0.02  # counted anew: no more than the time allows
 
 
 def test_two_linearizers_by_namespace(graph: Any) -> None:
