@@ -119,6 +119,15 @@ class _Scene:
         between = self.goal.kind == "state"
         return smoothed([(p[1:] + p[:-1]) / 2 if between else p[1:] for p in parts], width)
 
+    def unit(self, name: str) -> str:
+        """Return the unit of a state, an input or an output, as the records have it."""
+        return self.motion.problem.shown(self.motion.model.units[name])
+
+    @property
+    def position_unit(self) -> str:
+        """The unit of positions, as the records have it."""
+        return self.motion.problem.shown(self.plant.position_unit)
+
     def own(self, name: str) -> Array:
         """Return a state (N,) as the model with the effect has it."""
         i = self.motion.model.states.index(name)
@@ -212,18 +221,18 @@ def _named(scene: _Scene, name: str, needed: dict[str, float]) -> Iterator[str]:
 def _velocity(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
     for name in _named(scene, scene.plant.velocity, needed):
         x = scene.column(name) if name in scene.known else scene.input()
-        yield scene.place(name, scene.motion.problem.shown(scene.motion.model.units[name]), x, dense=True)
+        yield scene.place(name, scene.unit(name), x, dense=True)
 
 
 def _position(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
     for name in _named(scene, scene.plant.position, needed):
-        yield scene.place(name, scene.motion.problem.shown(scene.plant.position_unit), scene.column(name))
+        yield scene.place(name, scene.position_unit, scene.column(name))
 
 
 def _turned(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
     """Yield the position within its period."""
     for name in _named(scene, scene.plant.position, needed):
-        x, unit = scene.column(name), scene.motion.problem.shown(scene.plant.position_unit)
+        x, unit = scene.column(name), scene.position_unit
         period = _period(scene, float(np.nanmax(x) - np.nanmin(x)))
         if period is not None:
             yield scene.place(f"{name} within its period of {period:.4g} {unit}", unit, np.mod(x, period))
@@ -236,7 +245,7 @@ def _period(scene: _Scene, travel: float) -> float | None:
         key = next(k for k in added_keys(motion.problem, motion.model, kind.name))
         order = motion.model.value(f"{key}.{kind.periodic[0]}")
         return 2 * np.pi / order if order * travel > 2 * np.pi else None
-    return 2 * np.pi if scene.motion.problem.shown(scene.plant.position_unit) == "rad" and travel > 2 * np.pi else None
+    return 2 * np.pi if scene.position_unit == "rad" and travel > 2 * np.pi else None
 
 
 def _current(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
@@ -247,7 +256,7 @@ def _current(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
 def _input(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
     for name in _named(scene, scene.motion.model.inputs[0], needed):
         if name != scene.plant.velocity:
-            yield scene.place(name, scene.motion.problem.shown(scene.motion.model.units[name]), scene.input())
+            yield scene.place(name, scene.unit(name), scene.input())
 
 
 def _late(scene: _Scene) -> Place:
@@ -258,7 +267,7 @@ def _late(scene: _Scene) -> Place:
         total = np.concatenate([[0.0], np.cumsum(s.u[:-1, 0] * np.diff(s.t))])
         before = np.interp(s.t - late, s.t, total) + s.u[0, 0] * np.minimum(s.t - late - s.t[0], 0.0)
         parts.append(np.diff(total - before) / np.diff(s.t))
-    name, unit = model.inputs[0], scene.motion.problem.shown(model.units[model.inputs[0]])
+    name, unit = model.inputs[0], scene.unit(model.inputs[0])
     return scene.place(f"change of {name} over {1e3 * late:.3g} ms", unit, smoothed(parts, scene.width))
 
 
@@ -271,8 +280,8 @@ def _of_memory(scene: _Scene, kind: type[Effect]) -> Iterator[Place]:
     names = [n for n in motion.model.states if n not in motion.without.states and n.endswith(".position")]
     if names and scene.plant.position in motion.model.states:
         twist = scene.own(scene.plant.position) - scene.own(names[0])
-        yield scene.place("twist of the coupling", scene.motion.problem.shown(scene.plant.position_unit), twist)
-    place = scene.place("travel since the last reversal", scene.motion.problem.shown(scene.plant.position_unit), since)
+        yield scene.place("twist of the coupling", scene.position_unit, twist)
+    place = scene.place("travel since the last reversal", scene.position_unit, since)
     yield replace(place, side=side, inside=place.inside & _settling(since, scene.does * side))
     yield from loops
 

@@ -276,18 +276,16 @@ def follow_records(
     shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
     rows = gains.rows(c.model.states) / np.array(shown)
     rows[:, [name in c.floating for name in c.model.states]] = 0.0  # corrected by the Kalman filter, or not at all
-    belief = _belief(problem, c, gains)
+    rest = (p, scale, delay, lags, _belief(problem, c, gains), problem.noise**2)
     errors, derivatives, states = [], [], []
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
-        x0 = _start(problem, c, s, (rows, p, scale, delay, lags, belief, problem.noise**2))
+        x0 = _start(problem, c, s, (rows, *rest))
         unknown = ceil(delay / problem.scale.step) if s.whole else 0
         held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
-        arguments = (eq.flags(with_s), s.t, s.u, s.y, held, x0, p, scale, delay, lags)
-        if follow(eq.head, eq.whole, *arguments, belief, problem.noise**2, E, D, X) < s.t.size or not np.isfinite(
-            np.nansum(E)
-        ):
+        arguments = (eq.flags(with_s), s.t, s.u, s.y, held, x0, *rest)
+        if follow(eq.head, eq.whole, *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
             return None
         weights = np.concatenate([np.full((unknown, ny), np.sqrt(0.5)), gains.weights])[: s.t.size]
         E[: weights.shape[0]] *= weights

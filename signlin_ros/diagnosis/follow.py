@@ -352,13 +352,13 @@ def _spread(first, last, h, process, P, none, M, R):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _averaged(whole, sizes, z, out, x, mode, s, belief, P, J, part, J1):
-    """Fill J with dF/dx averaged over how uncertain the own positions are, by Gauss and Hermite's rule of order 3."""
-    n = x.size
-    for i in range(n):
-        z[i] = x[i]
-    _linearized(whole, sizes, z, out, mode, s, J, part)
+    """Average J, which holds dF/dx at x, over how uncertain the own positions are, by Gauss and Hermite's rule of order
+    3. Returns whether there are any; ``out`` does not belong to x then.
+    """
+    n, moved = x.size, False
     for own in range(n):
         if belief[2, own] > 1.0:
+            moved = True
             reach = np.sqrt(3.0 * max(P[own, own], 0.0))
             for i in range(n):
                 for j in range(n):
@@ -370,6 +370,7 @@ def _averaged(whole, sizes, z, out, x, mode, s, belief, P, J, part, J1):
                     for j in range(n):
                         J[i, j] += J1[i, j] / 6.0
             z[own] = x[own]
+    return moved
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -485,9 +486,11 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
             end = t[k + 1]
             if active + 1 < total and t[active + 1] + delay < end - 1e-12:
                 end = t[active + 1] + delay
-            if awake and begin == t[k]:
-                _averaged(whole, sizes, z, out, x, mode, s, belief, P, first, P0, J1)
             _linearized(whole, sizes, z, out, mode, s, J0, P0)
+            if awake and begin == t[k]:
+                first[:] = J0
+                if _averaged(whole, sizes, z, out, x, mode, s, belief, P, first, P0, J1):
+                    _linearized(whole, sizes, z, out, mode, s, J0, P0)
             substeps = int(np.ceil((end - begin) * _fastest(J0, scale) / REACH))
             substeps = min(MOST, max(sizes[8], substeps))
             mode, s = _advance(head, whole, sizes, z, out, x, end - begin, substeps, mode, s, S, work, with_s)
@@ -495,13 +498,16 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
                 if not abs(x[i]) < 1e6 * scale[i]:
                     return k + 1
             if end == t[k + 1]:
-                if awake:
-                    _averaged(whole, sizes, z, out, x, mode, s, belief, P, J0, P0, J1)
-                    _spread(first, J0, end - t[k], belief[0], P, none, M, square)
                 if late:
                     past[k, 2], past[k, 3] = x, out[:n]
                     if with_s:
                         past_s[k, 1] = S
+                if awake:
+                    for i in range(n):
+                        z[i] = x[i]
+                    _linearized(whole, sizes, z, out, mode, s, J0, P0)
+                    _averaged(whole, sizes, z, out, x, mode, s, belief, P, J0, P0, J1)
+                    _spread(first, J0, end - t[k], belief[0], P, none, M, square)
                 break
             begin = end
             for i in range(n):

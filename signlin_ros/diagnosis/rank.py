@@ -284,7 +284,7 @@ def _warm(trial: Trial, fits: Mapping[str, Fit]) -> Trial:
     """Return a trial that starts from where simpler effects arrived; without starts where there is no such effect."""
     effect, starts = EFFECTS[trial.effect], []
     for simple, found in fits.items():
-        values = {n.partition(".")[2]: v for n, v in found.parameters().items() if n.startswith(f"{simple}.")}
+        values = _values(found, simple)
         pars, first = effect.pars(), trial.starts[0]
         after = effect.after(simple, values)
         starts += [{n: pars[n].nearest(v) for n, v in one.items() if n in first} for one in after]
@@ -297,6 +297,11 @@ def _warm(trial: Trial, fits: Mapping[str, Fit]) -> Trial:
     if effect.rugged:
         starts = [s for s in starts if min(s.values()) > 0.0]
     return replace(trial, starts=tuple(starts))
+
+
+def _values(f: Fit, key: str) -> dict[str, float]:
+    """Return the free parameters of an effect, as fitted."""
+    return {n.partition(".")[2]: v for n, v in f.parameters().items() if n.startswith(f"{key}.")}
 
 
 def _children(name: str) -> list[type[Effect]]:
@@ -378,10 +383,8 @@ def simplified(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked
     known = {t.effect: t for t in trials if t.added}
     jobs = []
     for r in found[:FRONT]:
-        values = {n.partition(".")[2]: v for n, v in r.fit.parameters().items() if n.startswith(f"{r.label}.")}
         richer = EFFECTS[r.label]
-        nominal = {n: par.nominal for n, par in richer.pars().items()}
-        values = {**nominal, **values}
+        values = {**{n: par.nominal for n, par in richer.pars().items()}, **_values(r.fit, r.label)}
         parents = [n for n in known if richer in _children(n)]
         wanted = {n: {k: values[k] for k in EFFECTS[n].pars()} for n in parents} if r.label in known else {}
         wanted |= richer.simpler(values) if r.label in known else {}

@@ -293,9 +293,8 @@ class _Search:
         base = assess(self.problem, None)
         if base is None:
             raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
-        alone, colour = self._in_its_colour(base)
-        white, self.filter = self.filter, colour
-        if not self._enough(alone):
+        white, self.filter = self.filter, self._colour(base)
+        if self.filter.rho.any() and not self._enough(self._polished(base)):
             self.filter = white
         return base
 
@@ -311,11 +310,14 @@ class _Search:
 
     # ------------------------------------------------------------ noise
 
-    def _in_its_colour(self, r: Ranked) -> tuple[Ranked, Filter]:
-        """Return a model fitted to the end with the colour of what it leaves, and that colour."""
-        before = self.filter
-        self.filter = Filter(np.array([one.filter for one in residues(r.low.innovations, self.problem.noise)]))
-        found = self._polished(r), self.filter
+    def _colour(self, r: Ranked) -> Filter:
+        """Return the colour of what a model leaves."""
+        return Filter(np.array([one.filter for one in residues(r.low.innovations, self.problem.noise)]))
+
+    def _in_colour(self, r: Ranked, colour: Filter) -> float:
+        """Return the evidence of a model fitted to the end in noise of that colour."""
+        before, self.filter = self.filter, colour
+        found = self._polished(r).evidence
         self.filter = before
         return found
 
@@ -327,7 +329,10 @@ class _Search:
         coloured noise.
         """
         good = [base, *sorted(singles, key=_evidence)[:FRONT]]
-        _, self.filter = min(map(self._in_its_colour, good), key=lambda found: found[0].evidence)
+        colours = [self._colour(r) for r in good]
+        if any(c.rho.any() for c in colours):
+            found = [self._in_colour(r, c) for r, c in zip(good, colours, strict=True)]
+            self.filter = colours[int(np.argmin(found))]
         if not self.filter.rho.any():
             return base, singles
         refitted = self.executor.map(self._again, singles)
@@ -435,12 +440,12 @@ class _Search:
 
     def _real(self, r: Ranked, before: Ranked) -> bool:
         """Tell whether the amplitudes of what was added differ together from nothing, by `REAL` standard errors."""
+        if not plausible(self.problem, r):
+            return False
         known = {c.name for c in before.fit.candidate.coordinates}
         covariance = np.linalg.pinv(r.fit.hessian, hermitian=True)
         coordinates = r.fit.candidate.coordinates
         added = [i for i, c in enumerate(coordinates) if c.name not in known]
-        if not plausible(self.problem, r):
-            return False
         gains = [i for i in added if coordinates[i].name.startswith("sensor_gain.")]
         if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
             return False  # no sensor is that wrong: it stands in for something else

@@ -31,9 +31,9 @@ class CompliantLoad(Effect):
     @classmethod
     def starts(cls, scale: Scale) -> list[dict[str, float]]:
         """Return loads of a third of the inertia, with resonances over the band of the record, all weakly damped."""
-        inertia = 0.3 * scale.of("F·s²/Q")
         import numpy as np
 
+        inertia = 0.3 * scale.of("F·s²/Q")
         resonances = np.geomspace(SLOWEST / scale.duration, FASTEST / scale.step, RESONANCES).tolist()
         return [{"k": inertia * w * w, "c": 0.1 * inertia * w, "J": inertia} for w in resonances]
 
