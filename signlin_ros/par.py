@@ -10,6 +10,9 @@ from typing import Any
 
 from signlin_ros.errors import ModelError, choices, suggest
 
+POWERS = "²³⁴⁵⁶⁷⁸⁹"
+"""What a unit is raised to, from 2 on."""
+
 
 @dataclass(frozen=True)
 class Par:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from signlin_ros.par import POWERS
+
 
 @dataclass(frozen=True)
 class Scale:
@@ -38,8 +40,9 @@ class Scale:
         powers = {"F": 0, "Q": 0, "s": 0}
         for part, sign in zip(unit.split("/"), (1, -1), strict=False):
             for token in part.split("·"):
-                if token.rstrip("²³") in powers:
-                    powers[token.rstrip("²³")] += sign * (2 if "²" in token else 3 if "³" in token else 1)
+                base = token.rstrip(POWERS)
+                if base in powers:
+                    powers[base] += sign * (1 if token == base else 2 + POWERS.index(token[-1]))
         lengths, times = powers["Q"], abs(powers["s"])
         way = 1 if lengths > 0 else -1
         if times > abs(lengths):

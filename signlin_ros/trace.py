@@ -15,7 +15,7 @@ import casadi as ca
 from signlin_ros.effects import Effect
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
-from signlin_ros.par import Namespace
+from signlin_ros.par import POWERS, Namespace
 from signlin_ros.plants import Plant
 
 
@@ -95,7 +95,7 @@ def resolve_unit(unit: str, plant: type[Plant], rotary: bool = False) -> str:
     if rotary:
         names = {letter: ROTARY.get(name, name) for letter, name in names.items()}
         unit = ROTARY.get(unit, unit)
-    return "".join(names.get(letter, letter) for letter in unit) if set(unit) <= set("FQU·s/²³1") else unit
+    return "".join(names.get(letter, letter) for letter in unit) if set(unit) <= {*"FQU·s/1", *POWERS} else unit
 
 
 class _Tracer:
