@@ -106,6 +106,11 @@ class Candidate:
             values[c.name] = c.value(float(x))
         return np.array([values[name] for name in self.equations.parameters])
 
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """The least and the largest coordinates."""
+        return np.array([k.low for k in self.coordinates]), np.array([k.high for k in self.coordinates])
+
     def start(self) -> Array:
         """Return the coordinates of the values that the candidate starts from."""
         return np.array([c.theta(self.values[c.name]) for c in self.coordinates])
@@ -129,7 +134,9 @@ class Filter:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted candidate: coordinates, objective, innovations of every record, and the objective's curvature."""
+    """A fitted candidate: coordinates, objective, innovations of every record, half the objective's curvature and slope
+    there.
+    """
 
     candidate: Candidate
     theta: Array
@@ -139,6 +146,7 @@ class Fit:
     hessian: Array
     gains: Gains
     filter: Filter
+    gradient: Array
 
     def parameters(self) -> dict[str, float]:
         """Return the free parameters by name."""
@@ -447,37 +455,44 @@ def fit(
     far: float = FAR,
 ) -> Fit | None:
     """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
+    low, high = c.bounds
+    first = _at(problem, c, np.clip(c.start() if theta is None else theta, low, high), gains, filter)
+    return None if first is None else further(problem, first, steps, far)
+
+
+def _at(problem: Problem, c: Candidate, x: Array, gains: Gains, filter: Filter | None) -> Fit | None:
+    """Return a candidate at one point, as if it were fitted; None if it diverges there."""
     whiten = filter or Filter(np.zeros(c.equations.sizes[2]))
-    low = np.array([k.low for k in c.coordinates])
-    high = np.array([k.high for k in c.coordinates])
-    x = np.clip(c.start() if theta is None else theta, low, high)
     found = follow_records(problem, c, x, gains, True)
     if found is None:
         return None
     cost, number, gradient, hessian = _normal(problem, c, x, found, whiten)
     if not (np.isfinite(cost) and np.isfinite(hessian).all()):
         return None
+    return Fit(c, x, cost, number, tuple(found[0]), hessian, gains, whiten, gradient)
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def further(problem: Problem, f: Fit, steps: int, far: float = FAR) -> Fit:
+    """Go on with a fit for some steps of Levenberg and Marquardt's method."""
+    low, high = f.candidate.bounds
     damping = 1e-3
     for _ in range(steps):
-        new = _step(x, gradient, hessian, damping, low, high)
-        predicted = float(-2 * gradient @ (new - x) - (new - x) @ hessian @ (new - x))
-        if predicted < ENOUGH:
+        new = _step(f.theta, f.gradient, f.hessian, damping, low, high)
+        shift = new - f.theta
+        if float(-2 * f.gradient @ shift - shift @ f.hessian @ shift) < ENOUGH:
             break
-        trial = follow_records(problem, c, new, gains, True)
-        if trial is not None:
-            results = _normal(problem, c, new, trial, whiten)
-            if results[0] < cost and np.isfinite(results[3]).all():
-                gain = cost - results[0]
-                x, found = new, trial
-                cost, number, gradient, hessian = results
-                damping = max(damping / 8, 1e-9)
-                if gain < ENOUGH + far * max(cost - float(np.sum(number * np.log(problem.noise**2))), 0.0):
-                    break
-                continue
-        damping *= 16
-        if damping > 1e9:
+        trial = _at(problem, f.candidate, new, f.gains, f.filter)
+        if trial is None or not trial.cost < f.cost:
+            damping *= 16
+            if damping > 1e9:
+                break
+            continue
+        gain, f = f.cost - trial.cost, trial
+        damping = max(damping / 8, 1e-9)
+        if gain < ENOUGH + far * max(f.cost - float(np.sum(f.count * np.log(problem.noise**2))), 0.0):
             break
-    return Fit(c, x, cost, number, tuple(found[0]), hessian, gains, whiten)
+    return f
 
 
 def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array, high: Array) -> Array:
@@ -501,4 +516,4 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     return np.asarray(new)
 
 
-__all__ = ["Candidate", "Coordinate", "Filter", "Fit", "candidate", "fit", "follow_records", "likelihood"]
+__all__ = ["Candidate", "Coordinate", "Filter", "Fit", "candidate", "fit", "follow_records", "further", "likelihood"]

@@ -16,6 +16,8 @@ dg/dx (n), dh/dx (ny, n), dh/dp (ny, np).
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
@@ -24,10 +26,20 @@ from signlin_ros.native import call
 MOST = 20
 """Most substeps between two samples."""
 REACH = 0.8
-"""Largest product of a substep and the fastest rate of the model."""
+"""Largest product of a substep and the fastest rate of the model, for so many substeps"""
+FEW = 4
+"""and"""
+STIFF = 2.0
+"""of further substeps: what is so fast has come to rest within a sample."""
+
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+_UNCOUNTED: dict[str, Any] = {**_OPTIONS, "_nrt": False}
+_inner: Any = njit(**_UNCOUNTED)
+"""Compiled without counting references to arrays, which costs more than what these small functions do; so they make no
+arrays, nor assign to slices."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _slope(address, sizes, z, out, mode, s):
     """Evaluate F at z under the mode (0 stuck, else slipping with s); returns the sign in force (1: no surface)."""
     n, switched = sizes[0], sizes[5]
@@ -48,7 +60,7 @@ def _slope(address, sizes, z, out, mode, s):
     return stuck
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _rk4(head, sizes, z, out, x, k, h, mode, s):
     """Step from x (slope in k[0]) by h; the new state is left in z."""
     n = x.size
@@ -65,7 +77,7 @@ def _rk4(head, sizes, z, out, x, k, h, mode, s):
         z[sizes[6]] = 0.0
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _crossing(g0, r0, g1, r1, h):
     """Return the fraction of a step at which the cubic through (g0, slope r0) and (g1, slope r1) is zero."""
     low, high, theta = 0.0, 1.0, g0 / (g0 - g1)
@@ -86,7 +98,7 @@ def _crossing(g0, r0, g1, r1, h):
     return theta
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _choose(head, sizes, z, out):
     """Decide at a surface by the set-valued law: returns (mode, s)."""
     n = sizes[0]
@@ -98,7 +110,7 @@ def _choose(head, sizes, z, out):
     return 1, (1.0 if rate > 0.0 else -1.0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _linearized(whole, sizes, z, out, mode, s, J, P):
     """Fill J (n, n) and P (n, np), the derivatives of F in force at z, and leave F itself in out."""
     n, ny, count = sizes[0], sizes[2], sizes[3]
@@ -128,35 +140,41 @@ def _linearized(whole, sizes, z, out, mode, s, J, P):
     return stuck
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _carry(S, J0, P0, J1, P1, h, M, R):
     """Carry the sensitivities S (n, np) over h by the trapezoidal rule; in place."""
     n, count = S.shape
+    half = 0.5 * h
     for i in range(n):
         for j in range(n):
-            M[i, j] = (1.0 if i == j else 0.0) - 0.5 * h * J1[i, j]
+            M[i, j] = (1.0 if i == j else 0.0) - half * J1[i, j]
         for c in range(count):
-            total = S[i, c] + 0.5 * h * (P0[i, c] + P1[i, c])
-            for j in range(n):
-                total += 0.5 * h * J0[i, j] * S[j, c]
-            R[i, c] = total
+            R[i, c] = S[i, c] + half * (P0[i, c] + P1[i, c])
+        for j in range(n):
+            factor = half * J0[i, j]
+            if factor != 0.0:
+                for c in range(count):
+                    R[i, c] += factor * S[j, c]
     for k in range(n):
         for i in range(k + 1, n):
-            factor = M[i, k] / M[k, k]
+            factor = -M[i, k] / M[k, k]
             if factor != 0.0:
                 for j in range(k + 1, n):
-                    M[i, j] -= factor * M[k, j]
+                    M[i, j] += factor * M[k, j]
                 for c in range(count):
-                    R[i, c] -= factor * R[k, c]
+                    R[i, c] += factor * R[k, c]
     for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            factor = M[i, j]
+            if factor != 0.0:
+                for c in range(count):
+                    R[i, c] -= factor * S[j, c]
+        inverse = 1.0 / M[i, i]
         for c in range(count):
-            total = R[i, c]
-            for j in range(i + 1, n):
-                total -= M[i, j] * S[j, c]
-            S[i, c] = total / M[i, i]
+            S[i, c] = inverse * R[i, c]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _jump(sizes, out, before, S, at_g):
     """Saltation: out holds F after the event, ``before`` F before it; dt* = -(dg/dx S) / (dg/dt before)."""
     n, count = sizes[0], sizes[3]
@@ -174,9 +192,12 @@ def _jump(sizes, out, before, S, at_g):
             S[i, c] += (before[i] - out[i]) * shift
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def _fastest(J, scale):
-    """Estimate the fastest rate of J (n, n) in scaled coordinates: sqrt of the norm of its square."""
+@_inner
+def _fastest(J, ratio):
+    """Estimate the fastest rate of J (n, n) in scaled coordinates: sqrt of the norm of its square.
+
+    ``ratio`` (n, n): scales of the columns over those of the rows.
+    """
     n, worst = J.shape[0], 0.0
     for i in range(n):
         total = 0.0
@@ -184,12 +205,12 @@ def _fastest(J, scale):
             square = 0.0
             for k in range(n):
                 square += J[i, k] * J[k, j]
-            total += abs(square) * scale[j] / scale[i]
+            total += abs(square) * ratio[i, j]
         worst = max(worst, total)
     return np.sqrt(worst)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_s):
     """Integrate x over ``span`` seconds in ``count`` substeps with the input held; returns (mode, s).
 
@@ -268,7 +289,7 @@ def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_
     return mode, s
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _settle(head, sizes, z, out, mode, s, moved):
     """Choose mode and sign anew after the input or, if ``moved``, the state has jumped; returns (mode, s)."""
     if not sizes[5]:
@@ -284,7 +305,7 @@ def _settle(head, sizes, z, out, mode, s, moved):
     return 1, (1.0 if g > 0.0 else -1.0)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _lagged(k, t, lag, i, past, past_s, row, with_s):
     """Return state ``i`` as it was ``lag`` before sample k and its rate; its sensitivities go to ``row``.
 
@@ -306,7 +327,7 @@ def _lagged(k, t, lag, i, past, past_s, row, with_s):
     return value, rate
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _aware(out, at, e, noise, P, K, row):
     """Fill the Kalman gains K (n, ny); P (n, n), the covariance of the state's error, becomes that after them.
 
@@ -335,7 +356,7 @@ def _aware(out, at, e, noise, P, K, row):
                 P[i, j] -= row[i] * there * row[j]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _spread(first, last, h, process, P, none, M, R):
     """Carry the covariance P (n, n) over h by the trapezoidal rule, and add the variances ``process`` (n)."""
     n = P.shape[0]
@@ -350,7 +371,7 @@ def _spread(first, last, h, process, P, none, M, R):
         P[i, i] += process[i]
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
 def _averaged(whole, sizes, z, out, x, mode, s, belief, P, J, part, J1):
     """Average J, which holds dF/dx at x, over how uncertain the own positions are, by Gauss and Hermite's rule of order
     3. Returns whether there are any; ``out`` does not belong to x then.
@@ -373,7 +394,21 @@ def _averaged(whole, sizes, z, out, x, mode, s, belief, P, J, part, J1):
     return moved
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@_inner
+def _copy(source, to):
+    """Copy as much of a vector as fits."""
+    for i in range(to.size):
+        to[i] = source[i]
+
+
+@_inner
+def _copy_rows(source, to):
+    """Copy a matrix."""
+    for i in range(to.shape[0]):
+        _copy(source[i], to[i])
+
+
+@njit(**_OPTIONS)
 def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X):
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
 
@@ -388,29 +423,34 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
     are corrected by ``gains``.
     Returns how many samples were followed before the run left all bounds.
     """
-    n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
-    with_s = sizes[7] != 0
-    total = t.size
+    n, m, ny, count = sizes[0], sizes[1], sizes[2], sizes[3]
     n_out = 2 * n + 3 + ny + n * n + n * count + n + count + n + ny * n + ny * count
+    late, kept = t.size if lags.shape[0] > 0 else 0, t.size if lags.shape[0] > 0 and sizes[7] != 0 else 0
+    matrix, wide, ratio = np.zeros((n, n)), np.zeros((n, count)), np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            ratio[i, j] = scale[j] / scale[i]
+    z, x = np.zeros(n + m + p.size + 1), x0.copy()
+    z[n : n + m], z[n + m : n + m + p.size] = u[0], p
+    jacobians = (matrix, wide, matrix.copy(), wide.copy(), matrix.copy(), wide.copy(), np.zeros((4, n)), np.zeros(n))
+    past = (np.zeros((late, 4, n)), np.zeros((kept, 2, n, count)), np.zeros(count))
+    P = np.diag(belief[1]) if belief.shape[1] else matrix.copy()
+    kalman = (P, np.zeros((n, ny)), matrix.copy(), matrix.copy(), matrix.copy())
+    memory = (z, np.zeros(n_out), x, wide.copy(), jacobians, np.zeros((ny, count)), past, kalman, ratio)
+    return _follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X, memory)
+
+
+@_inner
+def _follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X, memory):
+    """Do what `follow` does, in the arrays of ``memory``."""
+    n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
+    with_s, total = sizes[7] != 0, t.size
     at_h = 2 * n + 3
     at_hx = at_h + ny + n * n + n * count + n + count + n
     at_hp = at_hx + ny * n
-    z, out, x, S = np.zeros(n + m + p.size + 1), np.zeros(n_out), x0.copy(), np.zeros((n, count))
-    z[n + m : n + m + p.size] = p
-    z[n : n + m] = u[0]
-    J0, J1, M = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    P0, P1, R = np.zeros((n, count)), np.zeros((n, count)), np.zeros((n, count))
-    work = (J0, P0, J1, P1, M, R, np.zeros((4, n)), np.zeros(n))
-    d = np.zeros((ny, count))
-    late = lags.shape[0] > 0
-    past = np.zeros((total if late else 0, 4, n))
-    past_s = np.zeros((total if late and with_s else 0, 2, n, count))
-    row = np.zeros(count)
-    aware = belief.shape[1] > 0
-    P, K, first = np.zeros((n, n)), np.zeros((n, ny)), np.zeros((n, n))
-    none, square = np.zeros((n, n)), np.zeros((n, n))
-    for i in range(n if aware else 0):
-        P[i, i] = belief[1, i]
+    z, out, x, S, work, d, (past, past_s, row), (P, K, first, none, square), ratio = memory
+    J0, P0, J1, M = work[0], work[1], work[2], work[4]
+    late, aware = lags.shape[0] > 0, belief.shape[1] > 0
     mode, s, active = 1, 1.0, 0
     for k in range(total):
         for i in range(n):
@@ -434,9 +474,12 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
             z[z.size - 1] = s
         call(whole, z, out)
         if X.shape[0]:
-            X[k] = x
+            _copy(x, X[k])
         gain = gains[min(k, gains.shape[0] - 1)]
-        corrected, awake = False, aware and np.any(gain != 0.0)
+        corrected, awake = False, False
+        for i in range(n if aware else 0):
+            for c in range(ny):
+                awake = awake or gain[i, c] != 0.0
         for c in range(ny):
             E[k, c] = y[k, c] - out[at_h + c]
             if with_s:
@@ -478,9 +521,10 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
             mode, s = _settle(head, sizes, z, out, mode, s, True)
         if late:
             _slope(head, sizes, z, out, mode, s)
-            past[k, 0], past[k, 1] = x, out[:n]
+            _copy(x, past[k, 0])
+            _copy(out, past[k, 1])
             if with_s:
-                past_s[k, 0] = S
+                _copy_rows(S, past_s[k, 0])
         begin = t[k]
         while True:
             end = t[k + 1]
@@ -488,10 +532,11 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
                 end = t[active + 1] + delay
             _linearized(whole, sizes, z, out, mode, s, J0, P0)
             if awake and begin == t[k]:
-                first[:] = J0
+                _copy_rows(J0, first)
                 if _averaged(whole, sizes, z, out, x, mode, s, belief, P, first, P0, J1):
                     _linearized(whole, sizes, z, out, mode, s, J0, P0)
-            substeps = int(np.ceil((end - begin) * _fastest(J0, scale) / REACH))
+            reach = (end - begin) * _fastest(J0, ratio) / REACH
+            substeps = int(np.ceil(reach if reach < FEW else FEW + (reach - FEW) * REACH / STIFF))
             substeps = min(MOST, max(sizes[8], substeps))
             mode, s = _advance(head, whole, sizes, z, out, x, end - begin, substeps, mode, s, S, work, with_s)
             for i in range(n):
@@ -499,9 +544,10 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
                     return k + 1
             if end == t[k + 1]:
                 if late:
-                    past[k, 2], past[k, 3] = x, out[:n]
+                    _copy(x, past[k, 2])
+                    _copy(out, past[k, 3])
                     if with_s:
-                        past_s[k, 1] = S
+                        _copy_rows(S, past_s[k, 1])
                 if awake:
                     for i in range(n):
                         z[i] = x[i]
@@ -524,7 +570,7 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
     return total
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@njit(**_OPTIONS)
 def kalman_gains(A, C, Q, R, P0, gains, variances):
     """Fill ``gains`` (G, n, ny) with the gains of the Kalman filter from P0 on, and ``variances`` (G, ny) with those
     of the innovations; returns how many are needed.

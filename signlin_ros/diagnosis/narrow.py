@@ -6,7 +6,8 @@ its derivatives: what makes and breaks contact has many local minima, in which a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +25,15 @@ NEAR = 0.2
 """Spread of the logarithms around what was fitted, where the search goes on from there."""
 AGAIN = 3
 """How often at most it goes on."""
-MANY = 12_000
-"""Samples above which points are compared on stretches of the records."""
 BESIDE = np.array([-5.0, -2.5, 2.5, 5.0])
 """Where neighbouring minima of an order are looked for, in radians of phase from end to end of the travel."""
 
+Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
+"""Does a thing to each: `map`, or that of an executor where nothing of the executor's own waits for it."""
+
 
 def narrowed(
-    problem: Problem, c: Candidate, starts: Sequence[dict[str, float]], key: str, gains: Gains
+    problem: Problem, c: Candidate, starts: Sequence[dict[str, float]], key: str, gains: Gains, each: Each = map
 ) -> list[dict[str, float]]:
     """Return the best points found from many positive ``starts`` of the effect ``key`` of a candidate, best first."""
     own = _own(c, key)
@@ -45,15 +47,15 @@ def narrowed(
         theta[index] = [np.clip(k.theta(value), k.low, k.high) for k, value in values]
         return likelihood(problem, c, theta, gains)
 
-    best = _bred(np.log([[one[n] for n in free] for one in starts]), cost, LEAST)
+    best = _bred(np.log([[one[n] for n in free] for one in starts]), cost, LEAST, each)
     return [{**starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best[:3]]
 
 
-def deepened(problem: Problem, found: Fit, key: str) -> Fit:
+def deepened(problem: Problem, found: Fit, key: str, each: Each = map) -> Fit:
     """Return a fit of the effect ``key``, gone on from until nothing better is found nearby."""
     c, index = found.candidate, list(_own(found.candidate, key).values())
     low, high = (np.array([getattr(c.coordinates[i], side) for i in index]) for side in ("low", "high"))
-    short = problem if problem.samples <= MANY else shortened(problem)
+    short = shortened(problem)
     for _ in range(AGAIN):
         centre, gains = found.theta.copy(), found.gains
         scale = NEAR * np.array([1.0 if c.coordinates[i].log else abs(centre[i]) for i in index])
@@ -67,7 +69,7 @@ def deepened(problem: Problem, found: Fit, key: str) -> Fit:
             return likelihood(short, c, moved(z), gains)
 
         points = np.random.default_rng(1).standard_normal((CHILDREN, len(index)))
-        best = _bred(points, cost, LEAST / NEAR, ROUNDS // 2)[0]
+        best = _bred(points, cost, LEAST / NEAR, each, ROUNDS // 2)[0]
         again = fit(problem, c, gains, moved(best), 12, found.filter, 0.0)
         if again is None or again.cost > found.cost - 1.0:
             return found
@@ -100,9 +102,9 @@ def _own(c: Candidate, key: str) -> dict[str, int]:
     return {k.name.partition(".")[2]: i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key}
 
 
-def _bred(points: Array, cost: Callable[[Array], float], least: float, rounds: int = ROUNDS) -> Array:
+def _bred(points: Array, cost: Callable[[Array], float], least: float, each: Each, rounds: int = ROUNDS) -> Array:
     """Return points (N, n) and what was bred of them, best first; ``least``: smallest spread of what is drawn."""
-    costs = np.array([cost(z) for z in points])
+    costs = np.array(list(each(cost, list(points))))
     draw = np.random.default_rng(0).standard_normal
     low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
     size = points.shape[1]
@@ -111,9 +113,9 @@ def _bred(points: Array, cost: Callable[[Array], float], least: float, rounds: i
         spread = np.linalg.cholesky(np.cov(parents.T).reshape(size, size) + least**2 * np.eye(size))
         children = np.clip(parents.mean(axis=0) + draw((CHILDREN, size)) @ spread.T, low, high)
         points = np.concatenate([points, children])
-        costs = np.concatenate([costs, [cost(z) for z in children]])
+        costs = np.concatenate([costs, list(each(cost, list(children)))])
     order: Array = points[np.argsort(costs)]
     return order
 
 
-__all__ = ["deepened", "narrowed", "tuned"]
+__all__ = ["Each", "deepened", "narrowed", "tuned"]

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, likelihood
-from signlin_ros.diagnosis.narrow import deepened, narrowed, tuned
+from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, further, likelihood
+from signlin_ros.diagnosis.narrow import Each, deepened, narrowed, tuned
 from signlin_ros.diagnosis.problem import Gains, Problem, added_keys, shortened
 from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, load_entry_points
@@ -221,15 +221,14 @@ def assess(problem: Problem, filter: Filter | None) -> Ranked | None:
 
 def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     """Search at high gain from all starts of a trial, and follow the best to the middle gain; best pair first."""
+    if not trial.starts:
+        return []
     high, middle = problem.levels[:2]
-    if EFFECTS[trial.effect].rugged:
-        return _bred(problem, trial)
     short = shortened(problem)
     candidates = [extended(problem, None, trial, start) for start in trial.starts]
     first = [f for f in (fit(short, c, high, None, 2) for c in candidates) if f]
     first = sorted(first, key=_cost)[:MOST_STARTS]
-    first = [f for f in (fit(short, f.candidate, high, f.theta, 2) for f in first) if f]
-    first = sorted(first, key=_cost)
+    first = sorted((further(short, f, 2) for f in first), key=_cost)
     if EFFECTS[trial.effect].states:  # a high gain says little of what is remembered
         direct = [f for f in (fit(short, c, middle, None, 4) for c in candidates) if f]
         first = [*sorted(direct, key=_cost)[:1], *first]
@@ -239,16 +238,25 @@ def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     return sorted(kept, key=_pair_cost)
 
 
-def _bred(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
+def _bred(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
     """Search at the middle gain from the best of many starts; best pair first."""
-    middle = problem.levels[1]
+    short, middle = shortened(problem), problem.levels[1]
     first, starts = extended(problem, None, trial, trial.starts[0]), list(trial.starts)
     if len(starts) > MOST_STARTS:
-        starts = narrowed(shortened(problem), first, starts, trial.added[0], middle)
+        starts = narrowed(short, first, starts, trial.added[0], middle, each)
     candidates = [extended(problem, None, trial, start) for start in starts]
-    found = [f for f in (fit(problem, c, middle, None, 10) for c in candidates) if f]
-    kept = [f for one in found for f in trusted(problem, [one])]
+    found = [f for f in each(lambda c: fit(problem, c, middle, None, 10), candidates) if f]
+    kept = [f for one in each(lambda f: trusted(problem, [f]), found) for f in one]
     return [(f, f) for f in sorted(kept, key=_cost)]
+
+
+def _climbed(problem: Problem, trials: Sequence[Trial], run: Executor) -> list[list[tuple[Fit, Fit]]]:
+    """Return for each trial what a search from its starts finds; best pairs first."""
+    rugged = [bool(t.starts) and EFFECTS[t.effect].rugged for t in trials]
+    plain = run.map(functools.partial(_climb, problem), [t for t, r in zip(trials, rugged, strict=True) if not r])
+    bred = [_bred(problem, t, run.map) for t, r in zip(trials, rugged, strict=True) if r]
+    sources = iter(plain), iter(bred)
+    return [next(sources[r]) for r in rugged]
 
 
 def without(problem: Problem, r: Ranked, effect: str) -> Ranked | None:
@@ -276,7 +284,7 @@ def _warmer(
     """Let effects that extend another one (a subclass of its class) also start from where that one arrived."""
     fits = {t.effect: c[0][1] for t, c in zip(trials, climbed, strict=True) if c and t.added}
     again = [_warm(trial, fits) for trial in trials]
-    more = run.map(lambda t: _climb(problem, t) if t.starts else [], again)
+    more = _climbed(problem, again, run)
     return [sorted([*old, *new], key=_pair_cost) for old, new in zip(climbed, more, strict=True)]
 
 
@@ -317,28 +325,30 @@ def _cost(f: Fit) -> float:
     return f.cost
 
 
-def _descend(problem: Problem, trial: Trial, climbed: list[tuple[Fit, Fit]], serious: bool) -> Ranked | None:
+def _descend(
+    problem: Problem, trial: Trial, climbed: list[tuple[Fit, Fit]], serious: bool, each: Each = map
+) -> Ranked | None:
     """Fit a trial at the lower gains, thoroughly if it is a ``serious`` candidate."""
     best: Ranked | None = None
     for high, middle in climbed[: 2 if serious else 1]:
         if best is not None and middle.cost > climbed[0][1].cost + 50.0:
             break
         levels = problem.levels[2:] if serious else problem.levels[-1:]
-        upper = _settled(problem, trial, middle) if serious else middle
+        upper = _settled(problem, trial, middle, each) if serious else middle
         lower = descend(problem, upper.candidate, upper.theta, levels, 10 if serious else 2, None)
         if serious and lower:
-            lower[-1] = _settled(problem, trial, lower[-1])
+            lower[-1] = _settled(problem, trial, lower[-1], each)
         found = ranked(problem, (trial.effect,), tuple(trial.sensors), [high, upper, *lower])
         if found and (best is None or found.evidence < best.evidence):
             best = found
     return best
 
 
-def _settled(problem: Problem, trial: Trial, found: Fit) -> Fit:
+def _settled(problem: Problem, trial: Trial, found: Fit, each: Each) -> Fit:
     """Return a fit of an effect with many local minima in the deepest that is found nearby; others as they are."""
     effect = EFFECTS[trial.effect]
     if effect.rugged:
-        return deepened(problem, found, trial.added[0])
+        return deepened(problem, found, trial.added[0], each)
     if effect.periodic:
         order, _, phase = (f"{trial.added[0]}.{n}" for n in effect.periodic)
         return tuned(problem, found, order, phase)
@@ -352,7 +362,7 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     Rugged effects start from a few points; see `searched`.
     """
     trials = [replace(t, starts=t.starts[:3]) if EFFECTS[t.effect].rugged else t for t in trials]
-    climbed = list(run.map(functools.partial(_climb, problem), trials))
+    climbed = _climbed(problem, trials, run)
     climbed = _warmer(problem, trials, climbed, run)
     middle = fit(problem, base.fit.candidate, problem.levels[1], None, 10)
     reference = middle.cost if middle else np.inf
@@ -365,12 +375,12 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     return sorted((r for r in found if r is not None), key=_evidence)
 
 
-def deeper(problem: Problem, r: Ranked) -> Ranked:
+def deeper(problem: Problem, r: Ranked, each: Each = map) -> Ranked:
     """Return the fit of a single effect, gone on from to a deeper minimum nearby if there is one."""
     if r.sensors:
         return r
     key = r.fit.candidate.label[-1]
-    best = deepened(problem, r.fit, key)
+    best = deepened(problem, r.fit, key, each)
     if best is r.fit:
         return r
     low = best if best.gains is problem.levels[-1] else fit(problem, best.candidate, problem.levels[-1], best.theta, 10)
@@ -407,11 +417,11 @@ def _started(problem: Problem, trial: Trial, richer: Fit) -> Ranked | None:
 def searched(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked], run: Executor) -> list[Ranked]:
     """Return what `compete` found, with rugged effects searched from all their starts."""
     rugged = [t for t in trials if EFFECTS[t.effect].rugged]
-    climbed = run.map(functools.partial(_climb, problem), rugged)
+    climbed = _climbed(problem, rugged, run)
     first, middle = min(found, key=_evidence).fit, problem.levels[1]
     limit = likelihood(problem, first.candidate, first.theta, middle) + CLOSE
     pairs = [(t, c) for t, c in zip(rugged, climbed, strict=True) if c and c[0][1].cost < limit]
-    again = run.map(lambda pair: _descend(problem, pair[0], pair[1], True), pairs)
+    again = [_descend(problem, *pair, True, run.map) for pair in pairs]
     best = {(r.effects, r.sensors): r for r in sorted((*found, *(r for r in again if r)), key=_evidence, reverse=True)}
     return sorted(best.values(), key=_evidence)
 

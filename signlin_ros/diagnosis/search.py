@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records
+from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, further
 from signlin_ros.diagnosis.judge import Residue, gain_in_blocks, gain_on, residues, whiteness
 from signlin_ros.diagnosis.problem import (
     Gains,
@@ -71,6 +71,10 @@ NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
 REAL = 3.0
 """Standard errors by which an added effect must differ from nothing."""
+WIDE = 12
+"""How many of all that can be added are looked at more closely; those with states of their own are, in any case."""
+MOST_FINISHED = 4
+"""How many of these are fitted out."""
 BEAM = 4
 """How many singles are tried with a second effect where no single is enough."""
 DEPTH = 3
@@ -256,6 +260,18 @@ def _simple(singles: Sequence[Ranked]) -> list[Ranked]:
     return sorted(good, key=lambda r: (len(r.fit.theta), r.evidence))
 
 
+_Screened = tuple[float, Ranked, Trial, Fit]
+"""What a trial promises on top of what was fitted, less being better; both; and its fit so far."""
+
+
+def _screening(s: _Screened) -> float:
+    return s[0]
+
+
+def _cost(f: Fit) -> float:
+    return f.cost
+
+
 class _Search:
     def __init__(self, problem: Problem, unseen: Problem, run: Executor, progress: Progress, depth: int) -> None:
         self.problem, self.unseen, self.executor, self.progress, self.depth = problem, unseen, run, progress, depth
@@ -304,7 +320,7 @@ class _Search:
         if not (self.filter.rho.any() or self._enough(min([base, *singles], key=_evidence))):
             singles = searched(self.problem, trials, singles, self.executor)
             if not self._enough(min([base, *singles], key=_evidence)):
-                front = self.executor.map(functools.partial(deeper, self.problem), singles[:2])
+                front = [deeper(self.problem, r, self.executor.map) for r in singles[:2]]
                 singles = sorted([*front, *singles[2:]], key=_evidence)
         return simplified(self.problem, trials, singles, self.executor)
 
@@ -481,29 +497,43 @@ class _Search:
             if t.effect not in before.effects and (i == 0 or not t.sensors)
         ]
         enough = bool(starts) and self._enough(starts[0])
-        screened = [r for r in self.executor.map(lambda j: self._screened(j[0], j[1], enough), jobs) if r is not None]
-        screened.sort(key=lambda s: s[0])
-        finished = list(self.executor.map(lambda s: self._finished(*s[1:]), screened[:4]))
-        return sorted((r for r in finished if r is not None), key=_evidence)
+        tried = [r for r in self.executor.map(lambda j: self._tried(j[0], j[1], enough), jobs) if r is not None]
+        tried.sort(key=_screening)
+        going_on = [s for i, s in enumerate(tried) if i < WIDE or EFFECTS[s[2].effect].states]
+        screened = sorted((s for s in self.executor.map(self._screened, going_on) if s is not None), key=_screening)
+        front, rest = screened[:2], screened[2:MOST_FINISHED]
+        finished = self._all_finished(front)
+        if finished and self._enough(finished[0]):
+            rest = [s for s in rest if s[0] < front[0][0] + STRONG]
+        return sorted(finished + self._all_finished(rest), key=_evidence)
 
-    def _screened(self, before: Ranked, trial: Trial, enough: bool) -> tuple[float, Ranked, Trial, Fit] | None:
-        """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
-        best = None
+    def _all_finished(self, screened: Sequence[_Screened]) -> list[Ranked]:
+        """Return trials fitted out, best first."""
+        found = self.executor.map(lambda s: self._finished(*s[1:]), screened)
+        return sorted((r for r in found if r is not None), key=_evidence)
+
+    def _tried(self, before: Ranked, trial: Trial, enough: bool) -> _Screened | None:
+        """Return a trial on top of what was fitted, after one step at the gain that suits what was fitted."""
         gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
+        known, found = before.fit.parameters(), []
         for start in trial.starts[: 1 if enough else 3]:
             c = extended(self.problem, before, trial, start)
-            theta = c.start()
-            known = before.fit.parameters()
-            for i, k in enumerate(c.coordinates):
-                if k.name in known:
-                    theta[i] = k.theta(known[k.name])
-            found = fit(self.short, c, gains, theta, 4 if EFFECTS[trial.effect].states else 2)
-            found = next(iter(trusted(self.short, [found])), None) if found else None
-            if found and (best is None or found.cost < best.cost):
-                best = found
-        if best is None:
-            return None
-        return evidence(self.short, best, len(before.effects) + 1), before, trial, best
+            theta = [
+                k.theta(known[k.name]) if k.name in known else x for k, x in zip(c.coordinates, c.start(), strict=True)
+            ]
+            found.append(fit(self.short, c, gains, np.array(theta), 1))
+        best = min((f for f in found if f), key=_cost, default=None)
+        return None if best is None else (self._worth(before, best), before, trial, best)
+
+    def _screened(self, tried: _Screened) -> _Screened | None:
+        """Return a trial after some further steps; None if it diverges where it is not followed by a filter."""
+        _, before, trial, first = tried
+        found = further(self.short, first, 3 if EFFECTS[trial.effect].states else 1)
+        best = next(iter(trusted(self.short, [found])), None)
+        return None if best is None else (self._worth(before, best), before, trial, best)
+
+    def _worth(self, before: Ranked, f: Fit) -> float:
+        return evidence(self.short, f, len(before.effects) + 1)
 
     def _finished(self, before: Ranked, trial: Trial, start: Fit) -> Ranked | None:
         fits = descend(self.problem, start.candidate, start.theta, self.problem.levels, 10, self.filter)
