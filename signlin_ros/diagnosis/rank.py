@@ -131,6 +131,8 @@ def _effect_trials(problem: Problem, name: str, effect: type[Effect]) -> list[Tr
     plant = problem.base.plant
     if (effect.plants and plant.name not in effect.plants) or name in plant.built_in:
         return []
+    if plant.velocity in problem.base.inputs and effect.input is not Effect.input:
+        return []  # motion that is imposed is measured, not commanded: nothing stands between
     starts = _starts(problem, effect)
     if not starts:
         return []

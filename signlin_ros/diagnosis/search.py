@@ -59,8 +59,9 @@ CERTAIN = 2.5
 STRONG = 30.0
 MOVED = 12.0
 """What an effect must save of the priors, in -2 log likelihood, if it stands for parameters moved far from nominal."""
-SHARE = 0.05
-"""Least share of the squared innovations on unseen data that one more effect must take away from a poor model."""
+SHARE, REST = 0.05, 0.2
+"""Least share of the squared innovations on unseen data that one more effect must take away from a poor model, and of
+those of the base model; or by which it must lower those that are left, which will do as well as the latter."""
 SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
 ROUNDED = 0.6
@@ -73,6 +74,8 @@ REAL = 3.0
 """Standard errors by which an added effect must differ from nothing."""
 WIDE = 12
 """How many of all that can be added are looked at more closely; those with states of their own are, in any case."""
+SLOW = 10
+"""Steps that those with states get for that, whose shape takes longer to be found; others one."""
 MOST_FINISHED = 4
 """How many of these are fitted out."""
 BEAM = 4
@@ -246,12 +249,6 @@ def _evidence(r: Ranked) -> float:
     return r.evidence
 
 
-def _taken(before: Sequence[Array], after: Sequence[Array]) -> float:
-    """Return the largest share of the squared innovations of a channel that is taken away."""
-    first, second = (np.nanmean(np.concatenate(e) ** 2, axis=0) for e in (before, after))
-    return float(np.max(1.0 - second / first))
-
-
 def _simple(singles: Sequence[Ranked]) -> list[Ranked]:
     """Return the effects that explain a good part of what the best explains, those of few parameters first."""
     best = singles[0].evidence if singles else 0.0
@@ -414,16 +411,24 @@ class _Search:
             step = self._compared(last, r)
             strong = last.ranked.evidence - r.evidence > STRONG and not self.filter.rho.any()
             needed = (LIKELY if strong else SURE) if len(path) == 1 or self._enough(step.ranked) else CERTAIN
-            if len(path) > 1 and not self._enough(last.ranked):
-                little = _taken(last.unseen, step.unseen) < SHARE and not self._enough(step.ranked)
-                if little or step.share < SHARE:
-                    continue
+            poor = len(path) > 1 and not self._enough(last.ranked)
+            if poor and (step.share < SHARE or (self._patch(path, r) and not self._enough(step.ranked))):
+                continue
             moved = _prior(last.ranked.fit) - _prior(r.fit)
             if len(path) == 1 and moved > MOVED and step.certainty > -SURE:
                 return step
             if step.gain > 0 and step.certainty > needed:
                 return step
         return None
+
+    def _patch(self, path: list[Step], r: Ranked) -> bool:
+        """Tell whether a set of effects explains little beyond the last step: neither `SHARE` of what the base model
+        lacks nor `REST` of what is left, in squared innovations on unseen data at the middle gain, in any channel.
+        """
+        models, middle = (path[0].ranked, path[-1].ranked, r), self.problem.levels[1]
+        first, last, now = (np.nanmean(np.concatenate(self._unseen(one, middle)) ** 2, axis=0) for one in models)
+        lacking = [np.maximum(e - self.unseen.noise**2, SHARE * e) for e in (first, last)]
+        return not any(((last - now) / e > least).any() for e, least in zip(lacking, (SHARE, REST), strict=True))
 
     def _pruned(self, r: Ranked, path: list[Step]) -> Ranked:
         """Return a set of effects without those that are not worth their parameters beside the others.
@@ -528,7 +533,7 @@ class _Search:
     def _screened(self, tried: _Screened) -> _Screened | None:
         """Return a trial after some further steps; None if it diverges where it is not followed by a filter."""
         _, before, trial, first = tried
-        found = further(self.short, first, 3 if EFFECTS[trial.effect].states else 1)
+        found = further(self.short, first, SLOW if EFFECTS[trial.effect].states else 1)
         best = next(iter(trusted(self.short, [found])), None)
         return None if best is None else (self._worth(before, best), before, trial, best)
 
