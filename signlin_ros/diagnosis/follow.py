@@ -30,7 +30,7 @@ REACH = 0.8
 FEW = 4
 """and"""
 STIFF = 2.0
-"""of further substeps: what is so fast has come to rest within a sample."""
+"""of further substeps: what is so fast has come to rest within a sample (unless a Kalman filter watches it closely)."""
 
 _OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
 _UNCOUNTED: dict[str, Any] = {**_OPTIONS, "_nrt": False}
@@ -536,7 +536,7 @@ def _follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belie
                 if _averaged(whole, sizes, z, out, x, mode, s, belief, P, first, P0, J1):
                     _linearized(whole, sizes, z, out, mode, s, J0, P0)
             reach = (end - begin) * _fastest(J0, ratio) / REACH
-            substeps = int(np.ceil(reach if reach < FEW else FEW + (reach - FEW) * REACH / STIFF))
+            substeps = int(np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF))
             substeps = min(MOST, max(sizes[8], substeps))
             mode, s = _advance(head, whole, sizes, z, out, x, end - begin, substeps, mode, s, S, work, with_s)
             for i in range(n):

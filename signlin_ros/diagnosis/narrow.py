@@ -25,6 +25,9 @@ NEAR = 0.2
 """Spread of the logarithms around what was fitted, where the search goes on from there."""
 AGAIN = 3
 """How often at most it goes on."""
+MANY = 12_000
+"""Samples above which points are compared on stretches of the records even where motion is sensitive, to which the
+uncertain starts of stretches do much."""
 BESIDE = np.array([-5.0, -2.5, 2.5, 5.0])
 """Where neighbouring minima of an order are looked for, in radians of phase from end to end of the travel."""
 
@@ -55,7 +58,7 @@ def deepened(problem: Problem, found: Fit, key: str, each: Each = map) -> Fit:
     """Return a fit of the effect ``key``, gone on from until nothing better is found nearby."""
     c, index = found.candidate, list(_own(found.candidate, key).values())
     low, high = (np.array([getattr(c.coordinates[i], side) for i in index]) for side in ("low", "high"))
-    short = shortened(problem)
+    short = problem if problem.samples <= MANY and c.filtered else shortened(problem)
     for _ in range(AGAIN):
         centre, gains = found.theta.copy(), found.gains
         scale = NEAR * np.array([1.0 if c.coordinates[i].log else abs(centre[i]) for i in index])
