@@ -2,8 +2,7 @@
 
 Everything here is generic: the model comes in as machine code of its own (`signlin_ros.native`), so that Numba
 compiles each kernel once per machine and keeps it on disk. A run works in one array ``w`` of float64; a plan says
-where things lie in it. (Numba counts references to every array that a function takes; with many small functions that
-costs more than what they do.)
+where things lie in it.
 
 Sources: Dormand and Prince 1980 with Shampine's interpolant (coefficients: SciPy); RODAS, Hairer and Wanner, Solving
 ODEs II, 1996, sec. IV.7; set-valued friction: Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems,
@@ -18,11 +17,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from scipy.integrate import RK45
 
-from signlin_ros.native import call, call_within
+from signlin_ros.native import call, call_within, compiled, inner
 
 OK, DIVERGED, TOO_STIFF, CHATTER = 0, 1, 2, 3
 """How a run ended."""
@@ -40,8 +39,6 @@ _A = np.zeros((7, 6))
 _A[:6, :5], _A[6] = RK45.A, RK45.B
 _E = np.array(RK45.E)
 _P = np.array(RK45.P)
-
-_compiled: Any = njit(cache=True, error_model="numpy")
 
 
 def _plan(code: tuple[int, int], numbers: dict[str, int], lengths: dict[str, int]) -> np.void:
@@ -70,7 +67,7 @@ loops over a handful of states gain nothing, and the first compilation would tak
 # --------------------------------------------------------------------------- parts
 
 
-@_compiled
+@inner
 def _factor(w, a, pivots, n):
     """Factor the matrix (n, n) at ``a`` by Gaussian elimination with pivoting, in place; pivots (n) are numbers."""
     _small()
@@ -90,7 +87,7 @@ def _factor(w, a, pivots, n):
                 w[a + i * n + j] -= factor * w[a + k * n + j]
 
 
-@_compiled
+@inner
 def _substitute(w, a, pivots, b, n):
     """Solve with the factors at ``a``: the right side (n) at ``b`` becomes the solution."""
     _small()
@@ -106,14 +103,14 @@ def _substitute(w, a, pivots, b, n):
         w[b + i] /= w[a + i * n + i]
 
 
-@_compiled
+@inner
 def _copy(w, source, target, count):
     _small()
     for i in range(count):
         w[target + i] = w[source + i]
 
 
-@_compiled
+@inner
 def _error_norm(w, error, x, x_new, peak, n, rtol):
     """Largest component of an error relative to rtol times the largest |x| seen so far; inf if not finite.
 
@@ -129,14 +126,14 @@ def _error_norm(w, error, x, x_new, peak, n, rtol):
     return worst
 
 
-@_compiled
+@inner
 def _new_step(h, norm, order):
     if norm == np.inf:
         return 0.1 * h
     return h * min(5.0, max(0.2, 0.9 * (norm + 1e-20) ** (-1.0 / order)))
 
 
-@_compiled
+@inner
 def _accept(w, x, x_new, peak, n):
     """Take over the new state; returns whether it is bounded."""
     bounded = True
@@ -148,7 +145,7 @@ def _accept(w, x, x_new, peak, n):
     return bounded
 
 
-@_compiled
+@compiled
 def _prepared(at, constants):
     """Return a work array with the constants in it."""
     w = np.zeros(at.size)
@@ -157,21 +154,21 @@ def _prepared(at, constants):
     return w
 
 
-@_compiled
+@inner
 def _put(at, w, x):
     """Make x (n,) the present state, with nothing before it."""
     for i in range(at.n):
         w[at.x + i], w[at.peak + i] = x[i], abs(x[i])
 
 
-@_compiled
+@inner
 def _hold(at, w, u):
     """Hold the input u (m,) from now on."""
     for i in range(at.m):
         w[at.z + at.n + i] = u[i]
 
 
-@_compiled
+@inner
 def _show(at, w, x, y):
     """Write the present state to x and, if wanted, the outputs there to y."""
     for i in range(at.n):
@@ -183,7 +180,7 @@ def _show(at, w, x, y):
             y[i] = w[at.y + i]
 
 
-@_compiled
+@compiled
 def run_batch(address, x, u, constants, results):
     """Evaluate native code at x (T, n), u (T, m) and the same ``constants`` everywhere; to ``results`` (T, n_out)."""
     n, m = x.shape[1], u.shape[1]
@@ -197,7 +194,7 @@ def run_batch(address, x, u, constants, results):
         call(address, z, results[k])
 
 
-@_compiled
+@compiled
 def slope_at_end(t, values, degree):
     """Return the slope at the last sample of the least-squares polynomial (degree 1 or 2) through all samples."""
     size, n = t[-1] - t[0], degree + 1
@@ -214,7 +211,7 @@ def slope_at_end(t, values, degree):
     return w[right + 1] / size
 
 
-@_compiled
+@compiled
 def causal_slopes(t, values, window, degree, least, slopes):
     """Fill ``slopes`` (T,) with `slope_at_end` of the last ``window`` seconds, at least ``least`` samples."""
     first = 0
@@ -242,7 +239,7 @@ def exact_plan(code: tuple[int, int], n: int, m: int, n_p: int, q: int, k: int, 
     return _plan(code, {"n": n, "m": m, "q": q, "k": k}, {**inputs, **results, **step, **surfaces, **solver})
 
 
-@_compiled
+@inner
 def _stuck_state(at, links, w):
     """Evaluate with stuck signs at zero, then solve for them: dg/dt = 0 on every stuck surface; see `_state_of`."""
     n, q, k = at.n, at.q, at.k
@@ -271,7 +268,7 @@ def _stuck_state(at, links, w):
             w[at.f + links[COORDINATE, j]] = 0.0
 
 
-@_compiled
+@inner
 def _state_of(at, links, w):
     """Evaluate at z: F, g and dg/dt with the present signs and modes.
 
@@ -289,7 +286,7 @@ def _state_of(at, links, w):
         call_within(at.head, w, at.z, at.f)
 
 
-@_compiled
+@inner
 def _sides(at, links, w):
     """Mark in ``on`` what is on its surface (``reached``, stuck, or g = 0); the rest gets the sign of g."""
     for _ in range(2):
@@ -305,7 +302,7 @@ def _sides(at, links, w):
                 w[at.s + j] = 1.0 if rate > 0.0 else -1.0
 
 
-@_compiled
+@inner
 def _project(at, links, w, j):
     """Give the switch j on its surface the sign in [-1, 1] that keeps it there best; returns how far that moved it."""
     k, row = at.k, links[SWITCH, j]
@@ -322,7 +319,7 @@ def _project(at, links, w, j):
     return abs(new - old)
 
 
-@_compiled
+@inner
 def _resolve(at, links, w):
     """Choose every sign and branch at the present point: what is off its surface follows g, what is on it sticks if
     the set-valued law allows it, else slips the way that it is pushed.
@@ -346,7 +343,7 @@ def _resolve(at, links, w):
             w[at.mode + j] = STUCK if holds else (SIGNED if s != 0.0 else OPEN)
 
 
-@_compiled
+@inner
 def _violated(at, w):
     """Tell whether the present point lies beyond what the signs and branches assume."""
     for j in range(at.q):
@@ -358,7 +355,7 @@ def _violated(at, w):
     return False
 
 
-@_compiled
+@inner
 def _stages(at, links, w, h):
     """Take one Dormand-Prince step from x (K[0] is known); the new state is left in z, its slope in K[6]."""
     n = at.n
@@ -372,7 +369,7 @@ def _stages(at, links, w, h):
         _copy(w, at.f, at.K + stage * n, n)
 
 
-@_compiled
+@inner
 def _interpolate(at, w, h, theta):
     """Put the state after the share ``theta`` of the step h into z."""
     for i in range(at.n):
@@ -383,7 +380,7 @@ def _interpolate(at, w, h, theta):
         w[at.z + i] = w[at.x + i] + h * total
 
 
-@_compiled
+@inner
 def _beyond(at, links, w, h, theta):
     """Tell whether the point after the share ``theta`` of the step h is `_violated`."""
     _interpolate(at, w, h, theta)
@@ -391,7 +388,7 @@ def _beyond(at, links, w, h, theta):
     return _violated(at, w)
 
 
-@_compiled
+@inner
 def _may_dip(at, w):
     """Tell whether a surface may be passed and passed back inside the step, judged from both ends."""
     for j in range(at.q):
@@ -404,7 +401,7 @@ def _may_dip(at, w):
     return False
 
 
-@_compiled
+@inner
 def _first_violation(at, links, w, h):
     """Return the smallest share in (0, 1] of the step h at which a surface is passed, by bisection; 2 if none is.
 
@@ -430,7 +427,7 @@ def _first_violation(at, links, w, h):
     return high
 
 
-@_compiled
+@inner
 def _land(at, links, w, h):
     """Step onto the surface just found, with one Newton correction of the step; mark what was ``reached``.
 
@@ -454,7 +451,7 @@ def _land(at, links, w, h):
     return h
 
 
-@_compiled
+@inner
 def _begin(at, links, w, anew):
     """Set signs, branches and the slope for a new input; choose them afresh if something may have changed."""
     _copy(w, at.x, at.z, at.n)
@@ -469,7 +466,7 @@ def _begin(at, links, w, anew):
     _copy(w, at.f, at.K, at.n)
 
 
-@_compiled
+@inner
 def _try_step(at, links, w, h, rtol):
     """Take a step of h; returns its error norm, with the new state in z and the slopes in K."""
     n = at.n
@@ -487,7 +484,7 @@ def _try_step(at, links, w, h, rtol):
     return norm
 
 
-@_compiled
+@inner
 def _shorten(at, links, w, h, rtol):
     """Cut an accepted step of h at the first surface that it passes; returns (step taken, whether one was)."""
     for j in range(at.q):
@@ -500,7 +497,7 @@ def _shorten(at, links, w, h, rtol):
     return _land(at, links, w, theta * h), True
 
 
-@_compiled
+@inner
 def _note(at, links, w, t, events, count):
     """Append the surfaces just reached to the events; returns how many there are."""
     for j in range(at.q):
@@ -511,7 +508,7 @@ def _note(at, links, w, t, events, count):
     return count
 
 
-@_compiled
+@inner
 def _march(at, links, w, t, target, h, rtol, events, count):
     """Integrate to ``target`` with the input held; returns (status, time, next step, number of events)."""
     idle = 0
@@ -542,7 +539,7 @@ def _march(at, links, w, t, target, h, rtol, events, count):
     return TOO_STIFF, t, h, count
 
 
-@_compiled
+@compiled
 def run_exact(at, links, times, breaks, inputs, x0, p, rtol, X, Y, events):
     """Integrate with set-valued signs; inputs (K, m) hold from breaks (K,) on; states to X (T, n), outputs to Y.
 
@@ -616,7 +613,7 @@ def smooth_plan(code: tuple[int, int], n: int, m: int, n_c: int, n_y: int, linea
     return _plan(code, sizes, {**inputs, **results, **step, **pieces, **exponential})
 
 
-@_compiled
+@inner
 def _rodas_matrix(at, w, h):
     """Factor 1/(gamma h) - J at x."""
     n = at.n
@@ -629,7 +626,7 @@ def _rodas_matrix(at, w, h):
     _factor(w, at.matrix, at.pivots, n)
 
 
-@_compiled
+@inner
 def _rodas_step(at, w, h):
     """Take one step of RODAS from x; the new state is left in z, the error estimate in ``error``."""
     n = at.n
@@ -654,7 +651,7 @@ def _rodas_step(at, w, h):
         w[at.z + i] += w[at.error + i]
 
 
-@_compiled
+@inner
 def _flow(at, w, t, target, h, rtol):
     """Carry x from t to target under f_j with the input in z held; returns (status, time, next step)."""
     for _ in range(MAX_STEPS):
@@ -679,7 +676,7 @@ def _flow(at, w, t, target, h, rtol):
     return TOO_STIFF, t, h
 
 
-@_compiled
+@compiled
 def run_smooth(at, times, breaks, inputs, x0, constants, rtol, X, Y):
     """Integrate f_j; inputs (K, m) hold from breaks (K,) on. ``constants``: p and scales. Returns (status, time)."""
     w = _prepared(at, constants)
@@ -702,7 +699,7 @@ def run_smooth(at, times, breaks, inputs, x0, constants, rtol, X, Y):
     return OK, t
 
 
-@_compiled
+@compiled
 def flow_many(at, points, inputs, constants, span, rtol):
     """Carry every point (T, n) under f_j over ``span`` seconds with its input (T, m) held; in place."""
     w = _prepared(at, constants)
@@ -717,7 +714,7 @@ def flow_many(at, points, inputs, constants, span, rtol):
 # --------------------------------------------------------------------------- piecewise linear
 
 
-@_compiled
+@inner
 def _multiply(w, a, b, product, n):
     """Write the product of the matrices (n, n) at ``a`` and ``b``."""
     _small()
@@ -729,7 +726,7 @@ def _multiply(w, a, b, product, n):
             w[product + i * n + j] = total
 
 
-@_compiled
+@inner
 def _augment(at, w, h):
     """Write h [A, B u + c; 0, 0] as the exponent, divided by a power of 2 until it is small; returns that power."""
     n, worst, squarings = at.n, 0.0, 0
@@ -751,7 +748,7 @@ def _augment(at, w, h):
     return squarings
 
 
-@_compiled
+@inner
 def _propagate(at, w, h):
     """Carry x over h seconds of x' = A x + B u + c, by scaling and squaring of the augmented exponential.
 
@@ -776,7 +773,7 @@ def _propagate(at, w, h):
     return _accept(w, at.x, spare, at.peak, n)
 
 
-@_compiled
+@inner
 def _linearize(at, w, half):
     """Write A, B and c at the present state, or where f_j arrives from there after ``half`` seconds."""
     _copy(w, at.x, at.kept, at.n)
@@ -791,7 +788,7 @@ def _linearize(at, w, half):
     return status
 
 
-@_compiled
+@compiled
 def run_piecewise(at, times, breaks, inputs, x0, constants, updates, half, X, Y):
     """Follow x' = A_k x + B_k u + c_k with a new A_k, B_k, c_k at every time in ``updates``.
 

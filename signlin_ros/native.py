@@ -307,14 +307,24 @@ call_within: Any = intrinsic(_call_within)
 """``call_within(address, work, i, k)``: the same with inputs from ``work[i]`` on and results from ``work[k]`` on."""
 
 
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+compiled: Any = numba.njit(**_OPTIONS)
+"""Compiled once per machine: a function that makes the arrays in which others work."""
+_UNCOUNTED: dict[str, Any] = {**_OPTIONS, "_nrt": False}
+inner: Any = numba.njit(**_UNCOUNTED)
+"""The same for what works in arrays that it is given: references to them are not counted, which would cost more than
+what small functions do. They make no arrays, nor assign to slices.
+"""
+
+
 def caller(address: int) -> Callable[[np.ndarray, np.ndarray], None]:
     """Return a Python function that fills ``results`` from ``inputs``; for tests."""
     return lambda inputs, results: _call_once(address, inputs, results)
 
 
-@numba.njit(cache=True)
+@compiled
 def _call_once(address, inputs, results):
     call(address, inputs, results)
 
 
-__all__ = ["call", "call_within", "caller", "native"]
+__all__ = ["call", "call_within", "caller", "compiled", "inner", "native"]

@@ -16,12 +16,9 @@ dg/dx (n), dh/dx (ny, n), dh/dp (ny, np).
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
 
-from signlin_ros.native import call
+from signlin_ros.native import call, compiled, inner
 
 MOST = 20
 """Most substeps between two samples."""
@@ -32,14 +29,8 @@ FEW = 4
 STIFF = 2.0
 """of further substeps: what is so fast has come to rest within a sample (unless a Kalman filter watches it closely)."""
 
-_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
-_UNCOUNTED: dict[str, Any] = {**_OPTIONS, "_nrt": False}
-_inner: Any = njit(**_UNCOUNTED)
-"""Compiled without counting references to arrays, which costs more than what these small functions do; so they make no
-arrays, nor assign to slices."""
 
-
-@_inner
+@inner
 def _slope(address, sizes, z, out, mode, s):
     """Evaluate F at z under the mode (0 stuck, else slipping with s); returns the sign in force (1: no surface)."""
     n, switched = sizes[0], sizes[5]
@@ -60,7 +51,7 @@ def _slope(address, sizes, z, out, mode, s):
     return stuck
 
 
-@_inner
+@inner
 def _rk4(head, sizes, z, out, x, k, h, mode, s):
     """Step from x (slope in k[0]) by h; the new state is left in z."""
     n = x.size
@@ -77,7 +68,7 @@ def _rk4(head, sizes, z, out, x, k, h, mode, s):
         z[sizes[6]] = 0.0
 
 
-@_inner
+@inner
 def _crossing(g0, r0, g1, r1, h):
     """Return the fraction of a step at which the cubic through (g0, slope r0) and (g1, slope r1) is zero."""
     low, high, theta = 0.0, 1.0, g0 / (g0 - g1)
@@ -98,7 +89,7 @@ def _crossing(g0, r0, g1, r1, h):
     return theta
 
 
-@_inner
+@inner
 def _choose(head, sizes, z, out):
     """Decide at a surface by the set-valued law: returns (mode, s)."""
     n = sizes[0]
@@ -110,7 +101,7 @@ def _choose(head, sizes, z, out):
     return 1, (1.0 if rate > 0.0 else -1.0)
 
 
-@_inner
+@inner
 def _linearized(whole, sizes, z, out, mode, s, J, P):
     """Fill J (n, n) and P (n, np), the derivatives of F in force at z, and leave F itself in out."""
     n, ny, count = sizes[0], sizes[2], sizes[3]
@@ -140,7 +131,7 @@ def _linearized(whole, sizes, z, out, mode, s, J, P):
     return stuck
 
 
-@_inner
+@inner
 def _carry(S, J0, P0, J1, P1, h, M, R):
     """Carry the sensitivities S (n, np) over h by the trapezoidal rule; in place."""
     n, count = S.shape
@@ -174,7 +165,7 @@ def _carry(S, J0, P0, J1, P1, h, M, R):
             S[i, c] = inverse * R[i, c]
 
 
-@_inner
+@inner
 def _jump(sizes, out, before, S, at_g):
     """Saltation: out holds F after the event, ``before`` F before it; dt* = -(dg/dx S) / (dg/dt before)."""
     n, count = sizes[0], sizes[3]
@@ -192,7 +183,7 @@ def _jump(sizes, out, before, S, at_g):
             S[i, c] += (before[i] - out[i]) * shift
 
 
-@_inner
+@inner
 def _fastest(J, ratio):
     """Estimate the fastest rate of J (n, n) in scaled coordinates: sqrt of the norm of its square.
 
@@ -210,7 +201,7 @@ def _fastest(J, ratio):
     return np.sqrt(worst)
 
 
-@_inner
+@inner
 def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_s):
     """Integrate x over ``span`` seconds in ``count`` substeps with the input held; returns (mode, s).
 
@@ -289,7 +280,7 @@ def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_
     return mode, s
 
 
-@_inner
+@inner
 def _settle(head, sizes, z, out, mode, s, moved):
     """Choose mode and sign anew after the input or, if ``moved``, the state has jumped; returns (mode, s)."""
     if not sizes[5]:
@@ -305,7 +296,7 @@ def _settle(head, sizes, z, out, mode, s, moved):
     return 1, (1.0 if g > 0.0 else -1.0)
 
 
-@_inner
+@inner
 def _lagged(k, t, lag, i, past, past_s, row, with_s):
     """Return state ``i`` as it was ``lag`` before sample k and its rate; its sensitivities go to ``row``.
 
@@ -327,7 +318,7 @@ def _lagged(k, t, lag, i, past, past_s, row, with_s):
     return value, rate
 
 
-@_inner
+@inner
 def _aware(out, at, e, noise, P, K, row):
     """Fill the Kalman gains K (n, ny); P (n, n), the covariance of the state's error, becomes that after them.
 
@@ -356,7 +347,7 @@ def _aware(out, at, e, noise, P, K, row):
                 P[i, j] -= row[i] * there * row[j]
 
 
-@_inner
+@inner
 def _spread(first, last, h, process, P, none, M, R):
     """Carry the covariance P (n, n) over h by the trapezoidal rule, and add the variances ``process`` (n)."""
     n = P.shape[0]
@@ -371,7 +362,7 @@ def _spread(first, last, h, process, P, none, M, R):
         P[i, i] += process[i]
 
 
-@_inner
+@inner
 def _averaged(whole, sizes, z, out, x, mode, s, belief, P, J, part, J1):
     """Average J, which holds dF/dx at x, over how uncertain the own positions are, by Gauss and Hermite's rule of order
     3. Returns whether there are any; ``out`` does not belong to x then.
@@ -394,21 +385,21 @@ def _averaged(whole, sizes, z, out, x, mode, s, belief, P, J, part, J1):
     return moved
 
 
-@_inner
+@inner
 def _copy(source, to):
     """Copy as much of a vector as fits."""
     for i in range(to.size):
         to[i] = source[i]
 
 
-@_inner
+@inner
 def _copy_rows(source, to):
     """Copy a matrix."""
     for i in range(to.shape[0]):
         _copy(source[i], to[i])
 
 
-@njit(**_OPTIONS)
+@compiled
 def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X):
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
 
@@ -440,7 +431,7 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
     return _follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X, memory)
 
 
-@_inner
+@inner
 def _follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X, memory):
     """Do what `follow` does, in the arrays of ``memory``."""
     n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
@@ -570,7 +561,7 @@ def _follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belie
     return total
 
 
-@njit(**_OPTIONS)
+@compiled
 def kalman_gains(A, C, Q, R, P0, gains, variances):
     """Fill ``gains`` (G, n, ny) with the gains of the Kalman filter from P0 on, and ``variances`` (G, ny) with those
     of the innovations; returns how many are needed.

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.observer import TRUSTS, Design, Observer
 from signlin_ros.model import Model
+from signlin_ros.native import compiled
 from signlin_ros.trace import trace
 
 Array = NDArray[np.float64]
@@ -148,7 +148,7 @@ def _response(observer: Observer, equation: _Equation, d: Design) -> tuple[float
     return noise, max(float(seen[0]), 1e-6), float(np.pi * observer.step / passed)
 
 
-@njit(cache=True)
+@compiled
 def _backwards(back, weigh, e, out):  # type: ignore[no-untyped-def]
     """Fill out (T, n) with r_k, from the last sample on: r_(k-1) = weigh e_k + back r_k."""
     n, ny = weigh.shape

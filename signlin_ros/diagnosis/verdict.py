@@ -446,11 +446,9 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
     if step.certainty <= SURE and step.gain <= 0:
         return "rejected", "it lowers the error on the data that it was fitted to and raises it on unseen data"
     if final.effects:
-        worse = step.ranked.evidence - f.steps[min(1, len(f.steps) - 1)].ranked.evidence
-        return (
-            "rejected",
-            f"explains less than {_named(final.effects)} (evidence lower by {worse:.0f}), nothing beside it",
-        )
+        worse, beside = step.ranked.evidence - final.evidence, "it" if len(final.effects) == 1 else "them"
+        why = f"explains less than {_named(final.effects)} (evidence lower by {worse:.0f}), nothing beside {beside}"
+        return "rejected", why
     return "rejected", f"lowers the error on unseen data by {step.certainty:.1f} standard errors only"
 
 

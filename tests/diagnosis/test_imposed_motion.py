@@ -1,0 +1,52 @@
+"""Dampers on a shaking table: their motion is imposed and measured, the force is what a model gives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis.problem import prepare
+from signlin_ros.diagnosis.rank import applicable
+from signlin_ros.diagnosis.verdict import diagnose
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+STEP, FINE = 0.01, 50
+BASE = {"plant": "force_element", "parameters": {"c": 800.0, "k": 0.0}, "tolerance": {"c": 0.5}, "update_period": 0.02}
+YIELD, BEND = 50.0, 0.3e-3
+"""Dahl's friction: N, and how far it bends in m."""
+
+
+def record(seed: int, zero: float = 0.0, seconds: float = 20.0) -> ModelData:
+    """Return force and motion of a damper with Dahl's friction, integrated by small steps, beside 1000 N s/m."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds / STEP)) * STEP
+    fine = np.repeat(t, FINE) + np.tile(np.arange(FINE) * STEP / FINE, t.size)
+    tones = 2 * np.pi * rng.uniform(0.3, 3.0, 4)
+    held = 0.05 * np.sin(tones * t[:, None] + rng.uniform(0, 6, 4)).sum(axis=1)
+    v = np.repeat(held, FINE)
+    z, bend = np.zeros(fine.size), 0.0
+    for k in range(1, fine.size):
+        bend += (v[k - 1] - abs(v[k - 1]) * bend / BEND) * STEP / FINE
+        z[k] = bend
+    force = 1000.0 * held + YIELD * z[::FINE] / BEND + zero + rng.normal(0.0, 2.0, t.size)
+    measured = {"displacement": np.concatenate([[0.0], np.cumsum(held[:-1]) * STEP]), "force": force}
+    units = {"displacement": "m", "force": "N", "velocity": "m/s"}
+    return ModelData(t, held[:, None], measured, None, ("velocity",), ("displacement",), units)
+
+
+def test_nothing_stands_between_an_imposed_motion_and_its_measurement():
+    trials, outside = applicable(prepare(Model.from_dict(BASE), [record(1)]))
+    assert {"input_saturation", "input_deadzone"} <= set(outside)
+    assert {"input_delay", "dahl_presliding"} <= {t.effect for t in trials}
+
+
+@pytest.mark.parametrize("zero", [0.0, 130.0], ids=["sensor without a zero", "sensor with one"])
+def test_a_hysteresis_is_found_beneath_an_offset(zero):
+    found = diagnose(Model.from_dict(BASE), record(1, zero), record(2, zero))
+    effects = set(found.ladder[-1].effects)
+    assert found.verdict == "missing"
+    assert len(effects & {"dahl_presliding", "lugre_friction", "bouc_wen_hysteresis"}) == 1
+    assert "coulomb_friction" not in effects
+    assert bool(effects & {"constant_load", "sensor_offset"}) == bool(zero)
+    assert len(effects) == (2 if zero else 1)
