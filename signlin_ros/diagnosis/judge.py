@@ -46,6 +46,11 @@ class Residue:
         return bool(self.structure > 0.02 + 3.0 * error)
 
     @property
+    def lasting(self) -> bool:
+        """Whether what seems to be coloured noise lasts too long to be any."""
+        return self.rho > MOST_COLOUR - 0.02 and self.coloured > 0.0
+
+    @property
     def noise(self) -> float:
         """Standard deviation of the noise."""
         return float(np.sqrt(max(1.0 - self.structure, 1e-12) * self.variance))
@@ -56,7 +61,7 @@ class Residue:
 
         0 where it is nearly white, and where it lasts so long that it is no noise.
         """
-        if self.rho > MOST_COLOUR - 0.02:
+        if self.lasting:
             return 0.0
         noise = self.coloured + self.white
         first = self.coloured * self.rho / noise if noise > 0 else 0.0
@@ -101,16 +106,19 @@ def residue(parts: Sequence[Array]) -> Residue:
 def residues(innovations: Sequence[Array], white: Array | None = None) -> list[Residue]:
     """Return `residue` for every channel of innovations (T, ny).
 
-    ``white`` (ny): standard deviation of white noise, from fourth differences. Channels whose residuals move together
-    have no coloured noise, as sensors do not know of each other: all beyond white noise is structure then.
+    ``white`` (ny): standard deviation of white noise, from fourth differences. Where residuals move together, as
+    sensors do not know of each other, or where their colour lasts too long, all beyond white noise is structure.
     """
     found = [residue([e[:, c] for e in innovations]) for c in range(innovations[0].shape[1])]
     if white is None:
         return found
+    moving = together(innovations)
+    shares = [min(float(w) ** 2 / max(r.variance, 1e-300), 1.0) for r, w in zip(found, white, strict=True)]
     return [
-        replace(r, structure=max(r.structure, 1.0 - share), coloured=0.0, white=share) if share < 1.0 else r
-        for r, c in zip(found, range(len(found)), strict=True)
-        for share in [float(min(white[c] ** 2 / max(r.variance, 1e-300), 1.0)) if c in together(innovations) else 1.0]
+        replace(r, structure=max(r.structure, 1.0 - share), coloured=0.0, white=share)
+        if share < 1.0 and (c in moving or r.lasting)
+        else r
+        for c, (r, share) in enumerate(zip(found, shares, strict=True))
     ]
 
 

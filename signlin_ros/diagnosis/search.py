@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, further
+from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, further, likelihood
 from signlin_ros.diagnosis.judge import Residue, gain_in_blocks, gain_on, residues, whiteness
 from signlin_ros.diagnosis.problem import (
     Gains,
@@ -59,7 +59,7 @@ CERTAIN = 2.5
 STRONG = 30.0
 MOVED = 12.0
 """What an effect must save of the priors, in -2 log likelihood, if it stands for parameters moved far from nominal."""
-SHARE, REST = 0.05, 0.2
+SHARE, PART = 0.05, 0.2
 """Least share of the squared innovations on unseen data that one more effect must take away from a poor model, and of
 those of the base model; or by which it must lower those that are left, which will do as well as the latter."""
 SIMPLE = 0.15
@@ -106,13 +106,22 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Beside:
+    """What an effect takes away beside others, as a share of the squared errors that these leave."""
+
+    others: tuple[str, ...]
+    share: float
+
+
+@dataclass(frozen=True)
 class Findings:
     """Everything that a search found.
 
     ``steps``: base, then one more effect each. ``singles``: every effect alone, best first, with its innovations on
     unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal;
     ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged;
-    ``followed``: the same at the middle gain.
+    ``followed``: the same at the middle gain. ``beside``: what effects promised beside others, on the data that was
+    fitted to.
     """
 
     problem: Problem
@@ -125,6 +134,7 @@ class Findings:
     left: tuple[Residue, ...]
     held_out: tuple[tuple[Array, ...], tuple[Array, ...]]
     followed: tuple[tuple[Array, ...], tuple[Array, ...]]
+    beside: Mapping[str, Sequence[Beside]]
 
     @property
     def final(self) -> Step:
@@ -274,6 +284,7 @@ class _Search:
         self.problem, self.unseen, self.executor, self.progress, self.depth = problem, unseen, run, progress, depth
         self.filter = Filter(np.zeros(len(problem.channels)))
         self.pairs: list[Ranked] = []
+        self.beside: dict[str, list[Beside]] = {}
         self.short = shortened(problem)
 
     def run(self, only: str | None = None) -> Findings:
@@ -299,6 +310,7 @@ class _Search:
             tuple(residues(at.innovations, self.problem.noise)),
             self._both(path, at.gains),
             self._both(path, self.problem.levels[1]),
+            self.beside,
         )
 
     def _base(self) -> Ranked:
@@ -423,12 +435,12 @@ class _Search:
 
     def _patch(self, path: list[Step], r: Ranked) -> bool:
         """Tell whether a set of effects explains little beyond the last step: neither `SHARE` of what the base model
-        lacks nor `REST` of what is left, in squared innovations on unseen data at the middle gain, in any channel.
+        lacks nor `PART` of what is left, in squared innovations on unseen data at the middle gain, in any channel.
         """
         models, middle = (path[0].ranked, path[-1].ranked, r), self.problem.levels[1]
         first, last, now = (np.nanmean(np.concatenate(self._unseen(one, middle)) ** 2, axis=0) for one in models)
         lacking = [np.maximum(e - self.unseen.noise**2, SHARE * e) for e in (first, last)]
-        return not any(((last - now) / e > least).any() for e, least in zip(lacking, (SHARE, REST), strict=True))
+        return not any(((last - now) / e > least).any() for e, least in zip(lacking, (SHARE, PART), strict=True))
 
     def _pruned(self, r: Ranked, path: list[Step]) -> Ranked:
         """Return a set of effects without those that are not worth their parameters beside the others.
@@ -506,11 +518,21 @@ class _Search:
         tried.sort(key=_screening)
         going_on = [s for i, s in enumerate(tried) if i < WIDE or EFFECTS[s[2].effect].states]
         screened = sorted((s for s in self.executor.map(self._screened, going_on) if s is not None), key=_screening)
+        self._remember(starts, [*tried, *screened])
         front, rest = screened[:2], screened[2:MOST_FINISHED]
         finished = self._all_finished(front)
         if finished and self._enough(finished[0]):
             rest = [s for s in rest if s[0] < front[0][0] + STRONG]
         return sorted(finished + self._all_finished(rest), key=_evidence)
+
+    def _remember(self, starts: Sequence[Ranked], screened: Sequence[_Screened]) -> None:
+        """Note what every effect takes away beside others."""
+        for before in (r for r in starts if r.effects):
+            mine = [(s[2].effect, s[3]) for s in screened if s[1] is before]
+            left = likelihood(self.short, before.fit.candidate, before.fit.theta, mine[0][1].gains) if mine else 0.0
+            for name, f in mine:
+                share = 1.0 - float(np.exp(min(f.cost - left, 0.0) / f.count.sum()))
+                self.beside.setdefault(name, []).append(Beside(before.effects, share))
 
     def _all_finished(self, screened: Sequence[_Screened]) -> list[Ranked]:
         """Return trials fitted out, best first."""

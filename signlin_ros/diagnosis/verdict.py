@@ -36,6 +36,9 @@ MOST = 6
 """Most effects that `refine` adds."""
 REST = 0.1
 """Largest excess over the noise, as a share of it, of a model that lacks nothing else."""
+WORTH, NEARLY = 0.3, 0.05
+"""Share of the squared error that a rival must take beside what was found before, to be spoken of as one, and how much
+more what was found must take."""
 ORDINARY = 0.1
 """An effect is ordinary if its force is this share of the driving force: what a record should be able to show."""
 
@@ -439,6 +442,9 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
     final = f.final.ranked
     if gain <= 0 and (find_effect(effect, "effects").only_beyond or not _excited(f, step)):
         return "not_excited", _not_excited(f, effect)
+    rival = _rival(f, effect)
+    if rival:
+        return "rejected", rival
     if gain <= 0:
         return "rejected", "alone it does not lower the error by more than its parameters are worth"
     if not plausible(f.problem, step.ranked):
@@ -446,10 +452,27 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
     if step.certainty <= SURE and step.gain <= 0:
         return "rejected", "it lowers the error on the data that it was fitted to and raises it on unseen data"
     if final.effects:
-        worse, beside = step.ranked.evidence - final.evidence, "it" if len(final.effects) == 1 else "them"
-        why = f"explains less than {_named(final.effects)} (evidence lower by {worse:.0f}), nothing beside {beside}"
+        worse, both = step.ranked.evidence - final.evidence, "it" if len(final.effects) == 1 else "them"
+        why = f"explains less than {_named(final.effects)} (evidence lower by {worse:.0f}), nothing beside {both}"
         return "rejected", why
     return "rejected", f"lowers the error on unseen data by {step.certainty:.1f} standard errors only"
+
+
+def _rival(f: Findings, effect: str) -> str:
+    """Return what is to be said of an effect that takes much beside what was found first, but less than what was found
+    then; nothing of others.
+    """
+    final = set(f.final.ranked.effects)
+    for other in sorted(final):
+        before = final - {other}
+        mine, its = (
+            max((b.share for b in f.beside.get(name, ()) if set(b.others) == before), default=0.0)
+            for name in (effect, other)
+        )
+        if WORTH < mine < its - NEARLY:
+            takes = f"beside {_named(sorted(before))} it takes {100 * mine:.0f} % of the squared error"
+            return f"{takes}, {_named([other])} {100 * its:.0f} %, and beside both it adds nothing that counts"
+    return ""
 
 
 def _excited(f: Findings, step: Step) -> bool:

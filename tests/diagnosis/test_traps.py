@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -193,3 +195,13 @@ def test_a_bristle_that_breaks_away_below_its_sliding_level_is_not_named(tmp_pat
     found = diagnose(*recorded(tmp_path, SMALL, hidden))
     assert proposed(found) == set(hidden)
     assert status(found, "lugre_friction") == "rejected"
+
+
+def test_an_offset_that_direction_dependent_damping_explains_better_is_told_as_its_rival(tmp_path):
+    hidden = {"coulomb_friction": {"mu": 2.0}, "asymmetric_viscous_friction": {"b_p": 0.0, "b_n": 6.0}}
+    model, data, unseen = recorded(tmp_path, BENCH, hidden)
+    found = diagnose(model, data, unseen)
+    assert proposed(found) == set(hidden)
+    offset = next(e for e in found.ranking if e.effect == "constant_load")
+    assert offset.status == "rejected"
+    assert re.search(r"beside coulomb friction it takes \d\d % of the squared error", offset.why)
