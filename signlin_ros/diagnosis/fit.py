@@ -33,6 +33,8 @@ FAR = 1e-3
 """or by less than this share of its distance from that of pure noise: a wrong model need not be fitted to the end."""
 RESTING, MEMORY = 0.02, 400
 """A record is at rest below this share of the RMS velocity; else what is remembered is fitted to so many samples."""
+SECANTS, SETTLED = 8, 1e-3
+"""Most secants, and the share of the squared errors below which another one gains nothing."""
 GAIN = 0.7
 """Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
 APART, WANDER = 0.3, 0.05
@@ -375,14 +377,16 @@ def _by_secants(errors: Callable[[Array], Array], x: Array, e: Array, reach: Arr
     """Return the point x (n,) moved along ``reach`` (n,) to where the errors are least, and these."""
     tried = [(x + sign * reach, errors(x + sign * reach)) for sign in (-1.0, 1.0)]
     x, e = min([(x, e), *tried], key=lambda pair: float(pair[1] @ pair[1]))
-    for _ in range(2):
+    for _ in range(SECANTS):
         change = errors(x + 0.1 * reach) - e
         square = float(change @ change)
         moved = x - 0.1 * reach * (float(change @ e) / square if square > 0 else 0.0)
         new = errors(moved)
-        if not new @ new < e @ e:
+        gained = e @ e - new @ new
+        if gained > 0:
+            x, e = moved, new
+        if not gained > SETTLED * (e @ e):
             break
-        x, e = moved, new
     return x, e
 
 

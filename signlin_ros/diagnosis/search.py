@@ -482,7 +482,10 @@ class _Search:
         gains = [i for i in added if coordinates[i].name.startswith("sensor_gain.")]
         if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
             return False  # no sensor is that wrong: it stands in for something else
-        amplitudes = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
+        free = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
+        amplitudes = [
+            i for i in free if r.fit.hessian[i, i] > 0.0
+        ]  # what acts in steps, as a late sample does, has none
         a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]
         wald = float(a @ np.linalg.pinv(spread, hermitian=True) @ a)
         return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))

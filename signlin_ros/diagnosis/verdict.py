@@ -187,7 +187,8 @@ def estimates(f: Fit, names: Sequence[str], findings: Findings) -> dict[str, Est
         i, k = fitted[name]
         own = float(np.sqrt(max(covariance[i, i], 0.0)))
         std = own * abs(k.slope(float(f.theta[i])))
-        result[name] = Estimate(float(p[name]), std, unit, _note(k, float(f.theta[i]), own))
+        note = _note(k, float(f.theta[i]), own) if f.hessian[i, i] > 0.0 else "values nearby fit as well"
+        result[name] = Estimate(float(p[name]), std, unit, note)
     return result
 
 

@@ -6,6 +6,10 @@ from typing import Any
 
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
+from signlin_ros.scale import Scale
+
+SAMPLES = 12
+"""Delays that are tried one by one where none leads to another."""
 
 
 class InputDelay(Effect):
@@ -20,7 +24,14 @@ class InputDelay(Effect):
     experiment = "apply steps of the input and sample faster"
 
     T = Par("s", nominal=0.005, high=10.0, doc="delay")
-    start = ({"T": 1.5}, {"T": 4.5})
+
+    @classmethod
+    def starts(cls, scale: Scale) -> list[dict[str, float]]:
+        """Return a short and a longer delay; where nothing inert stands between input and output, a delay acts in whole
+        samples and none leads to the next: then one for each of the first samples.
+        """
+        late = (1.5, 4.5) if scale.inertia else (k + 0.5 for k in range(SAMPLES))
+        return [{"T": samples * scale.step} for samples in late]
 
     def delay(self, p: Any) -> Any:
         return p.T
