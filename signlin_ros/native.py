@@ -232,7 +232,7 @@ _lock = threading.Lock()
 _addresses: dict[str, tuple[int, ...]] = {}
 
 
-def _compiled(text: str, names: tuple[str, ...]) -> tuple[int, ...]:
+def _translated(text: str, names: tuple[str, ...]) -> tuple[int, ...]:
     """Return the addresses of the functions ``@tape_<name>`` of a text; from any thread."""
     with _lock:
         engine, target = _engine()
@@ -257,7 +257,7 @@ def native(tape: Tape) -> tuple[int, int]:
         writer = _Writer(tape)
         parts.append(writer.text(f"tape_{name}", steps, outputs))
         declared |= writer.declared
-    addresses = _compiled("\n".join([*sorted(declared), *parts]), tuple(ends))
+    addresses = _translated("\n".join([*sorted(declared), *parts]), tuple(ends))
     return addresses[0], addresses[-1]
 
 
@@ -307,6 +307,7 @@ call_within: Any = intrinsic(_call_within)
 """``call_within(address, work, i, k)``: the same with inputs from ``work[i]`` on and results from ``work[k]`` on."""
 
 
+# Caches know nothing of these options: after a change, delete them.
 _OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
 compiled: Any = numba.njit(**_OPTIONS)
 """Compiled once per machine: a function that makes the arrays in which others work."""

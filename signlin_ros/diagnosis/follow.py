@@ -428,11 +428,11 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
     P = np.diag(belief[1]) if belief.shape[1] else matrix.copy()
     kalman = (P, np.zeros((n, ny)), matrix.copy(), matrix.copy(), matrix.copy())
     memory = (z, np.zeros(n_out), x, wide.copy(), jacobians, np.zeros((ny, count)), past, kalman, ratio)
-    return _follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X, memory)
+    return _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D, X, memory)
 
 
 @inner
-def _follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X, memory):
+def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D, X, memory):
     """Do what `follow` does, in the arrays of ``memory``."""
     n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     with_s, total = sizes[7] != 0, t.size

@@ -115,11 +115,17 @@ def residues(innovations: Sequence[Array], white: Array | None = None) -> list[R
     moving = together(innovations)
     shares = [min(float(w) ** 2 / max(r.variance, 1e-300), 1.0) for r, w in zip(found, white, strict=True)]
     return [
-        replace(r, structure=max(r.structure, 1.0 - share), coloured=0.0, white=share)
-        if share < 1.0 and (c in moving or r.lasting)
-        else r
+        _without_colour(r, 1.0 if c in moving else r.structure + r.coloured, share) if c in moving or r.lasting else r
         for c, (r, share) in enumerate(zip(found, shares, strict=True))
     ]
+
+
+def _without_colour(r: Residue, most: float, white: float) -> Residue:
+    """Return a residue with structure in place of colour, at most so much of it, where it is beyond ``white`` noise."""
+    if white >= 1.0:
+        return r
+    structure = max(r.structure, min(most, 1.0 - white))
+    return replace(r, structure=structure, coloured=0.0, white=1.0 - structure)
 
 
 def together(innovations: Sequence[Array]) -> set[int]:

@@ -36,7 +36,7 @@ Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
 
 def narrowed(
-    problem: Problem, c: Candidate, starts: Sequence[dict[str, float]], key: str, gains: Gains, each: Each = map
+    problem: Problem, c: Candidate, starts: Sequence[dict[str, float]], key: str, gains: Gains, each: Each
 ) -> list[dict[str, float]]:
     """Return the best points found from many positive ``starts`` of the effect ``key`` of a candidate, best first."""
     own = _own(c, key)
@@ -54,7 +54,7 @@ def narrowed(
     return [{**starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best[:3]]
 
 
-def deepened(problem: Problem, found: Fit, key: str, each: Each = map) -> Fit:
+def deepened(problem: Problem, found: Fit, key: str, each: Each) -> Fit:
     """Return a fit of the effect ``key``, gone on from until nothing better is found nearby."""
     c, index = found.candidate, list(_own(found.candidate, key).values())
     low, high = (np.array([getattr(c.coordinates[i], side) for i in index]) for side in ("low", "high"))

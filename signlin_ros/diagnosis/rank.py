@@ -76,7 +76,7 @@ def ranked(problem: Problem, effects: tuple[str, ...], sensors: tuple[str, ...],
     fits = trusted(problem, fits)
     if not fits or fits[-1].gains is not problem.levels[-1]:
         return None
-    best = min((f for f in fits if f.gains is not problem.levels[0]), key=_cost)
+    best = min((f for f in fits if f.gains is not problem.levels[0]), key=cost_of)
     return Ranked(effects, sensors, best, fits[-1], evidence(problem, best, len(effects)))
 
 
@@ -229,11 +229,11 @@ def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     short = shortened(problem)
     candidates = [extended(problem, None, trial, start) for start in trial.starts]
     first = [f for f in (fit(short, c, high, None, 2) for c in candidates) if f]
-    first = sorted(first, key=_cost)[:MOST_STARTS]
-    first = sorted((further(short, f, 2) for f in first), key=_cost)
+    first = sorted(first, key=cost_of)[:MOST_STARTS]
+    first = sorted((further(short, f, 2) for f in first), key=cost_of)
     if EFFECTS[trial.effect].states:  # a high gain says little of what is remembered
         direct = [f for f in (fit(short, c, middle, None, 4) for c in candidates) if f]
-        first = [*sorted(direct, key=_cost)[:1], *first]
+        first = [*sorted(direct, key=cost_of)[:1], *first]
     second = ((g, fit(problem, g.candidate, middle, g.theta, 8)) for g in first)
     found = itertools.islice(((g, f) for g, f in second if f), 2)
     kept = ((f if g.gains is middle else g, f) for g, one in found for f in trusted(problem, [one]))
@@ -249,7 +249,7 @@ def _bred(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
     candidates = [extended(problem, None, trial, start) for start in starts]
     found = [f for f in each(lambda c: fit(problem, c, middle, None, 10), candidates) if f]
     kept = [f for one in each(lambda f: trusted(problem, [f]), found) for f in one]
-    return [(f, f) for f in sorted(kept, key=_cost)]
+    return [(f, f) for f in sorted(kept, key=cost_of)]
 
 
 def _climbed(problem: Problem, trials: Sequence[Trial], run: Executor) -> list[list[tuple[Fit, Fit]]]:
@@ -323,7 +323,8 @@ def _stiffer(values: dict[str, float], factor: float) -> dict[str, float]:
     return {n: v * factor if n == "k" else v for n, v in values.items()}
 
 
-def _cost(f: Fit) -> float:
+def cost_of(f: Fit) -> float:
+    """Return the objective of a fit."""
     return f.cost
 
 
@@ -377,7 +378,7 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     return sorted((r for r in found if r is not None), key=_evidence)
 
 
-def deeper(problem: Problem, r: Ranked, each: Each = map) -> Ranked:
+def deeper(problem: Problem, r: Ranked, each: Each) -> Ranked:
     """Return the fit of a single effect, gone on from to a deeper minimum nearby if there is one."""
     if r.sensors:
         return r
@@ -418,6 +419,8 @@ def _started(problem: Problem, trial: Trial, richer: Fit) -> Ranked | None:
 
 def searched(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked], run: Executor) -> list[Ranked]:
     """Return what `compete` found, with rugged effects searched from all their starts."""
+    if not found:
+        return []
     rugged = [t for t in trials if EFFECTS[t.effect].rugged]
     climbed = _climbed(problem, rugged, run)
     first, middle = min(found, key=_evidence).fit, problem.levels[1]
@@ -438,6 +441,7 @@ __all__ = [
     "applicable",
     "assess",
     "compete",
+    "cost_of",
     "deeper",
     "descend",
     "free_parameters",

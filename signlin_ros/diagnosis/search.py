@@ -31,6 +31,7 @@ from signlin_ros.diagnosis.rank import (
     applicable,
     assess,
     compete,
+    cost_of,
     deeper,
     descend,
     evidence,
@@ -107,7 +108,9 @@ class Step:
 
 @dataclass(frozen=True)
 class Beside:
-    """What an effect takes away beside others, as a share of the squared errors that these leave."""
+    """What an effect takes away beside others, as a share of the squared errors that these leave (their geometric mean
+    over channels).
+    """
 
     others: tuple[str, ...]
     share: float
@@ -161,13 +164,12 @@ def judged(problem: Problem, r: Ranked) -> Fit:
         return low
     floor = np.nanmean(np.concatenate(r.fit.innovations) ** 2, axis=0)
     left = np.nanmean(np.concatenate(reference[0]) ** 2, axis=0) - floor
-    bounds = np.array([(k.low, k.high) for k in c.coordinates]).T
     w, V = np.linalg.eigh(np.linalg.pinv(r.fit.hessian, hermitian=True))
     root = V * np.sqrt(np.maximum(w, 0.0))
     spread = np.zeros_like(left)
     draw = np.random.default_rng(0).standard_normal
     for _ in range(DRAWS):
-        theta = np.clip(r.fit.theta + root @ draw(w.size), *bounds)
+        theta = np.clip(r.fit.theta + root @ draw(w.size), *c.bounds)
         noise = [draw(s.y.shape) * np.sqrt(floor) for s in problem.segments]
         noisy = tuple(replace(s, y=s.y + n) for s, n in zip(problem.segments, noise, strict=True))
         moved = follow_records(problem, c, theta, low.gains, False, noisy)
@@ -273,10 +275,6 @@ _Screened = tuple[float, Ranked, Trial, Fit]
 
 def _screening(s: _Screened) -> float:
     return s[0]
-
-
-def _cost(f: Fit) -> float:
-    return f.cost
 
 
 class _Search:
@@ -472,7 +470,10 @@ class _Search:
         return [first, *(r for r in options if r is not first)]
 
     def _real(self, r: Ranked, before: Ranked) -> bool:
-        """Tell whether the amplitudes of what was added differ together from nothing, by `REAL` standard errors."""
+        """Tell whether the amplitudes of what was added differ together from nothing, by `REAL` standard errors.
+
+        A parameter that acts in steps, as a delay in whole samples, has no standard error: its evidence decides alone.
+        """
         if not plausible(self.problem, r):
             return False
         known = {c.name for c in before.fit.candidate.coordinates}
@@ -483,9 +484,7 @@ class _Search:
         if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
             return False  # no sensor is that wrong: it stands in for something else
         free = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
-        amplitudes = [
-            i for i in free if r.fit.hessian[i, i] > 0.0
-        ]  # what acts in steps, as a late sample does, has none
+        amplitudes = [i for i in free if r.fit.hessian[i, i] > 0.0]
         a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]
         wald = float(a @ np.linalg.pinv(spread, hermitian=True) @ a)
         return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))
@@ -530,7 +529,7 @@ class _Search:
 
     def _remember(self, starts: Sequence[Ranked], screened: Sequence[_Screened]) -> None:
         """Note what every effect takes away beside others."""
-        for before in (r for r in starts if r.effects):
+        for before in starts:
             mine = [(s[2].effect, s[3]) for s in screened if s[1] is before]
             left = likelihood(self.short, before.fit.candidate, before.fit.theta, mine[0][1].gains) if mine else 0.0
             for name, f in mine:
@@ -546,24 +545,25 @@ class _Search:
         """Return a trial on top of what was fitted, after one step at the gain that suits what was fitted."""
         gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
         known, found = before.fit.parameters(), []
-        for start in trial.starts[: 1 if enough else 3]:
+        inert = self.problem.scale.inertia > 0.0  # without, starts need not lead to each other
+        for start in trial.starts[: (1 if enough else 3) if inert else None]:
             c = extended(self.problem, before, trial, start)
             theta = [
                 k.theta(known[k.name]) if k.name in known else x for k, x in zip(c.coordinates, c.start(), strict=True)
             ]
             found.append(fit(self.short, c, gains, np.array(theta), 1))
-        best = min((f for f in found if f), key=_cost, default=None)
-        return None if best is None else (self._worth(before, best), before, trial, best)
+        best = min((f for f in found if f), key=cost_of, default=None)
+        return self._promise(before, trial, best)
 
     def _screened(self, tried: _Screened) -> _Screened | None:
         """Return a trial after some further steps; None if it diverges where it is not followed by a filter."""
         _, before, trial, first = tried
-        found = further(self.short, first, SLOW if EFFECTS[trial.effect].states else 1)
-        best = next(iter(trusted(self.short, [found])), None)
-        return None if best is None else (self._worth(before, best), before, trial, best)
+        return self._promise(before, trial, further(self.short, first, SLOW if EFFECTS[trial.effect].states else 1))
 
-    def _worth(self, before: Ranked, f: Fit) -> float:
-        return evidence(self.short, f, len(before.effects) + 1)
+    def _promise(self, before: Ranked, trial: Trial, f: Fit | None) -> _Screened | None:
+        """Return a trial with what it promises, followed as far as that is to be trusted."""
+        best = next(iter(trusted(self.short, [f])), None) if f else None
+        return None if best is None else (evidence(self.short, best, len(before.effects) + 1), before, trial, best)
 
     def _finished(self, before: Ranked, trial: Trial, start: Fit) -> Ranked | None:
         fits = descend(self.problem, start.candidate, start.theta, self.problem.levels, 10, self.filter)

@@ -187,8 +187,9 @@ def estimates(f: Fit, names: Sequence[str], findings: Findings) -> dict[str, Est
         i, k = fitted[name]
         own = float(np.sqrt(max(covariance[i, i], 0.0)))
         std = own * abs(k.slope(float(f.theta[i])))
-        note = _note(k, float(f.theta[i]), own) if f.hessian[i, i] > 0.0 else "values nearby fit as well"
-        result[name] = Estimate(float(p[name]), std, unit, note)
+        told = f.hessian[i, i] > 0.0
+        note = _note(k, float(f.theta[i]), own) if told else "values nearby fit as well"
+        result[name] = Estimate(float(p[name]), std if told else None, unit, note)
     return result
 
 
@@ -443,9 +444,9 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
     final = f.final.ranked
     if gain <= 0 and (find_effect(effect, "effects").only_beyond or not _excited(f, step)):
         return "not_excited", _not_excited(f, effect)
-    rival = _rival(f, effect)
-    if rival:
-        return "rejected", rival
+    second = _second_best(f, effect)
+    if second:
+        return "rejected", second
     if gain <= 0:
         return "rejected", "alone it does not lower the error by more than its parameters are worth"
     if not plausible(f.problem, step.ranked):
@@ -454,12 +455,17 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
         return "rejected", "it lowers the error on the data that it was fitted to and raises it on unseen data"
     if final.effects:
         worse, both = step.ranked.evidence - final.evidence, "it" if len(final.effects) == 1 else "them"
-        why = f"explains less than {_named(final.effects)} (evidence lower by {worse:.0f}), nothing beside {both}"
-        return "rejected", why
+        nothing = f", nothing beside {both}" if _tried_beside(f, effect) else ""
+        return "rejected", f"explains less than {_named(final.effects)} (evidence lower by {worse:.0f}){nothing}"
     return "rejected", f"lowers the error on unseen data by {step.certainty:.1f} standard errors only"
 
 
-def _rival(f: Findings, effect: str) -> str:
+def _tried_beside(f: Findings, effect: str) -> bool:
+    """Tell whether an effect was tried beside all that is proposed."""
+    return any(set(b.others) == set(f.final.ranked.effects) for b in f.beside.get(effect, ()))
+
+
+def _second_best(f: Findings, effect: str) -> str:
     """Return what is to be said of an effect that takes much beside what was found first, but less than what was found
     then; nothing of others.
     """
@@ -472,7 +478,8 @@ def _rival(f: Findings, effect: str) -> str:
         )
         if WORTH < mine < its - NEARLY:
             takes = f"beside {_named(sorted(before))} it takes {100 * mine:.0f} % of the squared error"
-            return f"{takes}, {_named([other])} {100 * its:.0f} %, and beside both it adds nothing that counts"
+            nothing = ", and beside all of them nothing that counts" if _tried_beside(f, effect) else ""
+            return f"{takes}, {_named([other])} {100 * its:.0f} %{nothing}"
     return ""
 
 

@@ -59,6 +59,17 @@ def test_free_run_is_the_exact_simulation(effect):
     assert error[:3].max() < (5e-3 if effect == "load_dependent_friction" else 1e-3)  # |current| is a kink
 
 
+@pytest.mark.parametrize("sigma", [3.0, 5.0])
+def test_a_stiff_bristle_is_followed_in_fewer_substeps_than_its_rate_asks_for(sigma):
+    model = motor("none").with_effect("dahl_presliding", F_c=0.03, sigma=sigma)
+    exact = simulate(model, TIMES, INPUT, rtol=1e-8).x
+    fastest = sigma * np.abs(exact[:, 1]).max() / 0.03 * DT
+    assert fastest > 10.0
+    _, _, found = run(model)
+    error = np.sqrt(np.mean((found - exact) ** 2, axis=0)) / np.std(exact, axis=0)
+    assert error[:3].max() < 2e-3
+
+
 @pytest.mark.parametrize("effect", CASES)
 def test_sensitivities_are_those_of_finite_differences(effect):
     model = motor(effect)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,3 +52,19 @@ def test_a_hysteresis_is_found_beneath_an_offset(zero):
     assert "coulomb_friction" not in effects
     assert bool(effects & {"constant_load", "sensor_offset"}) == bool(zero)
     assert len(effects) == (2 if zero else 1)
+
+
+@pytest.mark.parametrize("late", [1, 4])
+def test_a_force_that_is_measured_late_is_told_to_the_sample(late):
+    records = []
+    for seed in (1, 2):
+        d, rng = record(seed), np.random.default_rng(seed)
+        force = 1000.0 * np.concatenate([np.full(late, d.u[0, 0]), d.u[:-late, 0]]) + rng.normal(0.0, 1.0, len(d))
+        records.append(replace(d, measured={"force": force}))
+    found = diagnose(Model.from_dict(BASE), *records)
+    (effect,) = found.ladder[-1].effects
+    delay = found.parameters["input_delay.T"]
+    assert effect == "input_delay"
+    assert late - 1 < delay.value / STEP <= late
+    assert delay.std is None
+    assert delay.note

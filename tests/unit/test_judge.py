@@ -78,3 +78,20 @@ def test_steps_of_an_encoder_are_found_and_their_rounding_is_noise():
     assert not whiteness([rounding]).white
     assert whiteness([rounding], steps=True).white
     assert not whiteness([rounding + 0.002 * np.sin(t)], steps=True).white
+
+
+def test_what_lasts_too_long_is_structure_beyond_white_noise():
+    rng = np.random.default_rng(3)
+    noise, slow = rng.normal(0.0, 1.0, 4000), np.zeros(4000)
+    for k in range(1, slow.size):
+        slow[k] = 0.97 * slow[k - 1] + rng.normal(0.0, 0.5)
+    (found,) = residues([(slow + noise)[:, None]], np.ones(1))
+    assert found.coloured == 0.0
+    assert found.noise == pytest.approx(1.0, rel=0.1)
+    assert found.structured
+
+
+def test_white_noise_that_was_thought_smaller_is_no_structure():
+    noise = np.random.default_rng(4).normal(0.0, 1.0, (40_000, 1))
+    (found,) = residues([noise], np.full(1, 0.95))
+    assert not found.structured
