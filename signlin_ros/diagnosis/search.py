@@ -79,6 +79,8 @@ SLOW = 10
 """Steps that those with states get for that, whose shape takes longer to be found; others one."""
 MOST_FINISHED = 4
 """How many of these are fitted out."""
+MOST_IMPOSED = 12
+"""The same where motion is imposed: no observer helps there to find the shape of a hysteresis in a few steps."""
 BEAM = 4
 """How many singles are tried with a second effect where no single is enough."""
 DEPTH = 3
@@ -450,7 +452,8 @@ class _Search:
             fewer = [f for f in self.executor.map(functools.partial(without, self.problem, r), r.effects) if f]
             best = min(fewer, key=_evidence, default=r)
             for f in fewer:
-                if f.effects == path[-1].ranked.effects and f.evidence < path[-1].ranked.evidence:
+                better = f.effects == path[-1].ranked.effects and f.evidence < path[-1].ranked.evidence
+                if better and plausible(self.problem, f):
                     path[-1] = self._compared(path[-2], f)
             if best is r or best.evidence > r.evidence:
                 return r
@@ -521,7 +524,8 @@ class _Search:
         going_on = [s for i, s in enumerate(tried) if i < WIDE or EFFECTS[s[2].effect].states]
         screened = sorted((s for s in self.executor.map(self._screened, going_on) if s is not None), key=_screening)
         self._remember(starts, [*tried, *screened])
-        front, rest = screened[:2], screened[2:MOST_FINISHED]
+        inert = self.problem.scale.inertia > 0.0
+        front, rest = screened[:2], screened[2 : MOST_FINISHED if inert else MOST_IMPOSED]
         finished = self._all_finished(front)
         if finished and self._enough(finished[0]):
             rest = [s for s in rest if s[0] < front[0][0] + STRONG]
