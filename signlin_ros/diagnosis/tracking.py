@@ -141,8 +141,10 @@ def driven(model: Model, t: Array, u: Array, values: Mapping[str, Array]) -> Arr
     x0 = np.array([values[name][0] if name in values else x for name, x in zip(model.states, model.x0, strict=True)])
     result = np.tile(x0, (t.size, 1))
     columns = [model.states.index(name) for name in names]
-    if not names:
-        return result
+    if not names:  # the input alone moves it, as an imposed motion does
+        nothing = np.full((t.size, len(model.states)), np.nan)
+        run = Tracker(model, t, u, nothing, model.states, np.maximum(np.abs(x0), 1.0)).run(x0)
+        return run.state if run.stopped is None else result
     y = np.column_stack([values[name] for name in names])
     if len(names) < len(model.states):
         gain = np.zeros((1, len(model.states), len(names)))

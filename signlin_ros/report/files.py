@@ -8,6 +8,9 @@ from signlin_ros.errors import InputError
 from signlin_ros.files import replacing, write_text
 from signlin_ros.report.page import Page, rendered
 
+VARIABLE = "evidence_*.png"
+"""Pictures that not every report has: those of an earlier one at the same place would be taken for this one's."""
+
 
 def write_report(page: Page, path: str | Path) -> Path:
     """Write a report to ``path`` and its pictures into a folder of the same stem; return the path of the HTML.
@@ -24,6 +27,9 @@ def write_report(page: Page, path: str | Path) -> Path:
             with replacing(folder / name) as part:
                 part.write_bytes(data)
         write_text(target, text)
+        for old in folder.glob(VARIABLE):
+            if old.name not in pictures:
+                old.unlink()
     except OSError as error:
         raise InputError(f"--report: cannot write {error.filename or target}: {error.strerror}") from error
     return target

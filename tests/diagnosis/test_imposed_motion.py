@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.diagnosis.rank import applicable
 from signlin_ros.diagnosis.verdict import diagnose
@@ -68,3 +69,12 @@ def test_a_force_that_is_measured_late_is_told_to_the_sample(late):
     assert late - 1 < delay.value / STEP <= late
     assert delay.std is None
     assert delay.note
+
+
+def test_a_bristle_bends_with_an_imposed_motion_of_which_only_the_force_is_measured():
+    right = {**BASE, "parameters": {"c": 1000.0, "k": 0.0}}
+    right["effects"] = {"dahl_presliding": {"F_c": YIELD, "sigma": YIELD / BEND}}
+    data = record(1)
+    (gap,) = compare(Model.from_dict(right), replace(data, measured={"force": data.measured["force"]})).missing
+    assert gap.name == "force"
+    assert gap.rms < 0.2 * YIELD

@@ -234,3 +234,9 @@ def test_report_on_a_comparison(rubbing, tmp_path):
     assert sections(reader)[:3] == ["scores", "measured-and-predicted", "where-it-fails"]
     assert "times the noise" in reader.text
     assert "signlin compare a.yaml b.csv" in reader.text
+
+
+def test_evidence_of_an_earlier_report_does_not_stay_beside_a_new_one(tmp_path):
+    path = write_report(page(picture("evidence_backlash"), picture("ladder")), tmp_path / "report.html")
+    write_report(page(picture("evidence_dahl")), path)
+    assert {p.name for p in (tmp_path / "report_files").iterdir()} == {"evidence_dahl.png", "ladder.png"}
