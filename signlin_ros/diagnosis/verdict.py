@@ -478,7 +478,8 @@ def _second_best(f: Findings, effect: str) -> str:
         )
         if WORTH < mine < its - NEARLY:
             takes = f"beside {_named(sorted(before))} it takes {100 * mine:.0f} % of the squared error"
-            nothing = ", and beside all of them nothing that counts" if _tried_beside(f, effect) else ""
+            both = "both" if len(final) == 2 else "all of them"
+            nothing = f", and beside {both} nothing that counts" if _tried_beside(f, effect) else ""
             return f"{takes}, {_named([other])} {100 * its:.0f} %{nothing}"
     return ""
 
