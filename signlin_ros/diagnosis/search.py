@@ -73,10 +73,10 @@ NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
 REAL = 3.0
 """Standard errors by which an added effect must differ from nothing."""
-WIDE = 12
-"""How many of all that can be added are looked at more closely; those with states of their own are, in any case."""
+WIDE = 6
+"""How many of those that can be added to a set are looked at more closely; with states of their own all are."""
 SLOW = 10
-"""Steps that those with states get for that, whose shape takes longer to be found; others one."""
+"""Steps that those with states get for that, whose shape takes longer to be found; others two."""
 MOST_FINISHED = 4
 """How many of these are fitted out."""
 MOST_IMPOSED = 12
@@ -277,6 +277,11 @@ _Screened = tuple[float, Ranked, Trial, Fit]
 
 def _screening(s: _Screened) -> float:
     return s[0]
+
+
+def _going_on(tried: Sequence[_Screened]) -> list[_Screened]:
+    """Return which of the trials on top of one set, best first, are looked at more closely."""
+    return [s for i, s in enumerate(tried) if i < WIDE or EFFECTS[s[2].effect].states]
 
 
 class _Search:
@@ -521,7 +526,7 @@ class _Search:
         enough = bool(starts) and self._enough(starts[0])
         tried = [r for r in self.executor.map(lambda j: self._tried(j[0], j[1], enough), jobs) if r is not None]
         tried.sort(key=_screening)
-        going_on = [s for i, s in enumerate(tried) if i < WIDE or EFFECTS[s[2].effect].states]
+        going_on = [s for before in starts for s in _going_on([s for s in tried if s[1] is before])]
         screened = sorted((s for s in self.executor.map(self._screened, going_on) if s is not None), key=_screening)
         self._remember(starts, [*tried, *screened])
         inert = self.problem.scale.inertia > 0.0
@@ -546,7 +551,7 @@ class _Search:
         return sorted((r for r in found if r is not None), key=_evidence)
 
     def _tried(self, before: Ranked, trial: Trial, enough: bool) -> _Screened | None:
-        """Return a trial on top of what was fitted, after one step at the gain that suits what was fitted."""
+        """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
         gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
         known, found = before.fit.parameters(), []
         inert = self.problem.scale.inertia > 0.0  # without, starts need not lead to each other
@@ -555,14 +560,14 @@ class _Search:
             theta = [
                 k.theta(known[k.name]) if k.name in known else x for k, x in zip(c.coordinates, c.start(), strict=True)
             ]
-            found.append(fit(self.short, c, gains, np.array(theta), 1))
+            found.append(fit(self.short, c, gains, np.array(theta), 2))
         best = min((f for f in found if f), key=cost_of, default=None)
         return self._promise(before, trial, best)
 
     def _screened(self, tried: _Screened) -> _Screened | None:
         """Return a trial after some further steps; None if it diverges where it is not followed by a filter."""
         _, before, trial, first = tried
-        return self._promise(before, trial, further(self.short, first, SLOW if EFFECTS[trial.effect].states else 1))
+        return self._promise(before, trial, further(self.short, first, SLOW if EFFECTS[trial.effect].states else 2))
 
     def _promise(self, before: Ranked, trial: Trial, f: Fit | None) -> _Screened | None:
         """Return a trial with what it promises, followed as far as that is to be trusted."""
