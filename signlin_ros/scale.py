@@ -10,7 +10,7 @@ from signlin_ros.par import POWERS
 @dataclass(frozen=True)
 class Scale:
     """Sizes in SI units: RMS of driving force, velocity and acceleration, half the travel, RMS current (1 without),
-    largest input, median sampling step and duration in s; inertia of the plant (0: what force and acceleration say).
+    largest input, median sampling step and duration in s; inertia of the plant (0 where there is none).
     """
 
     force: float
@@ -22,6 +22,11 @@ class Scale:
     step: float
     duration: float
     inertia: float = 0.0
+
+    @property
+    def imposed(self) -> bool:
+        """Whether the motion is imposed: nothing inert stands between the input and what is measured."""
+        return not self.inertia
 
     @property
     def excursion(self) -> float:

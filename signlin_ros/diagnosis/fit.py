@@ -8,7 +8,7 @@ sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method wit
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import ceil
 from typing import Any, cast
@@ -113,9 +113,10 @@ class Candidate:
         """The least and the largest coordinates."""
         return np.array([k.low for k in self.coordinates]), np.array([k.high for k in self.coordinates])
 
-    def start(self) -> Array:
-        """Return the coordinates of the values that the candidate starts from."""
-        return np.array([c.theta(self.values[c.name]) for c in self.coordinates])
+    def start(self, known: Mapping[str, float] | None = None) -> Array:
+        """Return the coordinates of the values that the candidate starts from, or of those that are ``known``."""
+        values = {**self.values, **(known or {})}
+        return np.array([c.theta(values[c.name]) for c in self.coordinates])
 
 
 @dataclass(frozen=True)

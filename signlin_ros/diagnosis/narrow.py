@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import Candidate, Fit, fit, likelihood
-from signlin_ros.diagnosis.problem import Gains, Problem, shortened
+from signlin_ros.diagnosis.problem import Gains, Problem
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def deepened(problem: Problem, found: Fit, key: str, each: Each) -> Fit:
     """Return a fit of the effect ``key``, gone on from until nothing better is found nearby."""
     c, index = found.candidate, list(_own(found.candidate, key).values())
     low, high = (np.array([getattr(c.coordinates[i], side) for i in index]) for side in ("low", "high"))
-    short = problem if problem.samples <= MANY and c.filtered else shortened(problem)
+    short = problem if problem.samples <= MANY and c.filtered else problem.short
     for _ in range(AGAIN):
         centre, gains = found.theta.copy(), found.gains
         scale = NEAR * np.array([1.0 if c.coordinates[i].log else abs(centre[i]) for i in index])

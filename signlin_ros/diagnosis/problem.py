@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -103,6 +104,11 @@ class Problem:
     units: dict[str, str] = field(default_factory=dict)
     quanta: Array = field(default_factory=lambda: np.zeros(0))
 
+    @functools.cached_property
+    def short(self) -> Problem:
+        """The problem on some stretches of its records, spread evenly, where it has many samples."""
+        return _shortened(self)
+
     @property
     def rotary(self) -> bool:
         """Whether a plant of forces and displacements stands for one of torques and angles."""
@@ -171,7 +177,7 @@ def _start(model: Model, channels: tuple[str, ...], t: Array, y: Array) -> dict[
     return start
 
 
-def shortened(problem: Problem) -> Problem:
+def _shortened(problem: Problem) -> Problem:
     """Return the problem on some stretches of its records, spread evenly, where it has many samples."""
     most = min(max(FEWEST, problem.samples // 2), LONG)
     chunks = CHUNKS if most > 2 * FEWEST else CHUNKS // 2

@@ -14,7 +14,7 @@ from scipy.stats import norm
 
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, further, likelihood
 from signlin_ros.diagnosis.narrow import Each, deepened, narrowed, tuned
-from signlin_ros.diagnosis.problem import Gains, Problem, added_keys, shortened
+from signlin_ros.diagnosis.problem import Gains, Problem, added_keys
 from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, load_entry_points
 from signlin_ros.effects.base import Effect, SensorEffect
@@ -131,8 +131,8 @@ def _effect_trials(problem: Problem, name: str, effect: type[Effect]) -> list[Tr
     plant = problem.base.plant
     if (effect.plants and plant.name not in effect.plants) or name in plant.built_in:
         return []
-    if plant.velocity in problem.base.inputs and effect.input is not Effect.input:
-        return []  # motion that is imposed is measured, not commanded: nothing stands between
+    if problem.scale.imposed and effect.input is not Effect.input:
+        return []  # what is imposed is measured, not commanded
     starts = _starts(problem, effect)
     if not starts:
         return []
@@ -226,7 +226,7 @@ def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
     if not trial.starts:
         return []
     high, middle = problem.levels[:2]
-    short = shortened(problem)
+    short = problem.short
     candidates = [extended(problem, None, trial, start) for start in trial.starts]
     first = [f for f in (fit(short, c, high, None, 2) for c in candidates) if f]
     first = sorted(first, key=cost_of)[:MOST_STARTS]
@@ -242,10 +242,10 @@ def _climb(problem: Problem, trial: Trial) -> list[tuple[Fit, Fit]]:
 
 def _bred(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
     """Search at the middle gain from the best of many starts; best pair first."""
-    short, middle = shortened(problem), problem.levels[1]
+    middle = problem.levels[1]
     first, starts = extended(problem, None, trial, trial.starts[0]), list(trial.starts)
     if len(starts) > MOST_STARTS:
-        starts = narrowed(short, first, starts, trial.added[0], middle, each)
+        starts = narrowed(problem.short, first, starts, trial.added[0], middle, each)
     candidates = [extended(problem, None, trial, start) for start in starts]
     found = [f for f in each(lambda c: fit(problem, c, middle, None, 10), candidates) if f]
     kept = [f for one in each(lambda f: trusted(problem, [f]), found) for f in one]
@@ -410,10 +410,7 @@ def simplified(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked
 def _started(problem: Problem, trial: Trial, richer: Fit) -> Ranked | None:
     """Return a trial fitted from its start, with the base parameters of a richer fit."""
     c = extended(problem, None, trial, trial.starts[0])
-    theta, values = c.start(), richer.parameters()
-    for i, k in enumerate(c.coordinates):
-        if k.name in problem.base.parameters and k.name in values:
-            theta[i] = k.theta(values[k.name])
+    theta = c.start({n: v for n, v in richer.parameters().items() if n in problem.base.parameters})
     return ranked(problem, (trial.effect,), (), descend(problem, c, theta, problem.levels[1:], 10, None))
 
 

@@ -20,7 +20,6 @@ from signlin_ros.diagnosis.problem import (
     pieces,
     prepare,
     segment,
-    shortened,
     white_noise,
     with_measured_position,
 )
@@ -61,8 +60,8 @@ STRONG = 30.0
 MOVED = 12.0
 """What an effect must save of the priors, in -2 log likelihood, if it stands for parameters moved far from nominal."""
 SHARE, PART = 0.05, 0.2
-"""Least share of the squared innovations on unseen data that one more effect must take away from a poor model, and of
-those of the base model; or by which it must lower those that are left, which will do as well as the latter."""
+"""Least share of the squared innovations on unseen data that one more effect must take away from a poor model; where
+structure remains, it must also be that share of what the base model lacks, or `PART` of what the last step left."""
 SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
 ROUNDED = 0.6
@@ -290,7 +289,7 @@ class _Search:
         self.filter = Filter(np.zeros(len(problem.channels)))
         self.pairs: list[Ranked] = []
         self.beside: dict[str, list[Beside]] = {}
-        self.short = shortened(problem)
+        self.short = problem.short
 
     def run(self, only: str | None = None) -> Findings:
         self.progress("preparing", 0.0)
@@ -427,9 +426,10 @@ class _Search:
                 continue
             step = self._compared(last, r)
             strong = last.ranked.evidence - r.evidence > STRONG and not self.filter.rho.any()
-            needed = (LIKELY if strong else SURE) if len(path) == 1 or self._enough(step.ranked) else CERTAIN
+            enough = len(path) == 1 or self._enough(step.ranked)
+            needed = (LIKELY if strong else SURE) if enough else CERTAIN
             poor = len(path) > 1 and not self._enough(last.ranked)
-            if poor and (step.share < SHARE or (self._patch(path, r) and not self._enough(step.ranked))):
+            if poor and (step.share < SHARE or (not enough and self._patch(path, r))):
                 continue
             moved = _prior(last.ranked.fit) - _prior(r.fit)
             if len(path) == 1 and moved > MOVED and step.certainty > -SURE:
@@ -529,8 +529,8 @@ class _Search:
         going_on = [s for before in starts for s in _going_on([s for s in tried if s[1] is before])]
         screened = sorted((s for s in self.executor.map(self._screened, going_on) if s is not None), key=_screening)
         self._remember(starts, [*tried, *screened])
-        inert = self.problem.scale.inertia > 0.0
-        front, rest = screened[:2], screened[2 : MOST_FINISHED if inert else MOST_IMPOSED]
+        most = MOST_IMPOSED if self.problem.scale.imposed else MOST_FINISHED
+        front, rest = screened[:2], screened[2:most]
         finished = self._all_finished(front)
         if finished and self._enough(finished[0]):
             rest = [s for s in rest if s[0] < front[0][0] + STRONG]
@@ -554,13 +554,10 @@ class _Search:
         """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
         gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
         known, found = before.fit.parameters(), []
-        inert = self.problem.scale.inertia > 0.0  # without, starts need not lead to each other
-        for start in trial.starts[: (1 if enough else 3) if inert else None]:
+        few = None if self.problem.scale.imposed else 1 if enough else 3  # of an imposed motion none leads to another
+        for start in trial.starts[:few]:
             c = extended(self.problem, before, trial, start)
-            theta = [
-                k.theta(known[k.name]) if k.name in known else x for k, x in zip(c.coordinates, c.start(), strict=True)
-            ]
-            found.append(fit(self.short, c, gains, np.array(theta), 2))
+            found.append(fit(self.short, c, gains, c.start(known), 2))
         best = min((f for f in found if f), key=cost_of, default=None)
         return self._promise(before, trial, best)
 

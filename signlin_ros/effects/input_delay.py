@@ -27,10 +27,10 @@ class InputDelay(Effect):
 
     @classmethod
     def starts(cls, scale: Scale) -> list[dict[str, float]]:
-        """Return a short and a longer delay; where nothing inert stands between input and output, a delay acts in whole
+        """Return a short and a longer delay; where motion is imposed, a delay acts in whole
         samples and none leads to the next: then one for each of the first samples.
         """
-        late = (1.5, 4.5) if scale.inertia else (k + 0.5 for k in range(SAMPLES))
+        late = (k + 0.5 for k in range(SAMPLES)) if scale.imposed else (1.5, 4.5)
         return [{"T": samples * scale.step} for samples in late]
 
     def delay(self, p: Any) -> Any:
