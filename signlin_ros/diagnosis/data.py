@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
@@ -21,6 +22,8 @@ MANY = 0.05
 """Where more than this share of the steps is that long, the record is unevenly sampled rather than full of gaps."""
 SHORTEST = 20
 """A stretch between gaps needs this many samples."""
+DRIFT = 51
+"""Samples over which an imposed velocity and displacement are held together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +31,7 @@ class Stretch:
     """Samples without a gap: t (T,) s, u (T, m), y (T, channels) true values with NaN for missing samples.
 
     ``source`` names the record, ``record`` counts them from 0; ``first`` is where the stretch begins in it.
+    ``known``: states (T,) that are imposed, see `imposed`.
     """
 
     t: Array
@@ -36,6 +40,7 @@ class Stretch:
     source: str
     record: int
     first: int
+    known: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def step(self) -> float:
@@ -64,12 +69,41 @@ def as_list(data: ModelData | Sequence[ModelData]) -> list[ModelData]:
 
 
 def measured_channels(model: Model, data: Sequence[ModelData]) -> tuple[str, ...]:
-    """Return the states and outputs that every record measures; raise `RecordError` if there is none."""
-    known = dict.fromkeys((*model.states, *model.outputs))
+    """Return the states and outputs that every record measures; raise `RecordError` if there is none.
+
+    The position of an imposed motion is not among them: no model explains it. It is `imposed`.
+    """
+    given = {model.plant.position} if model.plant.velocity in model.inputs else set()
+    known = [c for c in dict.fromkeys((*model.states, *model.outputs)) if c not in given]
     found = tuple(c for c in known if all(np.isfinite(d.measured.get(c, np.nan)).any() for d in data))
     if not found:
         raise RecordError(f"{data[0].source}: nothing to compare with: none of {', '.join(known)} is measured")
     return found
+
+
+def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array]]:
+    """Return the inputs (T, m) of a record without gaps and the states (T,) that they impose.
+
+    A velocity that is imposed runs away from a displacement that was measured too, if its sensor has an offset: the
+    slow part of the difference is taken out of it.
+    """
+    plant, t, u = model.plant, record.t, record.u
+    if plant.velocity not in model.inputs or plant.position not in record.measured:
+        return u, {}
+    x = _true(model, record, plant.position)
+    there = np.isfinite(x)
+    if np.count_nonzero(there) < DRIFT:
+        return u, {}
+    x = np.interp(t, t[there], x[there])
+    u, j = u.copy(), model.inputs.index(plant.velocity)
+    apart = savgol_filter(x - x[0] - travelled(t, u[:, j]), DRIFT, 1)
+    u[:-1, j] += np.diff(apart) / np.diff(t)
+    return u, {plant.position: x[0] + apart[0] + travelled(t, u[:, j])}
+
+
+def travelled(t: Array, velocity: Array) -> Array:
+    """Return how far (T,) a velocity (T,) that is held from sample to sample has led since the first one."""
+    return np.concatenate([[0.0], np.cumsum(velocity[:-1] * np.diff(t))])
 
 
 def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Stretch], list[str]]:
@@ -80,15 +114,28 @@ def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]
         edges = gaps(record.t)
         if len(edges) > 2:
             notes.append(f"{record.source}: {len(edges) - 2} gap(s) in time; every run starts anew after each")
-        for first, last in pairwise(edges):
+        for begin, last in pairwise(edges):
+            first = begin + first_measured(y[begin:last])
+            if first > begin:
+                notes.append(f"{record.source}: what is before t = {record.t[first]:.6g} s is not measured")
             part = slice(first, last)
             if last - first >= SHORTEST and np.isfinite(y[part]).any():
-                found.append(Stretch(record.t[part], record.u[part], y[part], record.source, number, first))
+                u, known = imposed(model, record.part(first, last))
+                found.append(Stretch(record.t[part], u, y[part], record.source, number, first, known))
             else:
                 notes.append(f"{record.source}: {last - first} samples at t = {record.t[first]:.6g} s are left out")
     if not found:
         raise RecordError(f"{data[0].source}: fewer than {SHORTEST} samples without a gap")
     return found, notes
+
+
+def first_measured(y: Array) -> int:
+    """Return the sample from which on all channels of y (T, channels) are measured; where one begins only in the second
+    half, that from which on any is.
+    """
+    there = np.isfinite(y)
+    first = np.where(there.any(axis=0), there.argmax(axis=0), y.shape[0])
+    return int(first.max() if first.max() <= y.shape[0] // 2 else first.min() % y.shape[0])
 
 
 def gaps(t: Array) -> list[int]:
@@ -112,4 +159,15 @@ def _true(model: Model, record: ModelData, name: str) -> Array:
     return np.where(lost, np.nan, moved)
 
 
-__all__ = ["SHORTEST", "Stretch", "as_list", "gaps", "load_records", "measured_channels", "stretches"]
+__all__ = [
+    "SHORTEST",
+    "Stretch",
+    "as_list",
+    "first_measured",
+    "gaps",
+    "imposed",
+    "load_records",
+    "measured_channels",
+    "stretches",
+    "travelled",
+]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.diagnosis.data import gaps, measured_channels
+from signlin_ros.diagnosis.data import first_measured, gaps, imposed, measured_channels, travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import kalman_gains
 from signlin_ros.diagnosis.missing import per_force
@@ -27,6 +27,8 @@ Array = NDArray[np.float64]
 SETTLED = 25.0
 """Variance of the initial state in variances of the measurement noise."""
 LEAST_SAMPLES = 100
+STILL = 1e-9
+"""A channel whose deviation is a smaller share of its value never moves."""
 EVEN = 0.5
 """A channel is shown in steps if more than this share of the distances between its values are the same."""
 FEWEST, LONG, CHUNKS = 2000, 6000, 4
@@ -131,10 +133,15 @@ def fourth_difference_noise(values: Array) -> float:
 
 
 def white_noise(segments: Sequence[Segment]) -> Array:
-    """Return the standard deviation (ny) of white noise on every channel, at least a millionth of its own."""
+    """Return the standard deviation (ny) of white noise on every channel, at least a millionth of its own.
+
+    A channel that never moves has one of a millionth of its value, or of its unit.
+    """
     everything = np.concatenate([s.y for s in segments])
     noise = np.array([fourth_difference_noise(values) for values in everything.T])
-    return np.asarray(np.maximum(noise, 1e-6 * np.maximum(np.nanstd(everything, axis=0), 1e-300)))
+    own, value = np.nanstd(everything, axis=0), np.nanmax(np.abs(everything), axis=0)
+    least = np.where(own > STILL * value, own, np.where(value > 0, value, 1.0))
+    return np.asarray(np.maximum(noise, 1e-6 * least))
 
 
 def quanta(segments: Sequence[Segment]) -> Array:
@@ -160,8 +167,10 @@ def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment
     if data.t.size < LEAST_SAMPLES:
         raise RecordError(f"{data.source}: {data.t.size} samples; at least {LEAST_SAMPLES} are needed")
     y = np.ascontiguousarray(np.column_stack([data.measured[c] for c in channels]))
-    t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(data.u)
-    return Segment(t, u, y, _start(model, channels, t, y), data.source)
+    driving, known = imposed(model, data)
+    t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(driving)
+    start = {name: float(values[0]) for name, values in known.items()}
+    return Segment(t, u, y, _start(model, channels, t, y) | start, data.source)
 
 
 def _start(model: Model, channels: tuple[str, ...], t: Array, y: Array) -> dict[str, float]:
@@ -190,8 +199,18 @@ def _shortened(problem: Problem) -> Problem:
         for first in np.linspace(0, max(s.t.size - size, 0), share).astype(int):
             part = slice(first, first + size)
             t, u, y = s.t[part], s.u[part], s.y[part]
-            parts.append(Segment(t, u, y, _start(problem.base, problem.channels, t, y), s.source, False))
+            start = _start(problem.base, problem.channels, t, y) | _imposed_at(problem.base, s, first)
+            parts.append(Segment(t, u, y, start, s.source, False))
     return replace(problem, segments=tuple(parts))
+
+
+def _imposed_at(model: Model, s: Segment, at: int) -> dict[str, float]:
+    """Return the position to which an imposed motion has led at a sample."""
+    plant = model.plant
+    if plant.velocity not in model.inputs:
+        return {}
+    velocity = s.u[: at + 1, model.inputs.index(plant.velocity)]
+    return {plant.position: s.start.get(plant.position, 0.0) + float(travelled(s.t[: at + 1], velocity)[-1])}
 
 
 def _first_slope(t: Array, values: Array) -> float:
@@ -219,9 +238,12 @@ def _first_slope(t: Array, values: Array) -> float:
 
 
 def pieces(data: ModelData) -> list[ModelData]:
-    """Cut a record at its gaps in time; pieces that are too short are left out, if any is long enough."""
+    """Cut a record at its gaps in time, each piece from where it is measured; pieces that are too short are left out,
+    if any is long enough.
+    """
     edges = gaps(data.t)
     parts = [data.part(first, last) for first, last in itertools.pairwise(edges)]
+    parts = [p.part(first_measured(np.column_stack([*p.measured.values()]))) if p.measured else p for p in parts]
     return [p for p in parts if len(p) >= LEAST_SAMPLES] or [data]
 
 

@@ -54,8 +54,10 @@ TIE = 6.0
 SURE, LIKELY = 2.0, 1.0
 """Standard errors by which an effect must lower the error on data that the fit did not see, and by which one must
 whose evidence on the data that it was fitted to is `STRONG`, in white noise."""
-CERTAIN = 2.5
-"""Standard errors for a second and further effect in a model that stays imperfect with it."""
+CERTAIN, FURTHER = 2.5, 3.5
+"""Standard errors for an effect in a model that stays imperfect with it: for what is named at all, and for a second and
+further effect, which is the best of some twenty that each might patch what is left.
+"""
 STRONG = 30.0
 MOVED = 12.0
 """What an effect must save of the priors, in -2 log likelihood, if it stands for parameters moved far from nominal."""
@@ -68,8 +70,14 @@ ROUNDED = 0.6
 """A residual smaller than this share of the step in which a channel is shown is its rounding."""
 DRAWS, SENSITIVE = 4, 0.1
 """Draws of uncertain parameters, and the share of what is left that they must make where motion is chaotic."""
+AWAKE = 1.35
+"""What an observer may leave, in multiples of the noise, where it follows a state that is moved at random: the noise,
+by how much its gain follows that, and steps of an encoder."""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
+NOTHING, NEEDLESS = 1e-6, 0.1
+"""What a parameter is held at, as a share of its value, to see whether it is needed, and the share of an effect's gain
+that one must make without which it is another effect."""
 REAL = 3.0
 """Standard errors by which an added effect must differ from nothing."""
 WIDE = 6
@@ -125,7 +133,8 @@ class Findings:
     unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal;
     ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged;
     ``followed``: the same at the middle gain. ``beside``: what effects promised beside others, on the data that was
-    fitted to.
+    fitted to. ``declined``: why effects that lower the error were refused. ``driven_by_noise``: see the function.
+    ``beyond_doubt``: whether the last step lowers the error on unseen data so; one that was asked for may not.
     """
 
     problem: Problem
@@ -139,6 +148,9 @@ class Findings:
     held_out: tuple[tuple[Array, ...], tuple[Array, ...]]
     followed: tuple[tuple[Array, ...], tuple[Array, ...]]
     beside: Mapping[str, Sequence[Beside]]
+    declined: Mapping[str, str]
+    driven_by_noise: bool
+    beyond_doubt: bool = True
 
     @property
     def final(self) -> Step:
@@ -192,6 +204,22 @@ def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:
     return not all(whiteness([e[:, c] for e in whitened], steps=bool(rounding[c])).white for c in range(rounding.size))
 
 
+def driven_by_noise(problem: Problem, r: Ranked) -> bool:
+    """Tell whether what a model leaves is what noise in the input leaves: it is gone at the highest gain.
+
+    Noise in the input moves the state at random: an observer that is wide awake follows that, and only the noise of the
+    sensors is left. A force that the model lacks is no white noise, and shows at any gain.
+    """
+    c = r.fit.candidate
+    if problem.scale.imposed or c.filtered:
+        return False
+    found = fit(problem, c, problem.levels[0], r.fit.theta, 10)
+    if found is None or any(one.structured for one in residues(found.innovations, problem.noise)):
+        return False
+    left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
+    return bool((left < AWAKE * problem.noise).all())
+
+
 def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
     """Return the first two thirds of every record, and the last third."""
     cut = [len(d) * 2 // 3 for d in data]
@@ -239,6 +267,30 @@ def plausible(problem: Problem, r: Ranked) -> bool:
     model = r.fit.fitted()
     added = [use for key, use in model.effects.items() if key not in problem.base.effects]
     return all(find_effect(use.type, "effects").plausible(use.parameters) for use in added)
+
+
+def _is_essential(model: Model, parameter: str) -> bool:
+    """Tell whether a parameter of a model, ``key.name``, is essential to its effect."""
+    key, _, name = parameter.partition(".")
+    return key in model.effects and name in find_effect(model.effects[key].type, "effects").essential
+
+
+def needless(problem: Problem, r: Ranked, before: Ranked) -> str:
+    """Return a parameter that is essential to what was added to ``before`` and that the fit hardly needs; "" if none.
+
+    What an effect gains may be what a filter gains that corrects its own states, whatever the effect.
+    """
+    c, known = r.fit.candidate, {k.name for k in before.fit.candidate.coordinates}
+    for i, k in enumerate(c.coordinates):
+        if k.name in known or not _is_essential(c.model, k.name):
+            continue
+        none = float(NOTHING * r.fit.theta[i])
+        held = tuple(replace(k, low=none, high=none) if j == i else o for j, o in enumerate(c.coordinates))
+        theta = np.where(np.arange(r.fit.theta.size) == i, none, r.fit.theta)
+        found = fit(problem, replace(c, coordinates=held), r.fit.gains, theta, 10)
+        if found and found.cost - r.fit.cost < max(NEEDED, NEEDLESS * (before.fit.cost - r.fit.cost)):
+            return k.name.partition(".")[2]
+    return ""
 
 
 def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
@@ -289,6 +341,7 @@ class _Search:
         self.filter = Filter(np.zeros(len(problem.channels)))
         self.pairs: list[Ranked] = []
         self.beside: dict[str, list[Beside]] = {}
+        self.declined: dict[str, str] = {}
         self.short = problem.short
 
     def run(self, only: str | None = None) -> Findings:
@@ -315,6 +368,9 @@ class _Search:
             self._both(path, at.gains),
             self._both(path, self.problem.levels[1]),
             self.beside,
+            self.declined,
+            driven_by_noise(self.problem, path[-1].ranked),
+            not only or self._best_step(path[:1], [path[-1].ranked]) is not None,
         )
 
     def _base(self) -> Ranked:
@@ -424,17 +480,25 @@ class _Search:
                 continue
             if not self._real(r, last.ranked):
                 continue
+            spare = needless(self.problem, r, last.ranked)
+            if spare:
+                self.declined[r.label] = f"without its {spare} it explains nearly as much"
+                continue
             step = self._compared(last, r)
             strong = last.ranked.evidence - r.evidence > STRONG and not self.filter.rho.any()
             enough = len(path) == 1 or self._enough(step.ranked)
-            needed = (LIKELY if strong else SURE) if enough else CERTAIN
+            needed = (LIKELY if strong else SURE) if enough else FURTHER
             poor = len(path) > 1 and not self._enough(last.ranked)
             if poor and (step.share < SHARE or (not enough and self._patch(path, r))):
                 continue
             moved = _prior(last.ranked.fit) - _prior(r.fit)
             if len(path) == 1 and moved > MOVED and step.certainty > -SURE:
                 return step
-            if step.gain > 0 and step.certainty > needed:
+            if (
+                step.gain > 0
+                and step.certainty > needed
+                and (step.certainty > FURTHER or not self._wandering(last.ranked))
+            ):
                 return step
         return None
 
@@ -499,6 +563,10 @@ class _Search:
 
     def _enough(self, r: Ranked) -> bool:
         return not structured(self.problem, r, self.filter)
+
+    def _wandering(self, r: Ranked) -> bool:
+        """Tell whether noise in the input would leave what a model leaves: errors then go together for long."""
+        return not self._enough(r) and driven_by_noise(self.problem, r)
 
     def _more(self, now: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Ranked]:
         """Return sets with one effect more than ``now``; where one is not enough, on top of other singles too, and
@@ -601,11 +669,13 @@ class _Search:
         second = [r.fit.filter.apply(e) for e in step.unseen]
         gain, certainty, share = gain_on(first, second, block)
         middle = self.problem.levels[1]
-        if certainty < CERTAIN or gain <= 0:
+        if certainty < FURTHER or gain <= 0:
             floor = self.unseen.noise**2
             there = (self._unseen(before.ranked, middle), self._unseen(r, middle))
-            more = (gain_in_blocks(a, b, block, floor) for a, b in ((first, second), there))
-            gain, certainty, share = max(*more, key=lambda g: g[1])
+            more = [gain_in_blocks(a, b, block, floor) for a, b in ((first, second), there)]
+            if certainty >= CERTAIN and gain > 0:
+                more.append((gain, certainty, share))
+            gain, certainty, share = max(more, key=lambda g: g[1])
         return replace(step, gain=gain, certainty=certainty, share=share)
 
     def _shown(self, path: Sequence[Step], singles: list[Ranked]) -> list[Step]:

@@ -123,9 +123,9 @@ def mean_square(values: Array) -> Array:
 
 
 def measured_states(model: Model, stretch: Stretch, channels: tuple[str, ...]) -> dict[str, Array]:
-    """Return the states that a stretch measures, without holes; a velocity from its position where need be."""
+    """Return the states that a stretch measures or imposes, without holes, a velocity from its position if need be."""
     columns = {c: stretch.y[:, i] for i, c in enumerate(channels) if c in model.states}
-    found = {c: filled(stretch.t, v) for c, v in columns.items() if np.isfinite(v).any()}
+    found = {c: filled(stretch.t, v) for c, v in columns.items() if np.isfinite(v).any()} | dict(stretch.known)
     position, velocity = model.plant.position, model.plant.velocity
     if velocity in model.states and velocity not in found and position in found:
         found[velocity] = np.gradient(found[position], stretch.t)

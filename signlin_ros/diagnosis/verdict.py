@@ -35,10 +35,15 @@ PARTLY = 0.4
 MOST = 6
 """Most effects that `refine` adds."""
 REST = 0.1
-"""Largest excess over the noise, as a share of it, of a model that lacks nothing else."""
+"""Largest excess over the noise, as a share of it, of a model that lacks nothing else but a detail;"""
+DETAIL, NEARLY_ALL = 10.0, (0.995, 0.999)
+"""where more is left, as on a quiet record, where everything stands out, up to so many times the noise or beyond, the
+shares of what was missing that must be explained."""
 WORTH, NEARLY = 0.3, 0.05
 """Share of the squared error that a rival must take beside what was found before, to be spoken of as one, and how much
 more what was found must take."""
+ALIKE = 0.2
+"""Largest difference of the logarithms of factors that are called the same."""
 ORDINARY = 0.1
 """An effect is ordinary if its force is this share of the driving force: what a record should be able to show."""
 
@@ -75,10 +80,20 @@ def add(
     """
     findings = search(model, as_list(data), _or_none(validation), jobs, progress, only=effect)
     found, share = describe(findings), _explained(findings)
-    rest = " Structure remains: ask `diagnose` what else is missing." if findings.structured else ""
-    worth = f"{effect.replace('_', ' ')} explains {100 * share:.0f} % of the missing motion"
+    more = findings.structured and not findings.driven_by_noise
+    rest = " Structure remains: ask `diagnose` what else is missing." if more else ""
+    worth = f"{effect.replace('_', ' ')} explains {_percent(share)} of the missing motion"
     sure = f"by {min(findings.final.certainty, 99):.1f} standard errors"
+    if not findings.beyond_doubt:
+        worth = f"The record does not ask for {effect.replace('_', ' ')}"
+        return replace(found, sentence=f"{worth}: {_change(findings.final)}.{rest}")
     return replace(found, sentence=f"{worth} on data that the fit did not see, {sure}.{rest}")
+
+
+def _change(step: Step) -> str:
+    """Return in words what a step does to the error on unseen data."""
+    way = "falls" if step.certainty > 0 else "rises"
+    return f"the error on unseen data {way} by {min(abs(step.certainty), 99):.1f} standard errors"
 
 
 def refine(
@@ -99,7 +114,9 @@ def _why_stopped(d: Diagnosis) -> str:
     if added >= MOST:
         return f"stopped after {MOST} effects"
     end = "the residual is noise"
-    if d.findings.structured:
+    if d.findings.driven_by_noise and d.findings.structured:
+        end = _noise_in_input(d.findings)
+    elif d.findings.structured:
         end = "no other listed effect lowers the error on unseen data beyond doubt, though structure remains"
     return f"stopped after {added} effect{'' if added == 1 else 's'}: {end}"
 
@@ -265,7 +282,7 @@ def describe(f: Findings) -> Diagnosis:
     noise = np.array([r.noise for r in f.left])
     unseen = unseen_noise(f)
     explained = _explained(f)
-    structure = f.structured
+    structure = f.structured and not f.driven_by_noise
     ladder = tuple(
         Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
         for s in f.steps
@@ -277,7 +294,7 @@ def describe(f: Findings) -> Diagnosis:
     names = [c.name for c in final.fit.candidate.coordinates]
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(f, verdict, explained, structure),
+        sentence=_sentence(f, verdict, explained, structure, rest),
         base=estimates(base, [c.name for c in base.candidate.coordinates], f),
         base_validation=ladder[0].validation,
         parameters=estimates(final.fit, names, f),
@@ -322,9 +339,10 @@ def unseen_noise(f: Findings) -> Array:
 
 
 def _verdict(f: Findings, explained: float, structure: bool, rest: float) -> str:
-    if len(f.steps) == 1:
+    if len(f.steps) == 1 or not f.beyond_doubt:
         return "unexplained" if structure else "adequate"
-    return "unexplained" if structure and (explained < EXPLAINED or rest > REST) else "missing"
+    much = explained >= (EXPLAINED if rest <= REST else NEARLY_ALL[0] if rest < DETAIL else NEARLY_ALL[1])
+    return "missing" if much or not structure else "unexplained"
 
 
 def _rest(f: Findings) -> float:
@@ -338,19 +356,42 @@ def _named(names: Sequence[str]) -> str:
     return plain[0] if len(plain) == 1 else ", ".join(plain[:-1]) + " and " + plain[-1]
 
 
-def _sentence(f: Findings, verdict: str, explained: float, structure: bool) -> str:
+def _sentence(f: Findings, verdict: str, explained: float, structure: bool, over: float) -> str:
+    """Return the verdict in words; ``over``: by what share of the noise the error of the proposal exceeds it."""
     effects = f.final.ranked.effects
     verb = "explains" if len(effects) == 1 else "explain"
     if verdict == "adequate":
-        return "Nothing is missing that this record could show: the residual is noise."
+        left = _noise_in_input(f) if f.structured else "the residual is noise"
+        return f"Nothing is missing that this record could show: {left}."
     if verdict == "unexplained":
-        partly = f"; {_named(effects)} {verb} {100 * explained:.0f} % of it" if effects else ""
+        partly = f"; {_named(effects)} {verb} {_percent(explained)} of it" if effects else ""
         return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
-    rest = " Some structure remains that no listed effect explains." if structure else ""
+    left = f", {1.0 + over:.2g} times the noise" if over > REST else ""
+    rest = f" Some structure remains that no listed effect explains{left}." if structure else ""
+    if f.structured and not structure:
+        rest = f" {_noise_in_input(f).capitalize()}."
     return (
-        f"The model lacks {_named(effects)}: {100 * explained:.1f} % of the missing motion is explained on data that "
+        f"The model lacks {_either(f, effects)}: {_percent(explained)} of the missing motion is explained on data that "
         f"the fit did not see.{rest}"
     )
+
+
+def _noise_in_input(f: Findings) -> str:
+    return f"what is left is what noise in the {f.problem.base.inputs[0]} leaves"
+
+
+def _either(f: Findings, effects: Sequence[str]) -> str:
+    """Return effects in words, each with what could as well stand in its place."""
+    rivals = [_rivals(f, e) for e in effects]
+    whole = [e if not r else f"{e} (or {', '.join(r)})" for e, r in zip(effects, rivals, strict=True)]
+    return _named(whole)
+
+
+def _percent(share: float) -> str:
+    """Return a share in percent, with as many digits as what it lacks to the whole needs."""
+    lacking = 100 * (1.0 - share)
+    digits = int(np.clip(np.ceil(-np.log10(lacking)), 0, 3)) if lacking > 0 else 0
+    return f"more than {100 - 1e-3:.3f} %" if 0 < lacking < 1e-3 else f"{100 * share:.{digits}f} %"
 
 
 def _rivals(f: Findings, effect: str) -> list[str]:
@@ -410,7 +451,10 @@ def _entry(
             share = _explained(f)
             if share < PARTLY or f.final.certainty < CERTAIN:
                 status = "rejected"
-            why += f"; but {100 * (1 - share):.0f} % of the missing motion remains unexplained"
+            left = 100 * (1 - share)
+            why += f"; but {f'{left:.0f}' if left > 10 else f'{left:.2g}'} % of the missing motion remains unexplained"
+        if not f.beyond_doubt:
+            status, why = "rejected", f"the record does not ask for it: {why}"
     elif any(effect in names for names in rivals.values()) and verdict != "unexplained":
         owner = next(e for e, names in rivals.items() if effect in names)
         status, tied = "ambiguous", (owner, *(n for n in rivals[owner] if n != effect))
@@ -432,7 +476,7 @@ def _added_parameters(f: Findings, r: Any, effect: str) -> dict[str, Estimate]:
 def _why_named(f: Findings, effect: str, parameters: dict[str, Estimate], tied: tuple[str, ...]) -> str:
     step = next(s for s in f.steps if effect in s.ranked.effects)
     text = sentence_of(effect, f.problem, parameters)
-    text += f"; the error on unseen data falls by {min(step.certainty, 99):.1f} standard errors"
+    text += f"; {_change(step)}"
     if tied:
         text += f"; {_named(tied)} would explain this record as well"
     return text
@@ -444,6 +488,8 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
     final = f.final.ranked
     if gain <= 0 and (find_effect(effect, "effects").only_beyond or not _excited(f, step)):
         return "not_excited", _not_excited(f, effect)
+    if effect in f.declined:
+        return "rejected", f.declined[effect]
     second = _second_best(f, effect)
     if second:
         return "rejected", second
@@ -568,7 +614,22 @@ def _notes(f: Findings) -> tuple[str, ...]:
     for name, rho in zip(f.problem.channels, f.filter.rho, strict=True):
         if rho:
             notes.append(f"the noise of {name} is coloured (correlation {rho:.2f} from sample to sample)")
-    return tuple(notes)
+    return (*notes, *_scale_note(f))
+
+
+def _scale_note(f: Findings) -> tuple[str, ...]:
+    """Return what to check where the known parameters of the plant all had to move far, and alike."""
+    model, fitted = f.problem.base, f.final.ranked.fit
+    pairs = zip(fitted.candidate.coordinates, fitted.theta, strict=True)
+    moved = {k.name: (x - k.prior, k.spread) for k, x in pairs if k.name in model.parameters and k.log}
+    ratios = np.exp([distance for distance, _ in moved.values()])
+    far = all(abs(distance) > 3 * spread for distance, spread in moved.values())
+    if len(moved) < 2 or not far or np.ptp(np.log(ratios)) > ALIKE:
+        return ()
+    scale = float(np.exp(np.mean(np.log(ratios))))
+    effort = f.problem.channels[0] if f.problem.scale.imposed else model.inputs[0]
+    what = f"{_named(list(moved))} come out at {scale:.2g} times their nominal values, beyond their tolerances"
+    return (f"{what}: so they do if the {effort} that was recorded is {scale:.2g} times the true one",)
 
 
 __all__ = ["add", "describe", "diagnose", "refine"]

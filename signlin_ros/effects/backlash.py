@@ -32,6 +32,7 @@ class Backlash(CompliantLoad):
 
     rugged = True
     floating = True
+    essential = ("gap",)
 
     gap = Par("Q", nominal=0.01, doc="half width of the play")
 

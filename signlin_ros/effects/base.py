@@ -62,6 +62,8 @@ class Effect(HasPars):
     """Whether its force is periodic in the position, so that it matters where exactly a record starts."""
     rugged: ClassVar[bool] = False
     """Whether a fit has many local minima: ``starts`` are many then, all parameters positive, and the best are bred."""
+    essential: ClassVar[tuple[str, ...]] = ()
+    """Parameters that make it what it is: a fit without one of them must be clearly worse."""
     floating: ClassVar[bool] = False
     """Whether its own states run away from where they should be (a load that is free in its play), so that an observer
     must correct them."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -205,3 +206,15 @@ def test_an_offset_that_direction_dependent_damping_explains_better_is_told_as_i
     offset = next(e for e in found.ranking if e.effect == "constant_load")
     assert offset.status == "rejected"
     assert re.search(r"beside coulomb friction it takes \d\d % of the squared error", offset.why)
+
+
+def test_a_wrong_scale_of_the_input_is_told_from_known_parameters_that_all_move_alike(tmp_path):
+    axis = Drive(MASS, {"m": 1.0, "c": 2.0, "k": 0.0}, 9.0, 6.3)
+    model, data, unseen = recorded(tmp_path, axis, {"coulomb_friction": {"mu": 1.0}}, off=1.02)
+    quiet = diagnose(model, data, unseen)
+    assert not any("recorded" in note for note in quiet.notes)
+    halved = [[replace(d, u=0.5 * d.u) for d in part] for part in (data, unseen)]
+    found = diagnose(model, *halved)
+    (note,) = [note for note in found.notes if "recorded" in note]
+    assert "m and c come out at 0.5" in note
+    assert "the force" in note
