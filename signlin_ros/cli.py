@@ -11,6 +11,7 @@ import math
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -132,6 +133,21 @@ def _positive(ctx: click.Context, parameter: click.Parameter, value: float) -> f
     return value
 
 
+# -------------------------------------------------------------------- files
+
+
+def _inputs(model: Any, data: Sequence[str], validation: Sequence[str] = ()) -> dict[str | Path, str]:
+    """Return every file that a command reads and what it is; raise `InputError` on a record that is given twice."""
+    found: dict[str | Path, str] = {}
+    given = [*((path, f"DATA {path}") for path in data), *((path, f"--validation {path}") for path in validation)]
+    for path, what in ((path, what) for path, what in given if Path(path).exists()):
+        for other, before in found.items():
+            if Path(path).samefile(other):
+                raise InputError(f"{what}: is the same record as {before}")
+        found[path] = what
+    return {**found, **model.files}
+
+
 # -------------------------------------------------------------------- commands
 
 
@@ -214,14 +230,13 @@ def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals
     """
     mapping = _pairs(signals, "--signal", "NAME=COLUMN")
     from signlin_ros import console
+    from signlin_ros.files import check_output
     from signlin_ros.model import Model
-    from signlin_ros.records import check_target, read_for_model, write_record
+    from signlin_ros.records import SUFFIXES, read_for_model, write_record
     from signlin_ros.simulate import simulate as run
 
-    check_target(output)
-    if Path(output).exists() and Path(output).resolve() == Path(data).resolve():
-        raise InputError(f"-o: {output} is DATA itself; choose another file")
     loaded = Model.load(model)
+    check_output("-o", output, SUFFIXES, _inputs(loaded, (data,)))
     record = read_for_model(data, loaded, mapping)
     _progress(f"simulating {len(record)} samples (the first run of a kind compiles for some seconds) ...")
     start = None if record.x0 is None else loaded.true_states(record.x0)
@@ -264,11 +279,16 @@ def compare(
     from signlin_ros.diagnosis.comparison import compare as run
     from signlin_ros.diagnosis.data import load_records
     from signlin_ros.model import Model
+    from signlin_ros.report.files import check_report
 
-    loaded, records = load_records(Model.load(model), data, mapping)
+    original = Model.load(model)
+    inputs = _inputs(original, data)
+    if report is not None:
+        check_report(report, inputs)
+    loaded, records = load_records(original, data, mapping)
     _progress(f"comparing {sum(map(len, records))} samples (the first run compiles for some seconds) ...")
     result = run(loaded, records, horizon, cutoff)
-    if report:
+    if report is not None:
         from signlin_ros.report import compare_report
 
         compare_report(result, report)
@@ -358,27 +378,54 @@ def _diagnosed(
 
     from signlin_ros import console
     from signlin_ros.diagnosis import load_records, verdict
-    from signlin_ros.files import write_text
-    from signlin_ros.model import Model, check_output
+    from signlin_ros.files import check_output, write_text
+    from signlin_ros.model import SUFFIXES, Model
+    from signlin_ros.report.files import check_report
 
     original = Model.load(model)
+    inputs = _inputs(original, data, validation)
     if output is not None:
-        check_output(output, model)
+        check_output("-o", output, SUFFIXES, inputs)
+    if report is not None:
+        check_report(report, inputs)
     loaded, records = load_records(original, (*data, *validation), mapping)
     first, second = records[: len(data)], records[len(data) :] or None
     _progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as executor:
         arguments = (*([effect] if effect else []), loaded, first, second)
         result = getattr(verdict, verb)(*arguments, jobs=executor, progress=_stage)
+    result = _with_notes(_as_written(result, original, output), records)
     if output is not None:
         write_text(output, result.yaml)
-    if report:
+    if report is not None:
         from signlin_ros.report import diagnosis_report
 
         words = [verb, *([effect] if effect else []), model, *data, *(f"--validation {v}" for v in validation)]
         command = " ".join(["signlin", *words, *([f"-o {output}"] if output else [])])
         diagnosis_report(result, report, command=command, data=(first, second), model=loaded)
     return result.to_json(), console.diagnosis_text
+
+
+def _as_written(result: Any, original: Any, output: str | None) -> Any:
+    """Return a diagnosis with the text of its model as a file of its own.
+
+    The model file names the position only if the model as given did or an effect needs it (`load_records` adds it for
+    the comparison where it is measured), and effect files from where it stands.
+    """
+    from signlin_ros.diagnosis.verdict import yaml_of
+
+    model = result.model
+    if model.with_position and not original.with_position:
+        model = model.with_options(with_position=False)
+    if output is not None:
+        model = model.placed_in(Path(output).parent)
+    return replace(result, yaml=yaml_of(model, result.findings))
+
+
+def _with_notes(result: Any, records: Sequence[Any]) -> Any:
+    """Return a diagnosis with what the reader did to the records before its own notes."""
+    done = (f"{record.source}: {note}" for record in records for note in record.notes)
+    return replace(result, notes=(*done, *result.notes))
 
 
 def _stage(what: str, share: float) -> None:
@@ -462,6 +509,14 @@ def _fault(error: Exception) -> int:
     return 1
 
 
+def _drop_output() -> None:
+    """Let what is still to be written to standard output go nowhere, if it can be written nowhere else."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 0 done, 2 bad input, 1 a fault of ours."""
     try:
@@ -482,8 +537,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         _note("signlin: interrupted")
         return 130
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads on: `signlin effects | head`
+        _drop_output()  # nobody reads on: `signlin effects | head`
         return 0
+    except OSError as error:
+        _drop_output()  # what did not fit on a full disk is not tried again at the end
+        _note(f"signlin: {error.filename or 'writing the output'}: {error.strerror or error}")
+        return 2
     except Exception as error:  # noqa: BLE001 - the last resort, so that nobody meets a traceback
         return _fault(error)
 

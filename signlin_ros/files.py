@@ -1,11 +1,14 @@
-"""Files that are written whole or not at all."""
+"""Files that are written whole or not at all, and never over what the run reads."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+
+from signlin_ros.errors import InputError
 
 
 @contextmanager
@@ -32,4 +35,45 @@ def write_text(path: str | Path, text: str) -> None:
         part.write_text(text, encoding="utf-8")
 
 
-__all__ = ["replacing", "write_text"]
+def refusal(target: Path) -> str:
+    """Return why a file cannot be written, or an empty text; a file beside it is made and removed to find out."""
+    if target.is_dir():
+        return "this is a folder"
+    if not target.parent.is_dir():
+        return f"the folder {str(target.parent)!r} does not exist"
+    if target.exists() and not target.is_file():
+        return "" if os.access(target, os.W_OK) else "it cannot be written to"
+    whole = target.resolve()
+    try:
+        with tempfile.NamedTemporaryFile(dir=whole.parent, prefix=f".{whole.name}."):
+            return ""
+    except OSError as error:
+        return f"cannot be written: {error.strerror or error}"
+
+
+def check_output(option: str, path: str | Path, kinds: Sequence[str], inputs: Mapping[str | Path, str]) -> None:
+    """Refuse, before any work, a file of the wrong kind, one that cannot be written, and one that is an input.
+
+    ``kinds``: suffixes; ``inputs``: what the run reads (a folder stands for what is in it) and its name for messages.
+    Raises `InputError`.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in kinds:
+        raise InputError(f"{option} {path}: found the suffix {target.suffix!r}; allowed: {' or '.join(kinds)}")
+    why = refusal(target)
+    if why:
+        raise InputError(f"{option} {path}: {why}")
+    for file, name in inputs.items():
+        if _holds(Path(file), target):
+            raise InputError(f"{option} {path}: would replace {name}; choose another file")
+
+
+def _holds(file: Path, target: Path) -> bool:
+    """Tell whether a file or folder is, or holds, an existing target."""
+    if not (file.exists() and target.exists()):
+        return False
+    inside = file.is_dir() and target.resolve().is_relative_to(file.resolve())
+    return inside or target.samefile(file)
+
+
+__all__ = ["check_output", "refusal", "replacing", "write_text"]

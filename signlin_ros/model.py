@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import os
 import re
 import sysconfig
 from collections.abc import Callable, Collection, Mapping
@@ -26,6 +27,8 @@ from signlin_ros.trace import EffectSlot, Structure, Trace, resolve_unit, trace
 
 METHODS = ("optimal", "termwise", "jacobian")
 OPERATING_POINTS = ("start", "midpoint")
+SUFFIXES = (".yaml", ".yml")
+"""Suffixes of model files."""
 RESERVED_KEYS = ("use_sim_time", "qos_overrides", "start_type_description_service")
 """Keys of ROS 2 itself, accepted everywhere."""
 NODE_KEYS = (
@@ -115,9 +118,9 @@ class Model:
         return yaml.dump(tree, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
 
     def save(self, path: str | Path) -> None:
-        """Write `to_yaml` to a file, whole or not at all."""
+        """Write `to_yaml` to a file, whole or not at all; effect files are named relative to where it stands."""
         try:
-            write_text(path, self.to_yaml())
+            write_text(path, self.placed_in(Path(path).parent).to_yaml())
         except OSError as error:
             raise InputError(f"cannot write {path}: {error.strerror}") from error
 
@@ -161,6 +164,12 @@ class Model:
         """Return a model with other options, e.g. ``sign_order=20``."""
         return self._changed(**options)
 
+    def placed_in(self, folder: Path) -> Model:
+        """Return the model as a file in a folder has it: its effect files named relative to that folder."""
+        given = ((name, self.folder / name) for name in self.effect_files)
+        names = (n if Path(n).is_absolute() else _relative(file, folder) for n, file in given)
+        return replace(self, effect_files=tuple(names), folder=folder)
+
     def _changed(self, **entries: Any) -> Model:
         return Model.from_dict({**self.to_dict(), **entries}, self.source, self.folder)
 
@@ -181,6 +190,12 @@ class Model:
         return ModelError(f"{name}: unknown parameter; known: {choices(known)}{suggest(name, known)}")
 
     # ---------------------------------------------------------------- looking
+
+    @property
+    def files(self) -> dict[Path, str]:
+        """What the model was read from, its own file and those of its effects, and what each is."""
+        own = {Path(self.source): f"the model {self.source}"}
+        return own | {self.folder / name: f"the effect file {name}" for name in self.effect_files}
 
     @functools.cached_property
     def structure(self) -> Structure:
@@ -326,17 +341,6 @@ class Model:
 # -------------------------------------------------------------------- files
 
 
-def check_output(path: str | Path, model: str | Path) -> None:
-    """Refuse a model file that cannot be written, or that would replace the model it is made from."""
-    target = Path(path)
-    if target.suffix not in (".yaml", ".yml"):
-        raise InputError(f"-o {path}: a model file ends in .yaml")
-    if not target.parent.is_dir():
-        raise InputError(f"-o {path}: the folder {target.parent} does not exist")
-    if target.exists() and Path(model).exists() and target.samefile(model):
-        raise InputError(f"-o {path}: would replace the model that it is made from")
-
-
 def shipped_models() -> dict[str, Path]:
     """Return the model files that come with the package, by name."""
     here = Path(__file__).parent
@@ -360,6 +364,11 @@ def find_model_file(path: str | Path) -> Path:
     if file.is_dir():
         raise ModelError(f"{path}: is a folder, not a model file")
     raise ModelError(f"{path}: no such model file; shipped models: {choices(shipped)}{suggest(str(path), shipped)}")
+
+
+def _relative(file: Path, folder: Path) -> str:
+    """Return how a file is called from a folder; links among the folders on the way do not lead astray."""
+    return os.path.relpath(file.parent.resolve() / file.name, folder.resolve())
 
 
 def _parameters_of(content: Any, file: str) -> Mapping[str, Any]:

@@ -11,15 +11,15 @@ repaired is refused with the row named (`clean` has the table of faults).
 from .files import read_for_model, read_record
 from .mapping import ModelData
 from .table import Record, Rows, Series, Signal
-from .write import check_target, write_record
+from .write import SUFFIXES, write_record
 
 __all__ = [
+    "SUFFIXES",
     "ModelData",
     "Record",
     "Rows",
     "Series",
     "Signal",
-    "check_target",
     "read_for_model",
     "read_record",
     "write_record",

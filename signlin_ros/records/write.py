@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
-from signlin_ros.files import replacing
+from signlin_ros.files import refusal, replacing
 
 from . import units
 from .bag import TIME_TOPIC
@@ -29,6 +29,8 @@ Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Put = Callable[[str, int, "bytes | memoryview"], None]
 
+SUFFIXES = (".csv", ".mcap")
+"""Suffixes of the files that `write_record` writes."""
 _CHUNK = 50_000
 _INPUTS = ("voltage", "load_torque", "force")
 _JOINT_FIELDS = (
@@ -65,7 +67,7 @@ def write_record(
     RecordError
         Another suffix, a folder that does not exist, names that cannot be told apart when read back.
     """
-    target = check_target(path)
+    target = _target(path)
     try:
         if target.suffix.lower() == ".csv":
             with replacing(target) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
@@ -77,18 +79,14 @@ def write_record(
         raise RecordError(f"{target}: cannot be written: {error.strerror or error}") from error
 
 
-def check_target(path: str | os.PathLike[str]) -> Path:
-    """Return where a record may be written to; raise `RecordError` for another suffix, or where there is no folder.
-
-    For whoever wants to know before the work is done; `write_record` asks by itself.
-    """
+def _target(path: str | os.PathLike[str]) -> Path:
+    """Return where a record may be written to; raise `RecordError` for another suffix, or where that cannot be."""
     target = Path(path)
-    if target.suffix.lower() not in (".csv", ".mcap"):
+    if target.suffix.lower() not in SUFFIXES:
         raise RecordError(f"{target}: records are written as .csv or .mcap files, not {target.suffix!r}")
-    if not target.parent.is_dir():
-        raise RecordError(f"{target}: the folder {str(target.parent)!r} does not exist")
-    if target.is_dir():
-        raise RecordError(f"{target}: this is a folder")
+    why = refusal(target)
+    if why:
+        raise RecordError(f"{target}: {why}")
     return target
 
 

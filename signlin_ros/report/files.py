@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from signlin_ros.errors import InputError
-from signlin_ros.files import replacing, write_text
+from signlin_ros.files import check_output, refusal, replacing, write_text
 from signlin_ros.report.page import Page, rendered
 
+SUFFIXES = (".html", ".htm")
+"""Suffixes of reports."""
 VARIABLE = "evidence_*.png"
 """Pictures that not every report has: those of an earlier one at the same place would be taken for this one's."""
+
+
+def check_report(path: str | Path, inputs: Mapping[str | Path, str]) -> None:
+    """Refuse, before any work, a report that cannot be written or would replace one of the inputs (`check_output`)."""
+    check_output("--report", path, SUFFIXES, inputs)
+    folder = _pictures(Path(path))
+    why = refusal(folder / "picture.png") if folder.is_dir() else "this is a file" if folder.exists() else ""
+    if why:
+        raise InputError(f"--report {path}: its pictures go into {folder}: {why}")
+
+
+def _pictures(target: Path) -> Path:
+    return target.with_name(f"{target.stem}_files")
 
 
 def write_report(page: Page, path: str | Path) -> Path:
@@ -19,7 +35,7 @@ def write_report(page: Page, path: str | Path) -> Path:
     """
     target = Path(path)
     text, pictures = rendered(page)
-    folder = target.with_name(f"{target.stem}_files")
+    folder = _pictures(target)
     try:
         if pictures:
             folder.mkdir(exist_ok=True)
@@ -35,4 +51,4 @@ def write_report(page: Page, path: str | Path) -> Path:
     return target
 
 
-__all__ = ["write_report"]
+__all__ = ["check_report", "write_report"]

@@ -11,6 +11,8 @@ from click.testing import CliRunner
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.cli import main, signlin
+from signlin_ros.console import diagnosis_text
+from signlin_ros.effects import EFFECTS
 from signlin_ros.model import Model
 
 
@@ -46,6 +48,63 @@ def test_text_says_verdict_and_reason(record):
     assert "/ noise" in result.stdout
 
 
+FAN = '''
+from signlin_ros.effects import Effect
+from signlin_ros.par import Par
+
+class Fan(Effect):
+    """A fan.
+
+    F = -b v |v|.
+    """
+
+    name = "test_commands_fan"
+    equation = "-b v |v|"
+    b = Par("F·s²/Q²", nominal=1e-4, doc="drag per squared velocity")
+
+    def force(self, m, x, p):
+        return -p.b * x.velocity * m.abs(x.velocity)
+'''
+
+
+@pytest.fixture(scope="module")
+def added(record, tmp_path_factory):
+    """Folder, JSON and text of an effect of one's own added to a record with faults, the file in another folder."""
+    folder = tmp_path_factory.mktemp("added")
+    (folder / "sub").mkdir()
+    (folder / "fan.py").write_text(FAN)
+    text = (record / "model.yaml").read_text()
+    (folder / "model.yaml").write_text(f"{text}    effect_files: [fan.py]\n    signals: {{current: i_mot}}\n")
+    rows = (record / "estimation.csv").read_text().splitlines()
+    cells = rows[50].split(",")
+    rows[50] = ",".join([cells[0], "", *cells[2:]])
+    (folder / "run.csv").write_text("\n".join([*rows[:60], rows[59], *rows[60:1500]]) + "\n")
+    arguments = ("add", "test_commands_fan", folder / "model.yaml", folder / "run.csv")
+    result = call(*arguments, "-o", folder / "sub" / "new.yaml", "--report", folder / "r.html", "--json")
+    assert result.exit_code == 0
+    content = json.loads(result.stdout)
+    yield folder, content, diagnosis_text(content)
+    del EFFECTS["test_commands_fan"]
+
+
+def test_what_was_done_to_a_record_is_said_everywhere(added):
+    folder, content, text = added
+    html = (folder / "r.html").read_text()
+    for words in ("1 repeated row dropped", "1 missing samples hold", "i_mot"):
+        assert [note for note in content["notes"] if words in note and "run.csv: " in note]
+        assert words in text
+        assert words in html
+
+
+def test_the_model_that_is_written_loads_where_it_stands_and_has_no_position_that_nothing_needs(added):
+    folder, content, _ = added
+    model = Model.load(folder / "sub" / "new.yaml")
+    assert content["model"] == (folder / "sub" / "new.yaml").read_text()
+    assert model.effect_files == ("../fan.py",)
+    assert model.states == ("current", "speed")
+    assert "position" in content["noise"]  # it was compared with all the same
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -55,6 +114,7 @@ def test_text_says_verdict_and_reason(record):
         (("add", "bouc_wen_hysteresis", "model.yaml", "estimation.csv", "-o", "new.csv"), ".yaml"),
         (("refine", "model.yaml", "estimation.csv", "-o", "model.yaml"), "replace"),
         (("refine", "model.yaml", "estimation.csv", "-o", "no/new.yaml"), "folder"),
+        (("refine", "model.yaml", "estimation.csv", "-o", "n.yaml", "--report", "estimation.csv"), "'.csv'"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_2(record, monkeypatch, capsys, arguments, said):

@@ -166,7 +166,21 @@ BAD = {
     "no data": (["simulate", "dc_motor"], ["DATA"]),
     "no output": (["simulate", "dc_motor", "{data}"], ["-o"]),
     "data not there": (["simulate", "dc_motor", "{data}x", "-o", "{out}"], ["data.csvx"]),
-    "data is the output": (["simulate", "dc_motor", "{data}", "-o", "{data}"], ["-o", "DATA itself"]),
+    "data is the output": (["simulate", "dc_motor", "{data}", "-o", "{data}"], ["-o", "would replace DATA"]),
+    "a report over the data": (
+        ["compare", "dc_motor", "{data}", "--report", "{data}"],
+        ["--report", "'.csv'", ".html"],
+    ),
+    "a report of another kind": (["compare", "dc_motor", "{data}", "--report", "{out}.pdf"], ["'.pdf'", ".html"]),
+    "a report in no folder": (
+        ["compare", "dc_motor", "{data}", "--report", "{data}.no/r.html"],
+        ["--report", "folder"],
+    ),
+    "data twice": (["compare", "dc_motor", "{data}", "{data}"], ["is the same record as DATA"]),
+    "validation is the data": (
+        ["diagnose", "dc_motor", "{data}", "--validation", "{data}"],
+        ["--validation", "is the same record as DATA"],
+    ),
     "output of another kind": (["simulate", "dc_motor", "{data}", "-o", "{out}.xls"], [".xls", ".csv"]),
     "unknown kind": (["simulate", "dc_motor", "{data}", "-o", "{out}", "--as", "real"], ["real", "exact"]),
     "rtol NaN": (["simulate", "dc_motor", "{data}", "-o", "{out}", "--rtol", "nan"], ["rtol", "nan"]),
@@ -194,6 +208,52 @@ def test_bad_input_is_exit_code_2_and_one_line(run, name, data, tmp_path):
         assert word in err, err
     assert data.read_text() == DATA
     assert sorted(p.name for p in tmp_path.iterdir()) == ["data.csv"]
+
+
+@pytest.mark.parametrize("verb", ["simulate", "compare", "add"])
+@pytest.mark.parametrize("place", ["/proc", "/dev/full"])
+def test_an_output_that_cannot_be_written_is_refused_before_any_work(run, data, monkeypatch, verb, place):
+    def never(*_, **__):
+        raise ZeroDivisionError("read")
+
+    for module in ("records", "diagnosis.data"):
+        monkeypatch.setattr(f"signlin_ros.{module}.read_for_model", never)
+    option, suffix = {"simulate": ("-o", "csv"), "compare": ("--report", "html"), "add": ("-o", "yaml")}[verb]
+    effect = ["coulomb_friction"] if verb == "add" else []
+    code, out, err = run(verb, *effect, "dc_motor", data, option, f"{place}/new.{suffix}")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert f"{option} {place}/new.{suffix}" in err
+
+
+def test_no_output_replaces_what_is_read(run, tmp_path, data):
+    bag = tmp_path / "bag"
+    bag.mkdir()
+    (bag / "bag.mcap").write_text("a recording")
+    (tmp_path / "link.html").symlink_to(data)
+    Model.load("dc_motor").save(tmp_path / "model.csv")
+    for arguments, name in (
+        (["simulate", "dc_motor", bag, "-o", bag / "bag.mcap"], "DATA"),
+        (["compare", "dc_motor", data, "--report", tmp_path / "link.html"], "DATA"),
+        (["simulate", tmp_path / "model.csv", data, "-o", tmp_path / "model.csv"], "the model"),
+    ):
+        code, _, err = run(*arguments)
+        assert (code, err.count("\n")) == (2, 1)
+        assert f"would replace {name}" in err
+    assert (bag / "bag.mcap").read_text() == "a recording"
+    assert data.read_text() == DATA
+
+
+def test_a_report_whose_pictures_have_no_place_is_refused(run, tmp_path, data):
+    (tmp_path / "r_files").write_text("a file")
+    code, _, err = run("compare", "dc_motor", data, "--report", tmp_path / "r.html")
+    assert (code, err.count("\n")) == (2, 1)
+    assert "r_files: this is a file" in err
+
+
+def test_a_full_disk_is_no_fault_of_ours():
+    command = f"{sys.executable} -m signlin_ros.cli effects --json > /dev/full"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "signlin: writing the output: No space left on device\n")
 
 
 def test_a_fault_of_ours_is_exit_code_1_without_a_traceback(run, monkeypatch):

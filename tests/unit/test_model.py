@@ -368,6 +368,22 @@ def test_an_effect_file_of_ones_own(tmp_path, catalogue):
     assert Model.from_dict(model.to_dict(), folder=tmp_path) == model
 
 
+def test_a_model_saved_elsewhere_finds_its_effect_files(tmp_path, catalogue):
+    (tmp_path / "fan.py").write_text(OWN)
+    (tmp_path / "new" / "deep").mkdir(parents=True)
+    (tmp_path / "link").symlink_to(tmp_path / "new" / "deep")
+    model = Model.load(write(tmp_path, motor(effects={"my_fan": {"b": 6e-5}}, effect_files=["fan.py"])))
+    assert model.files == {tmp_path / "model.yaml": f"the model {tmp_path}/model.yaml"} | {
+        tmp_path / "fan.py": "the effect file fan.py"
+    }
+    for folder, name in ((tmp_path, "fan.py"), (tmp_path / "new", "../fan.py"), (tmp_path / "link", "../../fan.py")):
+        model.save(folder / "m.yaml")
+        assert Model.load(folder / "m.yaml").effect_files == (name,)
+        assert Model.load(folder / "m.yaml").effects == model.effects
+    absolute = model.with_options(effect_files=[str(tmp_path / "fan.py")])
+    assert absolute.placed_in(tmp_path / "new").effect_files == absolute.effect_files
+
+
 def test_an_effect_file_is_run_once_so_that_a_changed_model_keeps_its_equations(tmp_path, catalogue):
     (tmp_path / "fan.py").write_text(OWN)
     model = Model.load(write(tmp_path, motor(effects={"my_fan": {"b": 6e-5}}, effect_files=["fan.py"])))
