@@ -196,9 +196,10 @@ def _largest(model: Model) -> NDArray[np.float64]:
     needed = {str(s) for s in ca.symvar(g)} & {*t.states, *t.inputs}
     missing = sorted(needed - set(model.operating_range))
     if missing:
+        surfaces = ", ".join(f"surface {s.name}" for s in t.surfaces)
         raise ModelError(
-            f"operating_range: {', '.join(missing)} missing; sign_scale 0.0 needs the largest |value| of each: "
-            + ", ".join(f"surface {s.name}" for s in t.surfaces)
+            f"{model.source}: operating_range: {', '.join(missing)} missing;"
+            f" sign_scale 0.0 needs the largest |value| of each: {surfaces}"
         )
     names = sorted(needed)
     corners = np.array(np.meshgrid(*([[-1.0, 0.0, 1.0]] * len(names)))).reshape(len(names), -1)

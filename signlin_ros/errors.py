@@ -58,5 +58,5 @@ def suggest(word: str, known: Iterable[str]) -> str:
 
 
 def choices(known: Iterable[str]) -> str:
-    """Return the known names as a readable list."""
-    return ", ".join(sorted(known)) or "(none)"
+    """Return the known names as a readable list, each once."""
+    return ", ".join(sorted(set(known))) or "(none)"

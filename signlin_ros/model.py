@@ -7,6 +7,7 @@ import math
 import os
 import re
 import sysconfig
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from signlin_ros import sign
 from signlin_ros.effects import Effect, SensorEffect, find_effect, load_effect_file
 from signlin_ros.errors import InputError, ModelError, choices, suggest
 from signlin_ros.files import write_text
+from signlin_ros.names import TIME
 from signlin_ros.par import Par, check_values
 from signlin_ros.plants import Plant, find_plant
 from signlin_ros.sensors import Sensor
@@ -86,6 +88,8 @@ class Model:
             raise ModelError(f"{file}: not a YAML file: {' '.join(str(error).split())}") from error
         except OSError as error:
             raise ModelError(f"{file}: {error.strerror}") from error
+        except ModelError as error:
+            raise ModelError(f"{file}: {error}") from error
         return cls.from_dict(_parameters_of(content, str(file)), source=str(file), folder=file.parent)
 
     @classmethod
@@ -310,9 +314,10 @@ class Model:
         known = (*self.states, *self.inputs, *self.outputs)
         plain = _own_name(self.plant, name, known)
         if plain not in known:
-            raise ModelError(
-                f"{name!r} is no state, input or output; there are: {choices(known)}{suggest(name, known)}"
-            )
+            hint = suggest(name, known)
+            if plain == self.plant.position:
+                hint = f"; with_position: true makes the {plain} a state"
+            raise ModelError(f"{name!r} is no state, input or output; there are: {choices(known)}{hint}")
         return plain
 
     def state_vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
@@ -386,7 +391,18 @@ def _parameters_of(content: Any, file: str) -> Mapping[str, Any]:
 
 
 class _Loader(yaml.SafeLoader):
-    """Reads ``1e5`` and ``1.0e5`` as numbers, as ROS 2 does; YAML 1.1 takes them for text."""
+    """Reads ``1e5`` and ``1.0e5`` as numbers, as ROS 2 does (YAML 1.1 takes them for text), and no key twice."""
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Return a mapping as it stands; raise `ModelError` for a key that stands in it twice."""
+        node = super().compose_mapping_node(anchor)
+        lines: dict[str, int] = {}
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            line = key.start_mark.line + 1
+            if key.value in lines:
+                raise ModelError(f"{key.value}: given twice, in line {lines[key.value]} and in line {line}")
+            lines[key.value] = line
+        return node
 
 
 _Loader.add_implicit_resolver(
@@ -462,7 +478,7 @@ def _number_table(low: float, positive: bool = False) -> Callable[[Any, str], di
 def _signals(value: Any, where: str) -> dict[str, str]:
     table = _table(value, where)
     for name, item in table.items():
-        if not isinstance(item, str):
+        if not isinstance(item, str) or not item.strip():
             raise ModelError(f"{where}.{name}: found {item!r}; allowed: a column's name or /topic.field[...]")
     return table
 
@@ -609,26 +625,36 @@ def _read(mapping: Mapping[str, Any], source: str, folder: Path) -> Model:
 
 def _check_names(model: Model) -> None:
     """Check every option that names a state, an input or a parameter."""
-    checked = {}
-    for option, names in (
-        ("state_weights", model.states),
-        ("initial_state", model.states),
-        ("operating_range", None),
-    ):
+    allowed = {"state_weights": model.states, "initial_state": model.states, "operating_range": None}
+    for option, names in allowed.items():
         table: dict[str, float] = getattr(model, option)
-        checked[option] = {_state_name(model, option, name, names): value for name, value in table.items()}
-    for name in model.signals:
-        if not (name.startswith("sensor") or name == "load_torque"):
-            _state_name(model, "signals", name, None)
+        own = _own_names(option, {name: _state_name(model, option, name, names) for name in table})
+        object.__setattr__(model, option, {own[name]: value for name, value in table.items()})
+    _own_names("signals", {name: _signal_name(model, name) for name in model.signals})
     tolerances = model.tolerance if isinstance(model.tolerance, dict) else {}
     for option, given in (("frozen", model.frozen), ("tolerance", tolerances)):
         for name in given:
             if name not in model.parameters:
-                raise ModelError(f"{option}: {name!r} is no base parameter; there are: {choices(model.parameters)}")
-    for option, table in checked.items():
-        object.__setattr__(model, option, table)
+                known = f"{choices(model.parameters)}{suggest(name, model.parameters)}"
+                raise ModelError(f"{option}: {name!r} is no base parameter; there are: {known}")
     if model.sign_scale == 0.0 and not model.operating_range:
         raise ModelError("operating_range: missing; sign_scale 0.0 is chosen from it, e.g. {speed: 30.0}")
+
+
+def _own_names(option: str, own: dict[str, str]) -> dict[str, str]:
+    """Return the own names by those given under an option; raise `ModelError` where two mean the same."""
+    for plain, count in Counter(own.values()).items():
+        if count > 1:
+            given = " and as ".join(name for name, its in own.items() if its == plain)
+            raise ModelError(f"{option}: {plain} is given twice, as {given}")
+    return own
+
+
+def _signal_name(model: Model, name: str) -> str:
+    """Return the own name of what a record may hold: the time, a state, input or output, an input that may be left."""
+    if name in TIME:
+        return TIME[0]
+    return name if name in model.plant.optional_inputs else _state_name(model, "signals", name, None)
 
 
 def _state_name(model: Model, option: str, name: str, allowed: tuple[str, ...] | None) -> str:

@@ -47,12 +47,17 @@ class Par:
         """Return ``value`` as a float; raise `ModelError` unless it is a finite number within the bounds."""
         unit = self.unit if unit is None else unit
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise ModelError(f"{where}: found {value!r}; allowed: a number in {self.range_text()} {unit}")
+            raise ModelError(f"{where}: found {value!r}; allowed: a number in {_joined(self.range_text(), unit)}")
         number = float(value)
         inside = self.low <= number <= self.high and not (self.positive and number == self.low)
         if not (math.isfinite(number) and inside):
-            raise ModelError(f"{where}: found {number:g}; allowed: {self.range_text()} {unit} ({self.doc})")
+            raise ModelError(f"{where}: found {number:g}; allowed: {_joined(self.range_text(), unit, self.doc)}")
         return number
+
+
+def _joined(allowed: str, unit: str, doc: str = "") -> str:
+    """Return ``(0, 10] Ohm (armature resistance)``, without what is not known."""
+    return " ".join(part for part in (allowed, unit, f"({doc})" if doc else "") if part)
 
 
 class HasPars:
@@ -80,7 +85,7 @@ def check_values(pars: Mapping[str, Par], given: Mapping[str, Any], where: str) 
         elif par.default is not None:
             values[name] = par.default
         elif not par.free_standing:
-            raise ModelError(f"{where}.{name}: missing; allowed: {par.range_text()} {par.unit} ({par.doc})")
+            raise ModelError(f"{where}.{name}: missing; allowed: {_joined(par.range_text(), par.unit, par.doc)}")
     return values
 
 

@@ -78,10 +78,18 @@ def read_for_model(
     of a bag can be mapped, and columns that the model does not use do no harm.
     """
     given = {**model.signals, **(signals or {})}
-    time = {key: spec for key, spec in given.items() if key in TIME_KEYS}
+    time = _time(signals or {}) or _time(model.signals)
     wanted = [*given.values(), *model.inputs, *model.states, *model.outputs, *ALIASES]
     record = read_record(path, time, wanted=wanted, sort=sort, base=None)
     return record.for_model(model, signals, require=require, base=base)
+
+
+def _time(signals: Mapping[str, str]) -> dict[str, str]:
+    """Return what a mapping says of the time column; raise `RecordError` if it says two things."""
+    found = {key: spec for key, spec in signals.items() if key in TIME_KEYS}
+    if len(found) > 1:
+        raise RecordError(f"signals map the time twice, to {' and to '.join(map(repr, found.values()))}")
+    return found
 
 
 def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list[str] | None, sort: bool) -> Record:

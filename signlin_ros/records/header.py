@@ -8,13 +8,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from signlin_ros.names import TIME
+
 from . import units
 
 _BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
 _TIME = re.compile(r"(?P<name>t|time|timestamp|stamp)(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
-_TIME_ORDER = ("t", "time", "timestamp", "stamp")
 
-TIME_KEYS = frozenset(_TIME_ORDER)
+TIME_KEYS = frozenset(TIME)
 """Keys that `signals` may map to a file's time column; they are no signals of a model."""
 
 
@@ -32,7 +33,7 @@ class Heading:
         match = _TIME.match(self.name)
         if match is None:
             return None
-        return _TIME_ORDER.index(match["name"].lower()), self.unit or match["unit"] or ""
+        return TIME.index(match["name"].lower()), self.unit or match["unit"] or ""
 
     def whole(self, spec: str) -> bool:
         """Whether `spec` is the whole text; white space does not count."""

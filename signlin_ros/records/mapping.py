@@ -188,8 +188,7 @@ def _name(model: Model, key: str, spec: str, strict: bool) -> str | None:
     except ModelError as error:
         if not strict:
             return None
-        hint = "; set with_position: true in the model" if key == "position" else ""
-        raise ModelError(f"signal {key}={spec}: {error}{hint}") from None
+        raise ModelError(f"signal {key}={spec}: {error}") from None
 
 
 def _default(record: Record, model: Model, name: str, notes: list[str]) -> str | None:

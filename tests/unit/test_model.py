@@ -114,6 +114,23 @@ BAD = {
     "weight is negative": (motor(state_weights={"speed": -1.0}), ["state_weights.speed", "-1"]),
     "initial state of an unknown name": (motor(initial_state={"spede": 1.0}), ["initial_state", "'speed'"]),
     "initial state of an input": (motor(initial_state={"voltage": 1.0}), ["initial_state", "voltage", "no state"]),
+    "initial state by name and alias": (
+        motor(initial_state={"velocity": 1.0, "speed": 2.0}),
+        ["initial_state", "speed is given twice, as speed and as velocity"],
+    ),
+    "range of a position that is no state": (
+        motor(operating_range={"position": 3.0}),
+        ["operating_range", "there are: current, speed, voltage; with_position: true"],
+    ),
+    "names are listed once": (motor(state_weights={"x": 1.0}), ["there are: current, speed, voltage"]),
+    "bounds without a sentence": (motor(tolerance=-0.2), ["tolerance: found -0.2; allowed: [0, 10]"]),
+    "signal by name and alias": (motor(signals={"speed": "a", "velocity": "b"}), ["signals", "speed is given twice"]),
+    "time by two names": (motor(signals={"t": "a", "stamp": "b"}), ["signals", "t is given twice, as stamp and as t"]),
+    "signal of nothing": (motor(signals={"sensor_x": "q"}), ["signals", "'sensor_x'"]),
+    "signal of an input of another plant": ({**MASS, "signals": {"load_torque": "q"}}, ["signals", "'load_torque'"]),
+    "signal without a column": (motor(signals={"voltage": " "}), ["signals.voltage", "' '", "a column's name"]),
+    "frozen is misspelt": (motor(frozen=["K_tt"]), ["frozen", "did you mean 'K_t'"]),
+    "tolerance of a misspelt one": (motor(tolerance={"R_aa": 0.1}), ["tolerance", "did you mean 'R_a'"]),
     "initial state is text": (motor(initial_state={"speed": "fast"}), ["initial_state.speed", "'fast'"]),
     "tolerance is negative": (motor(tolerance=-0.1), ["tolerance", "-0.1", "[0, 10]"]),
     "tolerance of an unknown parameter": (motor(tolerance={"mass": 0.1}), ["tolerance", "'mass'", "K_t"]),
@@ -130,6 +147,10 @@ BAD_TEXTS = {
     "a list": ("- 1\n- 2\n", ["not a ROS 2 parameter file"]),
     "YAML syntax": ("/**:\n  ros__parameters: {plant: dc_motor\n", ["not a YAML file", "line 3"]),
     "tabs": ("/**:\n\tros__parameters:\n", ["not a YAML file", "line 2"]),
+    "a key twice": (
+        "/**:\n  ros__parameters:\n    plant: dc_motor\n    parameters: {J: 1.0,\n      J: 2.0}\n",
+        ["J: given twice, in line 4 and in line 5"],
+    ),
     "no ros__parameters": ("plant: dc_motor\n", ["plant", "ros__parameters"]),
     "two nodes": (
         "a: {ros__parameters: {plant: dc_motor}}\nb: {ros__parameters: {plant: bouc_wen}}\n",
@@ -148,6 +169,7 @@ def test_a_bad_file_is_refused_in_one_line(name, tmp_path):
     line = str(caught.value)
     assert "\n" not in line
     assert line.startswith(str(file))
+    assert "()" not in line
     for word in wanted:
         assert word in line, line
 

@@ -130,6 +130,16 @@ def test_a_position_needs_a_motor_that_has_one() -> None:
     assert found.for_model(motor(with_position=True), {"position": "q"}).measured["position"][3] == 4
 
 
+def test_the_time_column_is_mapped_by_the_model_or_beside_it(csv: Callable[[str], Path]) -> None:
+    file = csv("zeit,voltage,uhr\n0,1,0\n0.01,1,1\n0.02,2,2\n")
+    mapped = motor(signals={"t": "zeit"})
+    np.testing.assert_array_equal(read_for_model(file, mapped).t, [0, 0.01, 0.02])
+    np.testing.assert_array_equal(read_for_model(file, motor(), {"t": "zeit"}).t, [0, 0.01, 0.02])
+    np.testing.assert_array_equal(read_for_model(file, mapped, {"time": "uhr"}).t, [0, 1, 2])
+    with pytest.raises(RecordError, match="the time twice, to 'zeit' and to 'uhr'"):
+        read_for_model(file, motor(), {"t": "zeit", "time": "uhr"})
+
+
 def test_missing_inputs() -> None:
     found = Record(
         np.arange(4) / 10,
