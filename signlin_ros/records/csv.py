@@ -5,6 +5,7 @@ find a bad one.
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,10 +104,20 @@ def _split(text: str, source: str) -> _Text:
         raise RecordError(
             f"{source}: the header has one column, {header[0]!r}; separate columns by comma, semicolon or tab"
         )
-    if separator != "," and any("," in cell for cell in _cells(body[0], separator)):
+    if separator != "," and _decimal_commas(body, separator):
         body = "\n".join(body).replace(",", ".").split("\n")
         notes = (*notes, "decimal commas read as points")
     return _Text(source, header, body, numbers, separator, notes)
+
+
+def _decimal_commas(body: list[str], separator: str) -> bool:
+    """Whether numbers are written with commas, anywhere, and none with a point: then a comma may mean thousands."""
+    text = "\n".join(body)
+    edge, number = rf"[{separator}\n]", r'[ "]*[-+]?\d*{}\d+(?:[eE][-+]?\d+)?[ "]*'
+    with_comma, with_point = (
+        re.compile(rf"(?:\A|(?<={edge})){number.format(mark)}(?={edge}|\Z)") for mark in (",", r"\.")
+    )
+    return "," in text and bool(with_comma.search(text)) and not with_point.search(text)
 
 
 def _skipped(line: str) -> bool:
@@ -230,7 +241,8 @@ def _column(text: _Text, head: Heading, cells: tuple[str, ...], keep: bool | Non
     if keep is False or (keep is None and not any(_is_number(cell) for _, cell in given)):
         return None
     bad, cell = next((i, cell) for i, cell in given if not _is_number(cell) or "_" in cell or "," in cell)
-    raise RecordError(f"{text.source}: {text.rows.name(bad)}, column {head.label!r}: {cell!r} is not a number")
+    hint = "; other numbers have a decimal point" if "," in cell and text.separator != "," else ""
+    raise RecordError(f"{text.source}: {text.rows.name(bad)}, column {head.label!r}: {cell!r} is not a number{hint}")
 
 
 def _number(cell: str) -> float:

@@ -245,7 +245,7 @@ def _check_inputs(record: Record, model: Model, found: set[str], require: str, n
         if name in _OPTIONAL or require == "none":
             notes.append(f"no input {name} in the record: taken as 0")
             continue
-        out = [note for note in record.notes if note.endswith("left out")]
+        out = [note for note in record.notes if "left out" in note]
         raise RecordError(
             f"{record.source}: no column for input {name!r}; {record.listing()}{_hint(record, model, name)}; "
             f"map it with --signal {name}=COLUMN or signals: {{{name}: COLUMN}} in the model file"

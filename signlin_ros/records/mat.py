@@ -23,29 +23,39 @@ def read_table(path: Path, source: str, signals: Mapping[str, str]) -> Table:
     """Read the vectors that are as long as the time vector.
 
     A field of a struct is called ``data.speed``, and ``speed`` for short; the columns of a matrix ``q[0]``,
-    ``q[1]``. Scalars are parameters and no signals; vectors of another length are left out with a note.
+    ``q[1]``. What else there is (scalars, text, complex numbers, vectors of another length) is left out with a note.
 
     Raises
     ------
     RecordError
         Not a MAT file, version 7.3, no time vector.
     """
-    found = dict(_numeric(_load(path, source)))
-    vectors = {name: values for name, values in found.items() if values.size > 1}
+    found = dict(_variables(_load(path, source)))
+    out = {name: why for name, why in ((name, _no_vector(value)) for name, value in found.items()) if why}
+    vectors = {name: value.astype(np.float64) for name, value in found.items() if name not in out}
     headings = _headings(list(vectors))
     time = _time(headings, signals)
     if time is None or max(vectors[time.label].shape) != vectors[time.label].size:
         heads = "no time vector (t, time, timestamp or stamp)"
         raise RecordError(f"{source}: {heads}; {listing(found)}; map one with signals: {{t: NAME}}")
-    length, columns, notes = vectors[time.label].size, [], []
+    length, columns = vectors[time.label].size, []
     for head in headings:
         parts = _columns(head, vectors[head.label], length)
         columns += parts
         if not parts:
             shape = "x".join(map(str, vectors[head.label].shape))
-            notes.append(f"{head.label!r} is left out: it is {shape}, the time has {length} values")
+            out[head.label] = f"{shape}, the time has {length} values"
     rows = Rows(np.arange(1, length + 1))
-    return Table(source, [head for head, _ in columns], [values for _, values in columns], rows, tuple(notes))
+    return Table(source, [head for head, _ in columns], [values for _, values in columns], rows, _notes(out))
+
+
+def _notes(out: Mapping[str, str]) -> tuple[str, ...]:
+    """Return what is said of the variables that are left out, those for the same reason together."""
+    notes = []
+    for why in dict.fromkeys(out.values()):
+        names = [repr(name) for name, its in out.items() if its == why]
+        notes.append(f"{', '.join(names)} {'is left out: it is' if len(names) == 1 else 'are left out: each is'} {why}")
+    return tuple(notes)
 
 
 def _load(path: Path, source: str) -> dict[str, Any]:
@@ -60,16 +70,26 @@ def _load(path: Path, source: str) -> dict[str, Any]:
         raise RecordError(f"{source}: not a readable MAT file ({error})") from error
 
 
-def _numeric(variables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Array]]:
-    """All real arrays of at most two dimensions, structs opened."""
+def _variables(variables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """All variables, structs opened."""
     for name, value in variables.items():
-        if name.startswith("__") or not isinstance(value, np.ndarray):
+        if name.startswith("__"):
             continue
-        if value.dtype.names and value.size == 1:
+        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
             fields = {field: value.reshape(-1)[0][field] for field in value.dtype.names}
-            yield from _numeric(fields, f"{prefix}{name}.")
-        elif value.dtype.kind in "fiub" and value.ndim <= 2 and value.size:
-            yield prefix + name, value.astype(np.float64)
+            yield from _variables(fields, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def _no_vector(value: Any) -> str:
+    """Why a variable is no real vector or matrix, or an empty text."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
+        kind = value.dtype.kind if isinstance(value, np.ndarray) else ""
+        return {"c": "complex", "U": "text", "S": "text"}.get(kind, "no array of numbers")
+    if value.size < 2:
+        return "one number" if value.size else "empty"
+    return f"of {value.ndim} dimensions" if value.ndim > 2 else ""
 
 
 def _headings(labels: list[str]) -> list[Heading]:

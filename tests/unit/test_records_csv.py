@@ -31,6 +31,20 @@ def refused(read: Read, text: str | bytes, **options: object) -> str:
     return message
 
 
+@pytest.mark.parametrize("mark", [";", "\t"])
+def test_decimal_commas_anywhere(read: Read, mark: str) -> None:
+    rows = (("t", "voltage", "note"), ("0", "0", "a, b"), ("0,01", "1,5", "1.2.3"), ("0,02", '"-2,5e-1"', "c"))
+    record = read("\n".join(mark.join(row) for row in rows))
+    np.testing.assert_array_equal(record.t, [0, 0.01, 0.02])
+    np.testing.assert_array_equal(record.signals["voltage"].values, [0, 1.5, -0.25])
+    assert "decimal commas read as points" in record.notes
+
+
+def test_commas_beside_decimal_points_are_refused(read: Read) -> None:
+    message = refused(read, "t;voltage\n0;1\n0.01;1,234\n")
+    assert "row 2 (line 3), column 'voltage': '1,234' is not a number; other numbers have a decimal point" in message
+
+
 PLAIN = "t,voltage,speed\n0,1,2\n0.1,3,4\n0.2,5,6\n"
 
 

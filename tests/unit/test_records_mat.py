@@ -7,7 +7,8 @@ import pytest
 from scipy.io import savemat
 
 from signlin_ros.errors import RecordError
-from signlin_ros.records import read_record
+from signlin_ros.model import Model
+from signlin_ros.records import read_for_model, read_record
 
 T = np.linspace(0, 1, 11)
 
@@ -19,7 +20,28 @@ def test_vectors_matrices_and_scalars(tmp_path: Path) -> None:
     record = read_record(path)
     assert list(record.signals) == ["u", "q[0]", "q[1]"]
     np.testing.assert_array_equal(record.signals["q[1]"].values, q[:, 1])
-    assert record.notes == ("'short' is left out: it is 1x2, the time has 11 values",)
+    assert record.notes == (
+        "'gain' is left out: it is one number",
+        "'name' is left out: it is text",
+        "'short' is left out: it is 1x2, the time has 11 values",
+    )
+
+
+def test_what_is_left_out_is_said_with_its_reason(tmp_path: Path) -> None:
+    path = tmp_path / "run.mat"
+    odd = {"z": T + 1j, "none": [], "cube": np.zeros((2, 2, 2)), "cells": np.array([1, "a"], dtype=object)}
+    savemat(path, {"t": T, "u": T, **odd, "data": {"k": 1.0, "m": 2.0}})
+    record = read_record(path)
+    assert list(record.signals) == ["u"]
+    assert set(record.notes) == {
+        "'z' is left out: it is complex",
+        "'none' is left out: it is empty",
+        "'cube' is left out: it is of 3 dimensions",
+        "'cells' is left out: it is no array of numbers",
+        "'data.k', 'data.m' are left out: each is one number",
+    }
+    with pytest.raises(RecordError, match=r"no column for input 'voltage'.*'z' is left out: it is complex"):
+        read_for_model(path, Model.load("dc_motor"))
 
 
 def test_struct(tmp_path: Path) -> None:
