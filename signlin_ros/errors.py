@@ -5,6 +5,7 @@
     SignlinError
     ├── InputError (also a ValueError)      what the user gave is bad: one clear line, exit code 2
     │   ├── ModelError                      a model file or a model's structure
+    │   ├── EffectError                     the code of somebody's effect
     │   ├── RecordError                     a measurement record
     │   └── SimulationError                 a run that cannot go on (diverged, too stiff)
     └── MissingExtraError (also an ImportError)   an optional dependency; says the install command
@@ -26,6 +27,10 @@ class InputError(SignlinError, ValueError):
 
 class ModelError(InputError):
     """A model file, or the structure of a model, is bad."""
+
+
+class EffectError(InputError):
+    """The code of an effect is wrong; the message names the effect, its file and the method."""
 
 
 class RecordError(InputError):

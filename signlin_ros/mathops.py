@@ -60,6 +60,10 @@ class Math:
         return self.positive(x - half_width) - self.positive(-x - half_width)
 
 
+WORDS = tuple(sorted(name for name in {*Math.__annotations__, *vars(Math)} if not name.startswith("_")))
+"""What a vocabulary offers."""
+
+
 class NumpyMath(Math):
     """Exact non-smooth values on NumPy arrays; sign(0) = 0."""
 

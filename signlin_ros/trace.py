@@ -12,6 +12,7 @@ from typing import Any
 
 import casadi as ca
 
+from signlin_ros.asking import asked
 from signlin_ros.effects import Effect
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
@@ -154,9 +155,16 @@ class _Tracer:
         self.units.update(units)
         effective = dict(self.input_symbols)
         first = next(iter(units))
-        for _, effect, p in self.effects:
-            effective[first] = effect.input(self.m, effective[first], p)
+        for entry in self.effects:
+            effective[first] = self._asked(entry, "input", effective[first])
         self.u = Namespace(effective)
+
+    def _asked(self, entry: tuple[EffectSlot, Effect, Namespace], method: str, *given: Any) -> Any:
+        """Return what a method of an effect says; ``given``: what it takes beside m and p."""
+        _, effect, p = entry
+        first, more = given[:1], given[1:]
+        arguments = {"delay": (p,), "input": (self.m, *given, p)}.get(method, (self.m, *first, p, *more))
+        return asked(effect, method, self.structure.plant, *arguments)
 
     def _own(self, slot: EffectSlot) -> _Coordinates:
         plant = self.structure.plant
@@ -166,44 +174,45 @@ class _Tracer:
 
     def spring(self, k: Any) -> Any:
         """See `Acting`."""
-        for slot, effect, p in self.effects:
-            changed = None if hasattr(p, "k") else effect.spring(self.m, self._own(slot), p, k)
+        for entry in self.effects:
+            changed = None if hasattr(entry[2], "k") else self._asked(entry, "spring", self._own(entry[0]), k)
             if changed is not None:
                 return changed
         return k * self.x.position
 
     def torque_constant(self, K_t: Any) -> Any:
         """See `Acting`."""
-        for slot, effect, p in self.effects:
-            K_t = effect.torque_constant(self.m, self._own(slot), p, K_t)
+        for entry in self.effects:
+            K_t = self._asked(entry, "torque_constant", self._own(entry[0]), K_t)
         return K_t
 
     def resistance(self, R_a: Any) -> Any:
         """See `Acting`."""
-        for slot, effect, p in self.effects:
-            R_a = effect.resistance(self.m, self._own(slot), p, R_a)
+        for entry in self.effects:
+            R_a = self._asked(entry, "resistance", self._own(entry[0]), R_a)
         return R_a
 
     def force(self, drive: Any, elastic: Any) -> Any:
         """See `Acting`; external forces first, because friction may depend on their sum."""
         external = sum(
-            (e.force(self.m, self._own(slot), p) for slot, e, p in self.effects if slot.effect.external),
+            (self._asked(e, "force", self._own(e[0])) for e in self.effects if e[0].effect.external),
             ca.SX(0),
         )
         self.x.external_force = external + elastic
         if drive is not None:
             self.x.drive_force = drive
-        others = (e.force(self.m, self._own(slot), p) for slot, e, p in self.effects if not slot.effect.external)
+        others = (self._asked(e, "force", self._own(e[0])) for e in self.effects if not e[0].effect.external)
         return external + sum(others, ca.SX(0))
 
     def run(self) -> tuple[dict[str, Any], ca.SX]:
         """Return every derivative and output by name, and the delay."""
         plant = self.structure.plant()
         results = dict(plant.rates(self.m, self.x, self.u, self.plant_p, self))
-        for slot, effect, p in self.effects:
-            for name, rate in effect.rates(self.m, self._own(slot), p).items():
+        for entry in self.effects:
+            slot = entry[0]
+            for name, rate in self._asked(entry, "rates", self._own(slot)).items():
                 results[plant.own_state_names.get(f"{slot.key}.{name}", f"{slot.key}.{name}")] = rate
-        delay = sum((ca.SX(e.delay(p)) for _, e, p in self.effects), ca.SX(0))
+        delay = sum((ca.SX(self._asked(entry, "delay")) for entry in self.effects), ca.SX(0))
         if plant.position_optional:
             if self.structure.with_position or self.x.asked_position:
                 results[plant.position] = self.x.velocity
@@ -223,13 +232,7 @@ def _check_switches(result: Trace) -> None:
 def trace(structure: Structure) -> Trace:
     """Trace the equations of a structure; raise `ModelError` if an effect does not apply to the plant."""
     tracer = _Tracer(structure)
-    try:
-        results, delay = tracer.run()
-    except AttributeError as error:
-        names = ", ".join(slot.key for slot in structure.slots if not slot.built_in)
-        raise ModelError(
-            f"effects: one of {names} does not apply to plant {structure.plant.name}: it has no {error.name or error}"
-        ) from error
+    results, delay = tracer.run()
     states, inputs = tuple(tracer.symbols), tuple(tracer.input_symbols)
     extra = tuple(structure.plant.outputs)
     result = Trace(

@@ -10,6 +10,7 @@ import functools
 import importlib.metadata
 import importlib.util
 import inspect
+from collections import Counter
 from pathlib import Path
 
 from signlin_ros.effects.asymmetric_viscous_friction import AsymmetricViscousFriction
@@ -42,6 +43,8 @@ from signlin_ros.errors import ModelError, choices, suggest
 
 EFFECTS: dict[str, type[Effect]] = {}
 """Every known effect by its name in model files."""
+_ORIGINS: dict[type[Effect], str] = {}
+"""The file or entry point that an effect comes from."""
 
 
 def register(effect: type[Effect]) -> type[Effect]:
@@ -83,7 +86,23 @@ for _effect in (
 def load_entry_points() -> None:
     """Register the effects that installed packages offer in the group ``signlin_ros.effects``."""
     for entry in importlib.metadata.entry_points(group="signlin_ros.effects"):
-        register(_checked(_loaded(entry), f"entry point {entry.name} = {entry.value}"))
+        where = f"entry point {entry.name} = {entry.value}"
+        _register_from(where, _checked(_loaded(entry), where))
+
+
+def _register_from(where: str, effect: type[Effect]) -> None:
+    """Register what a file or package offers; raise `ModelError` where another one has that name."""
+    known = EFFECTS.get(effect.name, effect)
+    if known is not effect and origin(known) != where:
+        raise ModelError(f"{where}: {origin(known)} has an effect {effect.name!r} already; give this one another name")
+    _ORIGINS[effect] = where
+    register(effect)
+
+
+def origin(effect: type[Effect]) -> str:
+    """Return where an effect comes from, for messages."""
+    built_in = effect.__module__.startswith(f"{__name__}.")
+    return _ORIGINS.get(effect, "the catalogue" if built_in else effect.__module__)
 
 
 def _loaded(entry: importlib.metadata.EntryPoint) -> object:
@@ -119,8 +138,13 @@ def load_effect_file(path: Path) -> None:
     """Run a user's Python file and register every `Effect` in it; raise `ModelError` if it fails."""
     if not path.is_file():
         raise ModelError(f"effect_files: {path} does not exist")
-    for effect in _effects_in(path, path.stat().st_mtime_ns):
-        register(effect)
+    where = f"effect file {path.resolve()}"
+    found = _effects_in(path, path.stat().st_mtime_ns)
+    for name, count in Counter(effect.name for effect in found).items():
+        if count > 1:
+            raise ModelError(f"{where}: two effects are called {name!r}")
+    for effect in found:
+        _register_from(where, effect)
 
 
 @functools.cache
@@ -132,7 +156,7 @@ def _effects_in(path: Path, changed: int) -> tuple[type[Effect], ...]:
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ModelError(f"effect_files: {path} fails: {type(error).__name__}: {error}") from error
     found = [
         c
@@ -144,4 +168,13 @@ def _effects_in(path: Path, changed: int) -> tuple[type[Effect], ...]:
     return tuple(_checked(c, f"effect_files: {path}") for c in found)
 
 
-__all__ = ["EFFECTS", "Effect", "SensorEffect", "find_effect", "load_effect_file", "load_entry_points", "register"]
+__all__ = [
+    "EFFECTS",
+    "Effect",
+    "SensorEffect",
+    "find_effect",
+    "load_effect_file",
+    "load_entry_points",
+    "origin",
+    "register",
+]

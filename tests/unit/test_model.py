@@ -1,6 +1,7 @@
 """Model files: what is read, what is refused and how, what comes out again; effects of one's own."""
 
 import importlib.metadata
+import os
 import re
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import yaml
 
 from signlin_ros import effects as registry
 from signlin_ros.effects import EFFECTS
-from signlin_ros.errors import InputError, ModelError
+from signlin_ros.errors import EffectError, InputError, ModelError
 from signlin_ros.linearize import linearize
 from signlin_ros.model import Model, shipped_models
 
@@ -417,6 +418,7 @@ def test_an_effect_file_is_run_once_so_that_a_changed_model_keeps_its_equations(
     [
         ("raise RuntimeError('no')", "RuntimeError: no"),
         ("def f(:\n", "SyntaxError"),
+        ("import sys\nsys.exit(3)\n", "SystemExit: 3"),
         ("x = 3\n", "no subclass of signlin_ros.effects.Effect"),
         ("from signlin_ros.effects import Effect\nclass A(Effect):\n    '''A.'''\n", "class A lacks name"),
     ],
@@ -426,6 +428,66 @@ def test_a_bad_effect_file_is_refused(text, word, tmp_path, catalogue):
     with pytest.raises(ModelError, match=re.escape(word)) as caught:
         Model.load(write(tmp_path, motor(effect_files=["fan.py"])))
     assert "fan.py" in str(caught.value)
+
+
+FAULTS = {
+    "an if on a coordinate": ("if x.velocity > 0: pass", ["force fails", "symbols", "m.sign", "m.positive"]),
+    "a misspelt parameter": ("return p.bb", ["force: there is no p.bb", "did you mean 'b'"]),
+    "a misspelt coordinate": ("return x.velocty", ["there is no x.velocty", "did you mean 'velocity'"]),
+    "an own state that is none": ("return x.own.z", ["there is no x.own.z"]),
+    "a word that is none": ("return m.tanh(x.velocity)", ["there is no m.tanh", "signed_power"]),
+    "nothing returned": ("return", ["force returns nothing"]),
+    "text returned": ("return 'F'", ["force returns str"]),
+    "a function of numbers": ("import math; return math.tanh(x.velocity)", ["no number", "m.sign"]),
+    "an attribute of a symbol": ("return x.velocity.abs()", ["force fails", "'abs'"]),
+    "rates of no state": ("return 0\n    def rates(self, m, x, p): return {'z': 1}", ["rates returns z", "(none)"]),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_in_the_code_of_an_effect_is_named(name, tmp_path, catalogue):
+    law, words = FAULTS[name]
+    (tmp_path / "fan.py").write_text(OWN.replace("return -p.b * x.velocity * m.abs(x.velocity)", law))
+    with pytest.raises(EffectError) as caught:
+        _ = Model.load(write(tmp_path, motor(effects={"my_fan": {"b": 6e-5}}, effect_files=["fan.py"]))).trace
+    line = str(caught.value)
+    assert line.startswith(f"effect file {tmp_path / 'fan.py'}: my_fan: ")
+    assert "\n" not in line
+    for word in words:
+        assert word in line, line
+
+
+def test_an_effect_that_asks_for_what_a_plant_lacks_does_not_apply(tmp_path, catalogue):
+    (tmp_path / "fan.py").write_text(OWN.replace("return -p.b", "return -x.current"))
+    model = {**MASS, "effects": {"my_fan": {"b": 6e-5}}, "effect_files": ["fan.py"]}
+    with pytest.raises(ModelError, match="my_fan does not apply to plant mass_spring_damper: it has no current"):
+        _ = Model.load(write(tmp_path, model)).trace
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "words"),
+    [
+        (None, OWN.replace("my_fan", "coulomb_friction"), ["the catalogue", "'coulomb_friction'", "another name"]),
+        (OWN, OWN.replace("v |v|", "v^2"), ["other.py", "fan.py", "'my_fan'"]),
+        (None, OWN + OWN.replace("class Fan", "class Other"), ["two effects are called 'my_fan'"]),
+    ],
+)
+def test_no_effect_takes_the_name_of_another(first, second, words, tmp_path, catalogue):
+    for text, name in ((first, "other.py"), (second, "fan.py")):
+        (tmp_path / name).write_text(text or OWN.replace("my_fan", "my_other"))
+    with pytest.raises(ModelError) as caught:
+        Model.load(write(tmp_path, motor(effect_files=["other.py", "fan.py"])))
+    for word in words:
+        assert word in str(caught.value)
+    assert EFFECTS["coulomb_friction"].__module__.startswith("signlin_ros.")
+
+
+def test_a_changed_effect_file_replaces_what_it_gave(tmp_path, catalogue):
+    for number, text in enumerate((OWN, OWN.replace("v |v|", "v^2"))):
+        (tmp_path / "fan.py").write_text(text)
+        os.utime(tmp_path / "fan.py", (number, number))
+        Model.load(write(tmp_path, motor(effect_files=["fan.py"])))
+    assert EFFECTS["my_fan"].equation == "-b v^2"
 
 
 class _Entry:
