@@ -10,6 +10,7 @@ import json
 import math
 import os
 import sys
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -474,12 +475,16 @@ def plants(name: str | None) -> Report:
 def figures(output: str) -> Report:
     """Redraw figures 1, 2, 4, 5 and 6 of the paper, with their numbers beside them."""
     from signlin_ros.figures import make_figures
+    from signlin_ros.files import refusal
 
     folder = Path(output)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"-o: {output}: {error.strerror}") from error
+    why = refusal(folder / "figure_1.png")
+    if why:
+        raise InputError(f"-o: {output}: {why}")
     _progress("drawing (about a minute) ...")
     make_figures(folder)
     files = sorted(str(file) for file in folder.glob("figure_*") if file.suffix in (".png", ".json"))
@@ -517,13 +522,20 @@ def _drop_output() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def _run(arguments: Sequence[str] | None) -> int:
+    """Run a command; what overflows on the way is no news: where it matters, the result or the error says so."""
+    with warnings.catch_warnings():
+        if not sys.warnoptions:
+            warnings.simplefilter("ignore", RuntimeWarning)
+        given = None if arguments is None else list(arguments)
+        code = signlin.main(args=given, prog_name="signlin", standalone_mode=False)
+    return code if isinstance(code, int) else 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; return the exit code: 0 done, 2 bad input, 1 a fault of ours."""
     try:
-        code = signlin.main(
-            args=None if arguments is None else list(arguments), prog_name="signlin", standalone_mode=False
-        )
-        return code if isinstance(code, int) else 0
+        return _run(arguments)
     except click.exceptions.NoArgsIsHelpError as error:
         _note(error.format_message())
         return 2

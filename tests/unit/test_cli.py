@@ -10,6 +10,7 @@ import jsonschema
 import numpy as np
 import pytest
 
+import signlin_ros.figures
 import signlin_ros.linearize
 import signlin_ros.simulate
 from signlin_ros import cli
@@ -250,6 +251,13 @@ def test_a_report_whose_pictures_have_no_place_is_refused(run, tmp_path, data):
     assert "r_files: this is a file" in err
 
 
+def test_no_warning_of_a_library_stands_before_the_one_line(run, tmp_path):
+    (tmp_path / "c.csv").write_text("t,voltage\n0,1\n1,1\n")
+    code, out, err = run("diagnose", "dc_motor", tmp_path / "c.csv")
+    assert (code, out) == (2, "")
+    assert err == f"signlin: {tmp_path / 'c.csv'}: nothing to compare with: none of current, speed is measured\n"
+
+
 def test_a_full_disk_is_no_fault_of_ours():
     command = f"{sys.executable} -m signlin_ros.cli effects --json > /dev/full"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
@@ -340,6 +348,28 @@ def test_one_plant_in_full(run, name):
     assert code == 0
     for parameter in content[name]["parameters"]:
         assert f"  {parameter} " in text
+
+
+# -------------------------------------------------------------------- figures
+
+
+def test_figures_keep_their_schema_and_are_refused_where_they_cannot_be_written(run, tmp_path, monkeypatch):
+    def drawn(folder):
+        for name in ("figure_1.png", "figure_4.json"):
+            (folder / name).write_text("")
+
+    monkeypatch.setattr(signlin_ros.figures, "make_figures", drawn)
+    content = checked("figures", run("figures", "-o", tmp_path / "new", "--json")[1])
+    assert content["files"] == [str(tmp_path / "new" / name) for name in ("figure_1.png", "figure_4.json")]
+    code, out, err = run("figures", "-o", "/proc")
+    assert (code, out) == (2, "")
+    assert err == "signlin: -o: /proc: cannot be written: No such file or directory\n"
+
+
+def test_every_verb_with_json_has_a_schema():
+    verbs = {name for name, command in cli.signlin.commands.items() if "as_json" in {p.name for p in command.params}}
+    for verb in verbs - {"add", "refine"}:  # as diagnose
+        schema(verb)
 
 
 # -------------------------------------------------------------------- simulate
