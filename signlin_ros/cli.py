@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shlex
 import sys
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -134,21 +135,6 @@ def _positive(ctx: click.Context, parameter: click.Parameter, value: float) -> f
     return value
 
 
-# -------------------------------------------------------------------- files
-
-
-def _inputs(model: Any, data: Sequence[str], validation: Sequence[str] = ()) -> dict[str | Path, str]:
-    """Return every file that a command reads and what it is; raise `InputError` on a record that is given twice."""
-    found: dict[str | Path, str] = {}
-    given = [*((path, f"DATA {path}") for path in data), *((path, f"--validation {path}") for path in validation)]
-    for path, what in ((path, what) for path, what in given if Path(path).exists()):
-        for other, before in found.items():
-            if Path(path).samefile(other):
-                raise InputError(f"{what}: is the same record as {before}")
-        found[path] = what
-    return {**found, **model.files}
-
-
 # -------------------------------------------------------------------- commands
 
 
@@ -231,13 +217,13 @@ def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals
     """
     mapping = _pairs(signals, "--signal", "NAME=COLUMN")
     from signlin_ros import console
-    from signlin_ros.files import check_output
+    from signlin_ros.guard import check_files
     from signlin_ros.model import Model
     from signlin_ros.records import SUFFIXES, read_for_model, write_record
     from signlin_ros.simulate import simulate as run
 
     loaded = Model.load(model)
-    check_output("-o", output, SUFFIXES, _inputs(loaded, (data,)))
+    check_files(loaded, (data,), output=output, kinds=SUFFIXES)
     record = read_for_model(data, loaded, mapping)
     _progress(f"simulating {len(record)} samples (the first run of a kind compiles for some seconds) ...")
     start = None if record.x0 is None else loaded.true_states(record.x0)
@@ -279,21 +265,30 @@ def compare(
     from signlin_ros import console
     from signlin_ros.diagnosis.comparison import compare as run
     from signlin_ros.diagnosis.data import load_records
+    from signlin_ros.guard import check_files
     from signlin_ros.model import Model
-    from signlin_ros.report.files import check_report
 
     original = Model.load(model)
-    inputs = _inputs(original, data)
-    if report is not None:
-        check_report(report, inputs)
+    check_files(original, data, report=report)
     loaded, records = load_records(original, data, mapping)
     _progress(f"comparing {sum(map(len, records))} samples (the first run compiles for some seconds) ...")
     result = run(loaded, records, horizon, cutoff)
     if report is not None:
         from signlin_ros.report import compare_report
 
-        compare_report(result, report)
+        given = ("compare", model, *data)
+        compare_report(result, report, _command(given, horizon=horizon, cutoff=cutoff, signal=signals))
     return result.to_json(), console.compare_text
+
+
+def _command(words: Sequence[str], **options: Any) -> str:
+    """Return a command line; ``options``: by their names, one value or several, those that are empty left out."""
+    parts = ["signlin", *words]
+    for name, given in options.items():
+        values = given if isinstance(given, tuple) else () if given is None else (str(given),)
+        for value in values:
+            parts += ["-o" if name == "output" else f"--{name}", value]
+    return shlex.join(parts)
 
 
 _output_option = click.option(
@@ -379,16 +374,12 @@ def _diagnosed(
 
     from signlin_ros import console
     from signlin_ros.diagnosis import load_records, verdict
-    from signlin_ros.files import check_output, write_text
+    from signlin_ros.files import write_text
+    from signlin_ros.guard import check_files
     from signlin_ros.model import SUFFIXES, Model
-    from signlin_ros.report.files import check_report
 
     original = Model.load(model)
-    inputs = _inputs(original, data, validation)
-    if output is not None:
-        check_output("-o", output, SUFFIXES, inputs)
-    if report is not None:
-        check_report(report, inputs)
+    check_files(original, data, validation, output, SUFFIXES, report)
     loaded, records = load_records(original, (*data, *validation), mapping)
     first, second = records[: len(data)], records[len(data) :] or None
     _progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
@@ -401,8 +392,8 @@ def _diagnosed(
     if report is not None:
         from signlin_ros.report import diagnosis_report
 
-        words = [verb, *([effect] if effect else []), model, *data, *(f"--validation {v}" for v in validation)]
-        command = " ".join(["signlin", *words, *([f"-o {output}"] if output else [])])
+        words = (verb, *([effect] if effect else []), model, *data)
+        command = _command(words, validation=validation, signal=signals, output=output)
         diagnosis_report(result, report, command=command, data=(first, second), model=loaded)
     return result.to_json(), console.diagnosis_text
 

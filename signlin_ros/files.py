@@ -51,7 +51,7 @@ def refusal(target: Path) -> str:
         return f"cannot be written: {error.strerror or error}"
 
 
-def check_output(option: str, path: str | Path, kinds: Sequence[str], inputs: Mapping[str | Path, str]) -> None:
+def check_output(option: str, path: str | Path, kinds: Sequence[str], inputs: Mapping[Path, str]) -> None:
     """Refuse, before any work, a file of the wrong kind, one that cannot be written, and one that is an input.
 
     ``kinds``: suffixes; ``inputs``: what the run reads (a folder stands for what is in it) and its name for messages.
@@ -64,7 +64,7 @@ def check_output(option: str, path: str | Path, kinds: Sequence[str], inputs: Ma
     if why:
         raise InputError(f"{option} {path}: {why}")
     for file, name in inputs.items():
-        if _holds(Path(file), target):
+        if _holds(file, target):
             raise InputError(f"{option} {path}: would replace {name}; choose another file")
 
 

@@ -15,7 +15,7 @@ VARIABLE = "evidence_*.png"
 """Pictures that not every report has: those of an earlier one at the same place would be taken for this one's."""
 
 
-def check_report(path: str | Path, inputs: Mapping[str | Path, str]) -> None:
+def check_report(path: str | Path, inputs: Mapping[Path, str]) -> None:
     """Refuse, before any work, a report that cannot be written or would replace one of the inputs (`check_output`)."""
     check_output("--report", path, SUFFIXES, inputs)
     folder = _pictures(Path(path))

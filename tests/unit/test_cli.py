@@ -1,5 +1,6 @@
 """The command line: what it prints, how it refuses, what it costs to ask for help."""
 
+import html
 import json
 import subprocess
 import sys
@@ -224,6 +225,25 @@ def test_an_output_that_cannot_be_written_is_refused_before_any_work(run, data, 
     code, out, err = run(verb, *effect, "dc_motor", data, option, f"{place}/new.{suffix}")
     assert (code, out, err.count("\n")) == (2, "", 1)
     assert f"{option} {place}/new.{suffix}" in err
+
+
+def test_a_recording_is_the_same_by_its_folder_and_by_its_file(run, tmp_path):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag.mcap").write_text("a recording")
+    for data, validation in (("bag", "bag/bag.mcap"), ("bag/bag.mcap", "bag"), ("bag/../bag", "bag")):
+        code, _, err = run("diagnose", "dc_motor", tmp_path / data, "--validation", tmp_path / validation)
+        assert (code, err.count("\n")) == (2, 1)
+        assert f"--validation {tmp_path / validation}: is the same record as DATA" in err
+
+
+def test_a_report_says_the_command_that_leads_to_it(run, tmp_path):
+    made = tmp_path / "made of it.csv"
+    (tmp_path / "d.csv").write_text(DATA)
+    assert run("simulate", "dc_motor", tmp_path / "d.csv", "-o", made)[0] == 0
+    options = ("--horizon", "0.1", "--signal", "speed=speed")
+    assert run("compare", "dc_motor", made, *options, "--report", tmp_path / "r.html")[0] == 0
+    command = f"signlin compare dc_motor '{made}' {' '.join(options)}"
+    assert command in html.unescape((tmp_path / "r.html").read_text())
 
 
 def test_no_output_replaces_what_is_read(run, tmp_path, data):
