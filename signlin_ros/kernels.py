@@ -26,7 +26,7 @@ from signlin_ros.native import call, call_within, compiled, inner
 OK, DIVERGED, TOO_STIFF, CHATTER = 0, 1, 2, 3
 """How a run ended."""
 STUCK, SIGNED, OPEN = 0.0, 1.0, 2.0
-"""Modes of a surface: its sign is what keeps it there, is 1 or -1, or is 0 with nothing that pushes."""
+"""Modes of a surface: its sign is what keeps it there, is 1 or -1, or is 0 as long as nothing pushes."""
 COORDINATE, SWITCH = 0, 1
 """Rows of ``links`` (2, q): which state a surface is, and which switch; -1 for none."""
 MAX_STEPS = 20_000_000
@@ -263,16 +263,14 @@ def _stuck_state(at, links, w):
             s = w[at.s + j] = w[at.right + links[SWITCH, j]]
             for i in range(n):
                 w[at.f + i] += w[at.slope + i * k + links[SWITCH, j]] * s
-    for j in range(q):
-        if w[at.mode + j] == STUCK and links[COORDINATE, j] >= 0:
-            w[at.f + links[COORDINATE, j]] = 0.0
 
 
 @inner
 def _state_of(at, links, w):
     """Evaluate at z: F, g and dg/dt with the present signs and modes.
 
-    Where something is stuck, all that the code returns is there, and F holds the stuck signs, which go to ``s``.
+    Where something is stuck, all that the code returns is there, and F holds the stuck signs, which go to ``s``. A
+    coordinate that is stuck, or that nothing pushes, rests: its F is exactly 0.
     """
     stuck = False
     for j in range(at.q):
@@ -284,6 +282,9 @@ def _state_of(at, links, w):
         _stuck_state(at, links, w)
     else:
         call_within(at.head, w, at.z, at.f)
+    for j in range(at.q):
+        if w[at.mode + j] != SIGNED and links[COORDINATE, j] >= 0:
+            w[at.f + links[COORDINATE, j]] = 0.0
 
 
 @inner
@@ -350,6 +351,9 @@ def _violated(at, w):
         if w[at.mode + j] == STUCK:
             if abs(w[at.s + j]) > 1.0 + BREAKAWAY:
                 return True
+        elif w[at.mode + j] == OPEN:
+            if w[at.rate + j] != 0.0:
+                return True
         elif w[at.g + j] * w[at.s + j] < -w[at.g_tol + j]:
             return True
     return False
@@ -396,7 +400,7 @@ def _may_dip(at, w):
         if w[at.mode + j] == STUCK:
             if max(abs(s), abs(w[at.s_before + j])) > 0.9:
                 return True
-        elif w[at.rate_before + j] * s < 0.0 and w[at.rate + j] * s > 0.0:
+        elif w[at.mode + j] == OPEN or (w[at.rate_before + j] * s < 0.0 and w[at.rate + j] * s > 0.0):
             return True
     return False
 
@@ -428,6 +432,17 @@ def _first_violation(at, links, w, h):
 
 
 @inner
+def _reached(at, w, j):
+    """Tell whether the surface j is what ends the step: it breaks away, is pushed for the first time, or is met."""
+    s, mode = w[at.s + j], w[at.mode + j]
+    if mode == STUCK:
+        return abs(s) >= 1.0
+    if mode == OPEN:
+        return w[at.rate + j] != 0.0
+    return w[at.g + j] * s < w[at.g_tol + j] and w[at.rate + j] * s < 0.0
+
+
+@inner
 def _land(at, links, w, h):
     """Step onto the surface just found, with one Newton correction of the step; mark what was ``reached``.
 
@@ -435,11 +450,9 @@ def _land(at, links, w, h):
     """
     _stages(at, links, w, h)
     for j in range(at.q):
-        s, g, rate = w[at.s + j], w[at.g + j], w[at.rate + j]
-        passed = g * s < w[at.g_tol + j] and rate * s < 0.0
-        w[at.reached + j] = abs(s) >= 1.0 if w[at.mode + j] == STUCK else passed
+        w[at.reached + j] = _reached(at, w, j)
     for j in range(at.q):
-        if w[at.reached + j] != 0.0 and w[at.mode + j] != STUCK:
+        if w[at.reached + j] != 0.0 and w[at.mode + j] == SIGNED:
             correction = -w[at.g + j] / w[at.rate + j]
             if abs(correction) < 0.5 * h:
                 h += correction
@@ -455,10 +468,12 @@ def _land(at, links, w, h):
 def _begin(at, links, w, anew):
     """Set signs, branches and the slope for a new input; choose them afresh if something may have changed."""
     _copy(w, at.x, at.z, at.n)
-    _state_of(at, links, w)
     for j in range(at.q):
         anew = anew or w[at.mode + j] != SIGNED
-    if anew or _violated(at, w):
+    if not anew:
+        _state_of(at, links, w)
+        anew = _violated(at, w)
+    if anew:
         for j in range(at.q):
             w[at.reached + j] = 0.0
         _resolve(at, links, w)

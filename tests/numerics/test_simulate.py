@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from signlin_ros.effects import EFFECTS, Effect, register
@@ -150,6 +151,157 @@ def rider() -> Any:
     register(Rider)
     yield Rider
     del EFFECTS["test_rider"]
+
+
+LOADED = {"kappa_d": 0.3, "kappa_e": 0.0}
+FRICTION_OF_LOAD = {"load_dependent_friction": LOADED}
+
+
+def loaded_motor_reference(start: list[float], voltages: list[float], hold: float, step: float = 1e-5) -> np.ndarray:
+    """States (T, 2) of `motor` with friction in proportion to its torque, by Runge and Kutta in tiny steps.
+
+    Friction is weaker than the torque that it comes from, so that nothing ever sticks.
+    """
+    p, share = MOTOR, 1.0 - LOADED["kappa_d"]
+
+    def rates(i: float, w: float, voltage: float) -> tuple[float, float]:
+        torque = p["K_t"] * i
+        against = torque if w == 0.0 else abs(torque) * np.sign(w)  # at rest friction opposes what drives
+        return (voltage - p["R_a"] * i - p["K_m"] * w) / p["L_a"], (torque - (1.0 - share) * against) / p["J"]
+
+    i, w = start
+    states = [(i, w)]
+    for voltage in voltages:
+        for _ in range(round(hold / step)):
+            a = rates(i, w, voltage)
+            b = rates(i + step / 2 * a[0], w + step / 2 * a[1], voltage)
+            c = rates(i + step / 2 * b[0], w + step / 2 * b[1], voltage)
+            d = rates(i + step * c[0], w + step * c[1], voltage)
+            i += step / 6 * (a[0] + 2 * b[0] + 2 * c[0] + d[0])
+            w += step / 6 * (a[1] + 2 * b[1] + 2 * c[1] + d[1])
+        states.append((i, w))
+    return np.array(states)
+
+
+@pytest.mark.parametrize(
+    ("start", "voltages", "hold"),
+    [
+        ([0.0, 0.0], [4.0], 0.05),
+        ([0.0, 0.0], [-4.0, -4.0], 0.3),
+        ([0.0, 0.0], [0.0, 4.0, 0.0, -4.0], 0.05),
+        ([0.0, 3.0], [0.0, -2.0, 1.0], 0.1),
+        ([1e-6, 0.0], [4.0], 0.05),
+    ],
+)
+def test_friction_that_is_zero_only_at_the_start_of_a_hold_acts(
+    start: list[float], voltages: list[float], hold: float
+) -> None:
+    """Without a current there is neither torque nor friction: both grow while the input is held."""
+    model = motor(effects=FRICTION_OF_LOAD)
+    t, u = hold * np.arange(len(voltages) + 1), np.array([*voltages, 0.0])[:, None]
+    run = simulate(model, t, u, start, rtol=1e-9)
+    expected = loaded_motor_reference(start, voltages, hold)
+    assert run.x == pytest.approx(expected, rel=1e-4, abs=1e-4)
+
+
+def test_friction_from_nothing_is_exact() -> None:
+    """While it turns forward, a motor with friction in proportion to its torque is one with a smaller K_t."""
+    t, u = np.linspace(0.0, 2.0, 3), np.full((3, 1), 4.0)
+    p = {**MOTOR, "B": 1e-3, "K_m": 0.09}
+    run = simulate(motor(effects=FRICTION_OF_LOAD, parameters=p), t, u, rtol=1e-10)
+    K_t = (1.0 - LOADED["kappa_d"]) * p["K_t"]
+    A = [[-p["R_a"] / p["L_a"], -p["K_m"] / p["L_a"], 4.0 / p["L_a"]], [K_t / p["J"], -p["B"] / p["J"], 0.0], [0.0] * 3]
+    expected = [(expm(np.array(A) * when) @ [0.0, 0.0, 1.0])[:2] for when in t]
+    assert run.x == pytest.approx(np.array(expected), rel=1e-8)
+
+
+@pytest.mark.parametrize(("k", "q0"), [(0.0, 0.0), (50.0, 0.0), (50.0, 0.1)])
+def test_friction_of_a_load_that_begins_at_nothing(k: float, q0: float) -> None:
+    """Forces and a spring that are exactly 0 at first; a stuck mass whose friction is taken away moves at once."""
+    effects = {"load_dependent_friction": {"kappa_d": 0.9, "kappa_e": 0.1}}
+    model, hold = mass(k=k, effects=effects), 0.05
+    forces = [0.0, 5.0, 0.0] if q0 == 0.0 else [4.0, 0.0]
+
+    def rates(_: float, x: np.ndarray, force: float) -> list[float]:
+        spring = -k * x[0]
+        return [x[1], force + spring - (0.9 * abs(force) + 0.1 * abs(spring)) * np.sign(x[1])]
+
+    x, expected = np.array([q0, 0.0]), [np.array([q0, 0.0])]
+    for force in forces:
+        push = force - k * x[0]
+        if abs(push) > 0.9 * abs(force) + 0.1 * abs(k * x[0]) or x[1] != 0.0:
+            offset = [0.0, 1e-12 * np.sign(push) if x[1] == 0.0 else 0.0]
+            ends = {"rtol": 1e-10, "atol": 1e-14, "max_step": 1e-3, "args": (force,)}
+            x = solve_ivp(rates, (0.0, hold), x + offset, method="DOP853", **ends).y[:, -1]
+        expected.append(x)
+    t, u = hold * np.arange(len(forces) + 1), np.array([*forces, 0.0])[:, None]
+    run = simulate(model, t, u, [q0, 0.0], rtol=1e-10)
+    assert run.x == pytest.approx(np.array(expected), rel=1e-6, abs=1e-8)
+
+
+class Clamp(Effect):
+    """A clamp that closes at a constant rate, from open at the start."""
+
+    name = "test_clamp"
+    equation = "-grip |z| sign(v), z' = 1"
+    states = {"z": "s"}
+    grip = Par("F/s", nominal=1.0, doc="growth of the friction")
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -p.grip * m.abs(x.own.z) * m.sign(x.velocity)
+
+    def rates(self, m: Any, x: Any, p: Any) -> dict[str, Any]:
+        return {"z": 1.0}
+
+
+@pytest.fixture
+def clamp() -> Any:
+    register(Clamp)
+    yield Clamp
+    del EFFECTS["test_clamp"]
+
+
+SLOPE = 4.0 * MOTOR["K_t"] / MOTOR["L_a"]
+"""How fast the torque of `motor` begins to grow under 4 V, in N·m/s."""
+
+
+@pytest.mark.parametrize("voltage", [4.0, -4.0])
+def test_friction_that_grows_faster_than_the_torque_holds_from_the_first_moment(
+    clamp: type[Effect], voltage: float
+) -> None:
+    model = motor(effects={"test_clamp": {"grip": 1.001 * SLOPE}}, with_position=True)
+    run = simulate(model, [0.0, 0.1, 0.2], np.full((3, 1), voltage))
+    assert np.all(run["speed"] == 0.0)
+    assert np.all(run["position"] == 0.0)
+    assert run["current"] == pytest.approx(voltage / 0.764 * -np.expm1(-0.764 / 0.0026 * run.t), rel=1e-5)
+
+
+def test_friction_that_grows_more_slowly_than_the_torque_lets_go_at_once(clamp: type[Effect]) -> None:
+    """Before the current saturates, J w = (slope - grip) t^2 / 2."""
+    model, grip = motor(effects={"test_clamp": {"grip": 0.9 * SLOPE}}), 0.9 * SLOPE
+    run = simulate(model, [0.0, 1e-6], np.full((2, 1), 4.0), rtol=1e-10)
+    assert MOTOR["J"] * run["speed"][-1] == pytest.approx((SLOPE - grip) * 1e-12 / 2, rel=1e-2)
+
+
+def test_friction_that_passes_through_zero_later(clamp: type[Effect]) -> None:
+    """A clamp that opens, lets the shaft go when the torque wins, and closes again behind it."""
+    model = mass(effects={"test_clamp": {"grip": 2.0}})
+    t = np.linspace(0.0, 4.0, 9)
+    run = simulate(model, t, np.ones((t.size, 1)), [0.0, 0.0, -2.0], rtol=1e-10)
+    assert np.all(run["velocity"][t <= 1.5] == 0.0)  # 2 |t - 2| >= 1
+    stop = 2.5 + np.sqrt(0.5)  # v = 1/4 + 1/4 at 2.5, then v' = 1 - 2 (t - 2) = -2 (t - 2.5)
+    assert run["velocity"][4] == pytest.approx(0.25, rel=1e-8)
+    assert run["velocity"][5] == pytest.approx(0.5, rel=1e-8)
+    assert [when for when, name, what in run.events if what == "stuck"][-1] == pytest.approx(stop, rel=1e-8)
+    assert run["velocity"][-1] == 0.0
+
+
+def test_friction_that_is_gone_for_a_moment_while_nothing_pushes(clamp: type[Effect]) -> None:
+    model = mass(effects={"test_clamp": {"grip": 2.0}})
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    run = simulate(model, t, np.array([[0.0], [0.0], [1.9], [1.9]]), [0.3, 0.0, -1.0])
+    assert np.all(run["velocity"] == 0.0)
+    assert np.all(run["displacement"] == 0.3)
 
 
 @pytest.mark.parametrize(("force", "together"), [(2.0, True), (6.0, False)])
