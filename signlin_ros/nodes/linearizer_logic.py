@@ -97,6 +97,7 @@ class LinearizerLogic:
         """Forget the state and count periods from ``now``: the clock has jumped."""
         self._state: _State | None = None
         self._estimator = None
+        self._fault = ""
         self.restart(now)
 
     def restart(self, now: int) -> None:
@@ -216,12 +217,14 @@ class LinearizerLogic:
             return self._no_result("the matrices at this state are not finite")
         made = [Update(state.stamp, self.sequence + i, result) for i in range(due)]
         self.sequence += due
+        self._fault = ""
         self.last, self._latency = made[-1], now - state.came
         self._recent = [*self._recent[-20:], *[now] * due]
         return made
 
     def _no_result(self, why: str) -> list[Update]:
         self._refuse(Refusal("no_result", why))
+        self._fault = why
         self._state = None
         return []
 
@@ -253,6 +256,8 @@ class LinearizerLogic:
         if age > self.timeout:
             what = "no valid state yet" if self.last is None else "no valid state; the last model stays"
             return ERROR, f"{what} ({age / NANO:.3g} s)"
+        if self._fault:
+            return ERROR, f"no model: {self._fault}"
         if self._state is None:
             return WARN, "waiting for the first state"
         if self.last is not None and not self.last.result.in_valid_range:

@@ -205,6 +205,21 @@ def test_a_measurement_beyond_all_numbers_is_refused(motor: Model) -> None:
     assert logic.refused == {"no_result": 1}
 
 
+def test_states_without_a_finite_model_are_an_error(motor: Model) -> None:
+    logic = LinearizerLogic(motor, 0)
+    huge = {"effort": 1e308, "velocity": 1.0}  # a current that no number holds
+    for k in range(1, 4):
+        logic.take_measured(measured_states(motor, huge), stamp=k * PERIOD, now=k * PERIOD)
+        assert logic.updates(k * PERIOD) == []
+    logic.take_measured(measured_states(motor, huge), stamp=3 * PERIOD + 1, now=3 * PERIOD + 1)
+    health = logic.health(3 * PERIOD + 1)
+    assert health.level == ERROR
+    assert "no model: no finite" in health.message
+    logic.take_state(X, 4 * PERIOD - 1)
+    assert len(logic.updates(4 * PERIOD)) == 1
+    assert logic.health(4 * PERIOD).level == OK
+
+
 def test_joint_and_states_are_inverse(motor: Model) -> None:
     joint = joint_values(motor, {"current": 2.0, "speed": 3.0}, np.array([1.0]))
     assert joint == {"velocity": 3.0, "effort": pytest.approx(0.161)}
