@@ -17,6 +17,8 @@ from signlin_ros.nodes.joint import joint_values
 from signlin_ros.records import read_for_model
 
 Array = NDArray[np.float64]
+LAST_SECOND = 2.0**31
+"""Where ROS time ends, in s; it begins at 0."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,11 @@ class Playback:
     def duration(self) -> float:
         """Time from the first sample of one round to that of the next, in s."""
         return float(self.t[-1]) + self.step
+
+    @property
+    def clock_start(self) -> float:
+        """Time of the first sample on /clock in s: the record's own, or 0 where that is none that ROS can hold."""
+        return float(self.data.t[0]) if self.data.t[0] >= 0.0 and self.data.t[-1] < LAST_SECOND else 0.0
 
     def round(self) -> Iterator[Sample]:
         """Yield the record's samples once, from an estimator that knows nothing yet."""

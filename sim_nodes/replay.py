@@ -59,6 +59,8 @@ class ReplayNode(ModelNode):
         play = self.playback
         for note in (*play.data.notes, *play.notes()):
             self.get_logger().info(note)
+        if self._clock_out is not None and play.clock_start != play.data.t[0]:
+            self.get_logger().warning(f"ROS has no time {play.data.t[0]:.6g} s: /clock begins at 0")
         size = f"{len(play.t)} samples, {play.t[-1]:.6g} s"
         self.get_logger().info(f"{play.data.source}: {size}; measured: {', '.join(play.measured)}")
 
@@ -87,7 +89,7 @@ class ReplayNode(ModelNode):
     def _publish(self, sample: Sample) -> None:
         stamp = self._due(sample)
         if self._clock_out is not None:
-            stamp = round((self.playback.data.t[0] + sample.t) * NANO)
+            stamp = round((self.playback.clock_start + sample.t) * NANO)
             self._clock_out.publish(ClockMessage(clock=convert.stamp_of(stamp)))
         self._inputs.publish(convert.vector(sample.u, "input"))
         self._states.publish(convert.vector(sample.x, "state"))

@@ -49,6 +49,13 @@ def test_a_loop_goes_on_in_time(tmp_path: Path) -> None:
     assert len(list(playback.rounds(loop=False))) == 20
 
 
+@pytest.mark.parametrize(("first", "clock"), [(3.0, 3.0), (0.0, 0.0), (-2.5, 0.0), (1.8e9, 1.8e9), (2.2e9, 0.0)])
+def test_a_published_clock_is_one_that_ros_can_hold(tmp_path: Path, first: float, clock: float) -> None:
+    t = np.arange(50) * 0.01
+    path = written(tmp_path / "run.csv", "t,voltage,current,speed", t + first, 0 * t, 0 * t, t)
+    assert Playback(Model.load("dc_motor"), path).clock_start == clock
+
+
 def test_velocity_comes_from_positions_and_that_is_said(tmp_path: Path) -> None:
     t = np.arange(400) * 0.005
     path = written(tmp_path / "run.csv", "t,force,displacement", t, 0 * t, np.sin(2 * t))
