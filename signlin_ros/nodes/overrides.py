@@ -7,12 +7,14 @@ ROS flattens a parameter file (``effects.coulomb_friction.mu``). Here the names 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+
+import yaml
 
 from signlin_ros import sign
 from signlin_ros.errors import InputError, ModelError, suggest
@@ -67,7 +69,7 @@ def model_of(flat: Mapping[str, Any], arguments: Sequence[str]) -> Model:
 
     Parameters
     ----------
-    flat : dotted name -> value, as ROS has read them.
+    flat : dotted name -> value, as ROS has read them; None for what is empty in the file.
     arguments : the command line, to find the file that ``effect_files`` are relative to.
 
     Raises
@@ -77,13 +79,78 @@ def model_of(flat: Mapping[str, Any], arguments: Sequence[str]) -> Model:
     """
     files = parameter_files(arguments)
     source = str(files[-1]) if files else "parameters"
-    mapping = nested(flat)
+    mapping = nested({name: value for name, value in flat.items() if value is not None or name not in _MAY_BE_EMPTY})
     if "plant" not in mapping:
         raise ModelError(
             f"{source}: plant: missing; start the node with --ros-args --params-file <model file>, "
             "for example <prefix>/share/signlin_ros/config/dc_motor.yaml"
         )
     return Model.from_dict(mapping, source, _folder(files, mapping.get("effect_files", ())))
+
+
+_MAY_BE_EMPTY = {f.name for f in fields(Model) if f.default == () or f.default_factory is dict} | {"tolerance"}
+"""Lists and mappings of a model file; ROS gives an empty one no value."""
+
+
+def check_none_lost(flat: Mapping[str, Any], arguments: Sequence[str], node: str) -> None:
+    """Raise `InputError` where ROS has kept an early value of a parameter instead of the last one.
+
+    That happens in silence where the two differ in type: after a whole number, a fraction is lost; after any number,
+    a text. ``flat`` is what ROS has read, ``arguments`` the command line, ``node`` the node's name.
+    """
+    seen: dict[tuple[str, str], list[Any]] = {}
+    for section, name, value in _given(arguments):
+        if section.rsplit("/", 1)[-1] in ("**", "*", node):
+            seen.setdefault((section, name), []).append(value)
+    for (_, name), (*earlier, last) in seen.items():
+        kept = flat.get(name)
+        if last is not None and not _alike(kept, last) and any(_alike(kept, value) for value in earlier):
+            raise InputError(
+                f"{name}: {last!r} is not taken: ROS keeps the {kept!r} before it, because the type differs; "
+                "write both in the same type, e.g. 1.0 for 1"
+            )
+
+
+def _given(arguments: Sequence[str]) -> Iterator[tuple[str, str, Any]]:
+    """Yield (section, dotted name, value) of all parameters in a command line and its files, in order."""
+    for flag, value in pairwise(arguments):
+        if flag in ("-p", "--param"):
+            rule, _, text = value.partition(":=")
+            section, _, name = rule.rpartition(":")
+            yield section or "/**", name, _read_yaml(text)
+        elif flag == "--params-file":
+            content = _read_yaml(Path(value).read_text())
+            for section, body in (content or {}).items():
+                for name, one in _flat((body or {}).get("ros__parameters") or {}):
+                    yield section, name, one
+
+
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
+def _read_yaml(text: str) -> Any:
+    """Return what a text holds; None where PyYAML is more particular than ROS, which has read it."""
+    try:
+        return yaml.safe_load(text)
+    except yaml.YAMLError:
+        return None
+
+
+def _alike(a: Any, b: Any) -> bool:
+    """Tell whether two values are equal, as numbers if they can be read as such."""
+
+    def plain(value: Any) -> str:
+        try:
+            return repr(float(value))
+        except (TypeError, ValueError):
+            return repr(value)
+
+    return plain(a) == plain(b)
 
 
 def parameter_files(arguments: Sequence[str]) -> list[Path]:

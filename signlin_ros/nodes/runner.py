@@ -6,8 +6,10 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.logging import get_logger
@@ -24,12 +26,19 @@ def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None =
     """Run the node that ``create`` makes until a signal, or its ``finished``; return the exit code.
 
     0: ended as asked; 2: what the user gave is bad, said in one line. With the handlers of rclpy itself one
-    end in ten fails on SIGTERM: the context dies under the running wait. So the signals only set an event.
+    end in ten fails on SIGTERM: the context dies under the running wait. So the signals only set an event; what is
+    long in coming, as the first compilation or a large record, they interrupt.
     """
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
     executor = node = None
+
+    def on_signal(*_: Any) -> None:
+        stop.set()
+        if node is None:
+            raise SystemExit(0)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, on_signal)
     try:
         rclpy.init(
             args=list(sys.argv if arguments is None else arguments),
@@ -41,7 +50,7 @@ def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None =
         while not stop.is_set() and not getattr(node, "finished", False):
             executor.spin_once(timeout_sec=0.1)
         return 0
-    except (InputError, RCLError) as error:
+    except (InputError, RCLError, ParameterException) as error:
         get_logger(name).fatal(" ".join(str(error).split()))
         return 2
     finally:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+import signal
 import sys
 
 from signlin_ros.errors import MissingExtraError
@@ -11,7 +13,12 @@ _ROS = ("rclpy", "rcl_interfaces", "std_msgs", "sensor_msgs", "diagnostic_msgs",
 
 
 def start(module: str) -> int:
-    """Run ``main()`` of a node's module and return its exit code; 2 where ROS 2 is not installed."""
+    """Run ``main()`` of a node's module and return its exit code; 2 where ROS 2 is not installed.
+
+    A signal before the node takes care of signals itself ends the process at once: nothing is there to take down.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: os._exit(0))
     try:
         node = importlib.import_module(module)
     except ModuleNotFoundError as error:

@@ -89,11 +89,12 @@ class Graph:
         *parameters: str,
         model: str | Path = "dc_motor.yaml",
         namespace: str = "",
-        sim_time: bool = False,
+        sim_time: bool | None = False,
     ) -> Process:
-        """Start an executable as ``ros2 run`` would: parameters are ``name:=value``."""
+        """Start an executable as ``ros2 run`` would: parameters are ``name:=value``; None: nothing said of the time."""
         remap = ["-r", f"__ns:={namespace}"] if namespace else []
-        options = [part for p in (*parameters, f"use_sim_time:={str(sim_time).lower()}") for part in ("-p", p)]
+        clock = () if sim_time is None else (f"use_sim_time:={str(sim_time).lower()}",)
+        options = [part for p in (*parameters, *clock) for part in ("-p", p)]
         command = [str(BIN / name), "--ros-args", "--params-file", str(CONFIG / model), *remap, *options]
         process = Process(command, self.folder / f"{name}_{len(self.processes)}.log", self.env)
         self.processes.append(process)

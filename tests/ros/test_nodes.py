@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from signlin_ros.linearize import Linearizer
-from signlin_ros.model import Model
+from signlin_ros.model import Model, shipped_models
 from signlin_ros.nodes import convert
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -293,6 +293,8 @@ def test_parameters_say_what_they_are(graph: Any) -> None:
         ("linearizer", ["effects.coulomb_friction.nu:=1.0"], "known: mu"),
         ("linearizer", ["sign_ordr:=20"], "did you mean 'sign_order'"),
         ("linearizer", ["state_source:=arry"], "did you mean 'array'"),
+        ("linearizer", ["sign_order:=20.5"], "sign_order: 20.5 is not taken: ROS keeps the 50 before it"),
+        ("linearizer", ["start_type_description_service:=5"], "'5' of type 'INTEGER', expecting type 'BOOL'"),
         ("plant_simulator", ["publish_rate:=-3.0"], "publish_rate: found -3; allowed: [0.1, 10000]"),
         ("plant_simulator", ["input_signal:=sinus"], "did you mean 'sine'"),
         ("replay", [], "record: missing"),
@@ -311,6 +313,43 @@ def test_no_parameter_file(graph: Any) -> None:
     assert process.popen.wait(60.0) == 2
     assert "nowhere.yaml" in process.output
     assert "Traceback" not in process.output
+
+
+def motor_with(folder: Path, line: str) -> Path:
+    """The shipped motor's file with one line more."""
+    file = folder / "motor.yaml"
+    file.write_text(f"{shipped_models()['dc_motor'].read_text()}    {line}\n")
+    return file
+
+
+@pytest.mark.parametrize("name", ["linearizer", "plant_simulator", "replay"])
+def test_use_sim_time_of_another_type_is_said_in_one_line(graph: Any, name: str, tmp_path: Path) -> None:
+    file = motor_with(tmp_path, "use_sim_time: 5")
+    process = graph.start(name, model=file, sim_time=None)
+    assert process.popen.wait(60.0) == 2
+    assert "use_sim_time" in process.output
+    assert len(process.output.strip().splitlines()) == 1
+
+
+def test_a_file_with_an_empty_list_and_mapping_starts_as_on_the_command_line(graph: Any, tmp_path: Path) -> None:
+    for line in ("frozen: []", "signals: {}"):
+        file = motor_with(tmp_path, line)
+        process, models = graph.start("linearizer", model=file, sim_time=None), graph.models()
+        feed(graph, graph.publisher(Float64MultiArray, "/state"), state(0.1, 1.0), models)
+        assert process.stop() == 0
+        graph.wait(lambda: graph.node.count_publishers("/linearizer/model") == 0, "its end")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_while_a_node_starts_end_it_without_a_word(graph: Any, number: int) -> None:
+    """From the first line of its own on: interpreter and rclpy take a tenth of a second before that."""
+    for delay in np.linspace(0.3, 1.5, 7):
+        process = graph.start("plant_simulator")
+        sleep(delay)
+        process.popen.send_signal(number)
+        process.popen.send_signal(number)
+        assert process.stop(number) == 0, process.output
+        assert process.output == ""
 
 
 def test_stale_states_and_who_comes_late(graph: Any) -> None:

@@ -9,7 +9,7 @@ import yaml
 
 from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model, shipped_models
-from signlin_ros.nodes.overrides import Entry, changed, entries_of, model_of, nested
+from signlin_ros.nodes.overrides import Entry, changed, check_none_lost, entries_of, model_of, nested
 
 EFFECT = '''
 from signlin_ros.effects import Effect
@@ -111,6 +111,42 @@ def test_effect_files_lie_beside_the_parameter_file_that_names_them(tmp_path: Pa
     ]
     model = model_of(content, files)
     assert model.folder == tmp_path / "a"
+
+
+@pytest.mark.parametrize("name", ["frozen", "effect_files", "signals", "operating_range", "effects", "tolerance"])
+def test_what_is_empty_in_the_file_has_no_value_in_ros_and_is_as_if_left_out(name: str) -> None:
+    content = {"plant": "dc_motor", **flat({"parameters": Model.load("dc_motor").parameters})}
+    assert model_of({**content, name: None}, []) == model_of(content, [])
+    with pytest.raises(ModelError, match="sign_order"):
+        model_of({**content, "sign_order": None}, [])
+
+
+@pytest.mark.parametrize(
+    ("kept", "arguments", "lost"),
+    [
+        ({"a.b": 1}, ["-p", "a.b:=0.5"], "0.5"),
+        ({"a.b": 1}, ["--param", "a.b:=heavy"], "'heavy'"),
+        ({"a.b": 1}, ["-p", "a.b:=2", "-p", "a.b:=1", "-p", "a.b:=0.5"], "0.5"),
+        ({"a.b": 1}, ["-p", "a.b:=1.0"], ""),
+        ({"a.b": 2}, ["-p", "a.b:=2"], ""),
+        ({"a.b": 100000.0}, ["-p", "a.b:=1e5"], ""),
+        ({"a.b": float("nan")}, ["-p", "a.b:=1.5", "-p", "a.b:=.nan"], ""),
+        ({"a.b": 1}, ["-p", "other:a.b:=0.5"], ""),
+        ({"a.b": 1}, ["-p", "node:a.b:=1", "-p", "node:a.b:=0.5"], "0.5"),
+        ({"a.b": 1}, ["-p", "a.b:={"], ""),
+    ],
+)
+def test_a_value_that_ros_loses_for_its_type_is_refused(
+    tmp_path: Path, kept: dict, arguments: list[str], lost: str
+) -> None:
+    file = tmp_path / "model.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    a: {b: 1}\nother:\n")
+    command = ["node", "--ros-args", "--params-file", str(file), *arguments]
+    if lost:
+        with pytest.raises(InputError, match=rf"^a\.b: {lost} is not taken: ROS keeps the 1 "):
+            check_none_lost(kept, command, "node")
+    else:
+        check_none_lost(kept, command, "node")
 
 
 def test_changes_at_run_time() -> None:
