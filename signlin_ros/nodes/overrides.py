@@ -119,10 +119,17 @@ def _given(arguments: Sequence[str]) -> Iterator[tuple[str, str, Any]]:
             section, _, name = rule.rpartition(":")
             yield section or "/**", name, _read_yaml(text)
         elif flag == "--params-file":
-            content = _read_yaml(Path(value).read_text())
-            for section, body in (content or {}).items():
+            for section, body in (_read_yaml(_text_of(value)) or {}).items():
                 for name, one in _flat((body or {}).get("ros__parameters") or {}):
                     yield section, name, one
+
+
+def _text_of(file: str) -> str:
+    """Return what a file holds; nothing if it cannot be read a second time, as a pipe."""
+    try:
+        return Path(file).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return ""
 
 
 def _flat(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -134,6 +134,7 @@ def test_what_is_empty_in_the_file_has_no_value_in_ros_and_is_as_if_left_out(nam
         ({"a.b": 1}, ["-p", "other:a.b:=0.5"], ""),
         ({"a.b": 1}, ["-p", "node:a.b:=1", "-p", "node:a.b:=0.5"], "0.5"),
         ({"a.b": 1}, ["-p", "a.b:={"], ""),
+        ({"a.b": 1}, ["--params-file", "/nowhere/and/never.yaml"], ""),
     ],
 )
 def test_a_value_that_ros_loses_for_its_type_is_refused(
