@@ -85,7 +85,8 @@ def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array]]:
     """Return the inputs (T, m) of a record without gaps and the states (T,) that they impose.
 
     A velocity that is imposed runs away from a displacement that was measured too, if its sensor has an offset: the
-    slow part of the difference is taken out of it.
+    slow part of the difference is taken out of it, but not what is proportional to it: a velocity that was sampled is
+    half a step late when it is held.
     """
     plant, t, u = model.plant, record.t, record.u
     if plant.velocity not in model.inputs or plant.position not in record.measured:
@@ -96,9 +97,11 @@ def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array]]:
         return u, {}
     x = np.interp(t, t[there], x[there])
     u, j = u.copy(), model.inputs.index(plant.velocity)
-    apart = savgol_filter(x - x[0] - travelled(t, u[:, j]), DRIFT, 1)
-    u[:-1, j] += np.diff(apart) / np.diff(t)
-    return u, {plant.position: x[0] + apart[0] + travelled(t, u[:, j])}
+    apart = x - travelled(t, u[:, j])
+    late = np.linalg.lstsq(np.column_stack([u[:, j], np.ones_like(t), t]), apart, rcond=None)[0][0]
+    apart = savgol_filter(apart - late * u[:, j], DRIFT, 1)
+    u[:, j] += np.gradient(apart, t)
+    return u, {plant.position: apart[0] + travelled(t, u[:, j])}
 
 
 def travelled(t: Array, velocity: Array) -> Array:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any, cast
 
@@ -161,6 +161,24 @@ class Fit:
         declared = {n.split(".", 1)[1]: par for n, par in model.par_declarations().items()}
         plain = {n: v for n, v in self.parameters().items() if not n.startswith("sensor_")}
         return model.with_parameters({n: declared[n].nearest(v) for n, v in plain.items()})
+
+
+def tidied(f: Fit) -> Fit:
+    """Return a fit whose added periodic forces have positive amplitudes and phases within half a turn."""
+    theta, signs = f.theta.copy(), np.ones(f.theta.size)
+    at = {k.name: i for i, k in enumerate(f.candidate.coordinates)}
+    for key in f.candidate.label:
+        use = f.candidate.model.effects.get(key)
+        turning = find_effect(use.type, "effects").turning if use else ()
+        if not turning or any(f"{key}.{name}" not in at for name in turning):
+            continue
+        amplitude, phase = (at[f"{key}.{name}"] for name in turning)
+        unit = f.candidate.coordinates[phase].unit
+        if theta[amplitude] < 0:
+            theta[amplitude], signs[amplitude] = -theta[amplitude], -1.0
+            theta[phase] += np.pi / unit
+        theta[phase] -= 2 * np.pi / unit * np.round(theta[phase] * unit / (2 * np.pi))
+    return replace(f, theta=theta, hessian=f.hessian * np.outer(signs, signs), gradient=f.gradient * signs)
 
 
 def base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
@@ -521,4 +539,15 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     return np.asarray(new)
 
 
-__all__ = ["Candidate", "Coordinate", "Filter", "Fit", "candidate", "fit", "follow_records", "further", "likelihood"]
+__all__ = [
+    "Candidate",
+    "Coordinate",
+    "Filter",
+    "Fit",
+    "candidate",
+    "fit",
+    "follow_records",
+    "further",
+    "likelihood",
+    "tidied",
+]

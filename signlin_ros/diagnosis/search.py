@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
-from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, further, likelihood
+from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, further, likelihood, tidied
 from signlin_ros.diagnosis.judge import Residue, gain_in_blocks, gain_on, residues, whiteness
 from signlin_ros.diagnosis.problem import (
     Gains,
@@ -55,10 +55,13 @@ SURE, LIKELY = 2.0, 1.0
 """Standard errors by which an effect must lower the error on data that the fit did not see, and by which one must
 whose evidence on the data that it was fitted to is `STRONG`, in white noise."""
 CERTAIN, FURTHER = 2.5, 3.5
-"""Standard errors for an effect in a model that stays imperfect with it: for what is named at all, and for a second and
-further effect, which is the best of some twenty that each might patch what is left.
+"""Standard errors for what is named at all in a model that stays imperfect with it, and for a second and further
+effect, which is the best of some twenty that each might patch what is left.
 """
 STRONG = 30.0
+STRAINED = 60.0
+"""What the priors may cost, in -2 log likelihood, of a model that needs no second opinion: beyond, known parameters may
+be bent so that a wrong effect fits."""
 MOVED = 12.0
 """What an effect must save of the priors, in -2 log likelihood, if it stands for parameters moved far from nominal."""
 SHARE, PART = 0.05, 0.2
@@ -258,6 +261,12 @@ def search(
             own.shutdown(wait=True, cancel_futures=True)
 
 
+def _tidied(step: Step) -> Step:
+    """Return a step whose parameters are said as one would say them."""
+    r = step.ranked
+    return replace(step, ranked=replace(r, fit=tidied(r.fit), low=tidied(r.low)))
+
+
 def _silent(what: str, done: float) -> None:
     return
 
@@ -360,8 +369,8 @@ class _Search:
             self.problem,
             self.unseen,
             self.filter,
-            tuple(path),
-            tuple(shown),
+            tuple(map(_tidied, path)),
+            tuple(map(_tidied, shown)),
             tuple(self.pairs),
             tuple(outside),
             tuple(residues(at.innovations, self.problem.noise)),
@@ -475,32 +484,38 @@ class _Search:
             if option.evidence >= path[-1].ranked.evidence - (TIE if len(path) > 1 else 0.0):
                 return None
             r = self._pruned(option, path)
-            last = path[-1]
-            if r.effects == last.ranked.effects:
+            last = path[-1].ranked
+            if r.effects == last.effects or not self._real(r, last):
                 continue
-            if not self._real(r, last.ranked):
-                continue
-            spare = needless(self.problem, r, last.ranked)
+            spare = needless(self.problem, r, last)
             if spare:
                 self.declined[r.label] = f"without its {spare} it explains nearly as much"
                 continue
-            step = self._compared(last, r)
-            strong = last.ranked.evidence - r.evidence > STRONG and not self.filter.rho.any()
-            enough = len(path) == 1 or self._enough(step.ranked)
-            needed = (LIKELY if strong else SURE) if enough else FURTHER
-            poor = len(path) > 1 and not self._enough(last.ranked)
-            if poor and (step.share < SHARE or (not enough and self._patch(path, r))):
-                continue
-            moved = _prior(last.ranked.fit) - _prior(r.fit)
-            if len(path) == 1 and moved > MOVED and step.certainty > -SURE:
-                return step
-            if (
-                step.gain > 0
-                and step.certainty > needed
-                and (step.certainty > FURTHER or not self._wandering(last.ranked))
-            ):
+            step = self._compared(path[-1], r)
+            if self._unbent(path, step) or self._beyond_doubt(path, step):
                 return step
         return None
+
+    def _unbent(self, path: list[Step], step: Step) -> bool:
+        """Tell whether a step frees known parameters that were bent to imitate it, and does no harm on unseen data: the
+        first, or one that is another explanation than the step before, and enough.
+        """
+        last, r = path[-1].ranked, step.ranked
+        other = not set(last.effects) < set(r.effects) and self._enough(r)
+        freed = _prior(last.fit) - _prior(r.fit) > MOVED
+        return freed and step.certainty > -SURE and (len(path) == 1 or other)
+
+    def _beyond_doubt(self, path: list[Step], step: Step) -> bool:
+        """Tell whether a step lowers the error on unseen data beyond doubt, and is no patch."""
+        last, r = path[-1].ranked, step.ranked
+        strong = last.evidence - r.evidence > STRONG and not self.filter.rho.any()
+        needed = FURTHER if len(path) > 1 else LIKELY if strong else SURE
+        poor = len(path) > 1 and not self._enough(last)
+        if poor and (step.share < SHARE or (not self._enough(r) and self._patch(path, r))):
+            return False
+        if step.gain <= 0 or step.certainty <= needed:
+            return False
+        return step.certainty > FURTHER or not self._wandering(last)
 
     def _patch(self, path: list[Step], r: Ranked) -> bool:
         """Tell whether a set of effects explains little beyond the last step: neither `SHARE` of what the base model
@@ -573,7 +588,7 @@ class _Search:
         then with either effect of the best pair exchanged for every other.
         """
         starts = [now] if now.effects else []
-        if len(now.effects) <= 1 and not self._enough(now):
+        if len(now.effects) <= 1 and (not self._enough(now) or _prior(now.fit) > STRAINED):
             starts += [r for r in _simple(singles) if r.effects != now.effects][: BEAM - len(starts)]
         found = self._extend(starts, trials)
         if found and len(starts) > 1 and len(found[0].effects) == 2:

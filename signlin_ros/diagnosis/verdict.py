@@ -6,7 +6,6 @@ import re
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
-from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import as_list
-from signlin_ros.diagnosis.fit import Fit, follow_records
+from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records
 from signlin_ros.diagnosis.judge import correlations, residues
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
 from signlin_ros.diagnosis.rank import free_parameters
@@ -165,21 +164,41 @@ def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
     """Return the errors (T, ny) of runs over windows of the update period, each started from X (T, n)."""
     errors = np.full_like(s.y, np.nan)
     steady, names = problem.levels[1].values[-1:], problem.levels[1].names
-    eq = f.candidate.equations
-    late = ceil(max(float(eq.delay @ f.candidate.p(f.theta)), 0.0) / problem.scale.step)
-    values = np.concatenate([np.repeat(steady, late, axis=0), np.zeros_like(steady)])
-    free = Gains(np.inf, names, values, np.ones((0, steady.shape[2])))
+    candidate, theta, delay = _in_time(f)
+    u = _delayed(s.t, s.u, delay)
+    free = Gains(np.inf, names, np.zeros_like(steady), np.ones((0, steady.shape[2])))
     for first, last in windows(s.t, problem.base.update_period)[1:]:
-        if first < late:
+        if s.t[first] - s.t[0] < delay:
             continue
-        part = slice(first - late, last + 1)  # the input that is still on its way at the start counts
-        start = dict(zip(f.candidate.model.states, X[first - late], strict=True))
-        u = s.u[part]
-        window = Segment(s.t[part], u, s.y[part], start, "", whole=False)  # it starts from nothing but what was before
-        run = follow_records(problem, f.candidate, f.theta, free, False, (window,))
+        part = slice(first, last + 1)
+        start = dict(zip(candidate.model.states, X[first], strict=True))
+        window = Segment(s.t[part], u[part], s.y[part], start, "", whole=False)  # from nothing but what was before
+        run = follow_records(problem, candidate, theta, free, False, (window,))
         if run:
-            errors[first + 1 : last + 1] = run[0][0][late + 1 :]
+            errors[first + 1 : last + 1] = run[0][0][1:]
     return errors
+
+
+def _in_time(f: Fit) -> tuple[Candidate, Array, float]:
+    """Return a fitted candidate without its delay of the input, its coordinates, and the delay in s."""
+    c, eq = f.candidate, f.candidate.equations
+    late = {name for name, part in zip(eq.parameters, eq.delay, strict=True) if part}
+    kept = [k.name not in late for k in c.coordinates]
+    coordinates = tuple(k for k, keep in zip(c.coordinates, kept, strict=True) if keep)
+    values = c.values | dict.fromkeys(late, 0.0)
+    return replace(c, coordinates=coordinates, values=values), f.theta[kept], max(float(eq.delay @ c.p(f.theta)), 0.0)
+
+
+def _delayed(t: Array, u: Array, delay: float) -> Array:
+    """Return the means of a held input (T, m) over every step, had it come ``delay`` s later."""
+    if delay == 0.0:
+        return u
+    steps = np.diff(t, append=2 * t[-1] - t[-2])
+    edges, total = np.append(t, t[-1] + steps[-1]), np.zeros((t.size + 1, u.shape[1]))
+    total[1:] = np.cumsum(u * steps[:, None], axis=0)
+    shifted = np.column_stack([np.interp(edges - delay, edges, column) for column in total.T])
+    shifted += np.minimum(edges - delay - t[0], 0.0)[:, None] * u[0]
+    return np.asarray(np.diff(shifted, axis=0) / steps[:, None])
 
 
 # --------------------------------------------------------------------------- parameters
@@ -377,7 +396,7 @@ def _sentence(f: Findings, verdict: str, explained: float, structure: bool, over
 
 
 def _noise_in_input(f: Findings) -> str:
-    return f"what is left is what noise in the {f.problem.base.inputs[0]} leaves"
+    return f"what is left looks like noise in the {f.problem.base.inputs[0]}"
 
 
 def _either(f: Findings, effects: Sequence[str]) -> str:
@@ -407,8 +426,9 @@ def _rivals(f: Findings, effect: str) -> list[str]:
                 continue
             if abs(r.evidence - final.evidence) < TIE and new not in found:
                 found.append(new)
-    values = {n: p.value for n, p in _added_parameters(f, final, effect).items()}
-    nearly = [n for n in find_effect(effect, "effects").simpler(values) if n not in (*found, *final.effects)]
+    values, cls = {n: p.value for n, p in _added_parameters(f, final, effect).items()}, find_effect(effect, "effects")
+    alike = [*cls.simpler(values), *(cls.single_channel_twins if len(f.problem.channels) == 1 else ())]
+    nearly = [n for n in alike if n not in (*found, *final.effects)]
     return found + [n for n in nearly if any(s.ranked.label == n for s in f.singles)]
 
 
@@ -500,10 +520,22 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
     if step.certainty <= SURE and step.gain <= 0:
         return "rejected", "it lowers the error on the data that it was fitted to and raises it on unseen data"
     if final.effects:
-        worse, both = step.ranked.evidence - final.evidence, "it" if len(final.effects) == 1 else "them"
-        nothing = f", nothing beside {both}" if _tried_beside(f, effect) else ""
-        return "rejected", f"explains less than {_named(final.effects)} (evidence lower by {worse:.0f}){nothing}"
+        return "rejected", _than_the_proposal(f, effect, step)
     return "rejected", f"lowers the error on unseen data by {step.certainty:.1f} standard errors only"
+
+
+def _than_the_proposal(f: Findings, effect: str, step: Step) -> str:
+    """Return how an effect alone compares with all that is proposed."""
+    final, named = f.final.ranked, _named(f.final.ranked.effects)
+    values = {n: p.value for n, p in _added_parameters(f, step.ranked, effect).items()}
+    same = [n for n in find_effect(effect, "effects").simpler(values) if (n,) == final.effects]
+    if same:
+        return f"with these parameters it is nothing but {_named(same)}"
+    worse, both = step.ranked.evidence - final.evidence, "it" if len(final.effects) == 1 else "them"
+    nothing = f", nothing beside {both}" if _tried_beside(f, effect) else ""
+    if worse < 0.0:
+        return f"explains hardly more than {named}, with more parameters or on unseen data less{nothing}"
+    return f"explains less than {named} (evidence lower by {worse:.0f}){nothing}"
 
 
 def _tried_beside(f: Findings, effect: str) -> bool:

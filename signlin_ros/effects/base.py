@@ -64,9 +64,13 @@ class Effect(HasPars):
     """Whether a fit has many local minima: ``starts`` are many then, all parameters positive, and the best are bred."""
     essential: ClassVar[tuple[str, ...]] = ()
     """Parameters that make it what it is: a fit without one of them must be clearly worse."""
+    single_channel_twins: ClassVar[tuple[str, ...]] = ()
+    """Effects that a record of a single channel cannot tell from it."""
     floating: ClassVar[bool] = False
     """Whether its own states run away from where they should be (a load that is free in its play), so that an observer
     must correct them."""
+    turning: ClassVar[tuple[str, str] | tuple[()]] = ()
+    """(amplitude, phase) of a force that is the same with the amplitude's sign changed and half a turn more."""
     periodic: ClassVar[tuple[str, ...]] = ()
     """(order, amplitude, phase) of a force -amplitude sin(order q + phase), whose order is scanned for."""
 

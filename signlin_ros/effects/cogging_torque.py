@@ -22,6 +22,8 @@ class CoggingTorque(Effect):
     angular = True
     experiment = "move slowly over a full turn at constant input"
 
+    turning = ("A", "phi")
+
     A = Par("F", nominal=0.02, low=-1e9, doc="amplitude")
     N = Par("1/Q", nominal=7.0, low=0, high=1e5, doc="periods per 2 pi of position")
     phi = Par("rad", nominal=0.0, low=-1e4, high=1e4, doc="phase at q = 0")

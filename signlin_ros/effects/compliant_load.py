@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -36,6 +37,11 @@ class CompliantLoad(Effect):
         inertia = 0.3 * scale.of("F·s²/Q")
         resonances = np.geomspace(SLOWEST / scale.duration, FASTEST / scale.step, RESONANCES).tolist()
         return [{"k": inertia * w * w, "c": 0.1 * inertia * w, "J": inertia} for w in resonances]
+
+    @classmethod
+    def plausible(cls, p: Mapping[str, float]) -> bool:
+        """Refuse a coupling without stiffness: it is a damper."""
+        return bool(p["k"] > 0.0)
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling."""

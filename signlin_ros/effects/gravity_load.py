@@ -23,6 +23,8 @@ class GravityLoad(Effect):
     experiment = "rest at several positions over a full turn"
     external = True
 
+    turning = ("A", "q0")
+
     A = Par("F", nominal=0.05, low=-1e9, doc="largest gravity torque")
     q0 = Par("Q", nominal=0.0, low=-1e4, high=1e4, default=0.0, doc="position that hangs down")
 

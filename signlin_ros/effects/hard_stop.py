@@ -24,7 +24,7 @@ class HardStop(Effect):
 
     gap = Par("Q", nominal=0.5, doc="travel to either stop")
     k_s = Par("F/Q", nominal=10.0, doc="stiffness of the stops")
-    start = ({"gap": 0.4, "k_s": 0.5}, {"gap": 0.6, "k_s": 0.5}, {"gap": 0.8, "k_s": 0.5})
+    start = tuple({"gap": gap, "k_s": k_s} for gap in (0.4, 0.6, 0.8) for k_s in (0.5, 20.0))
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
