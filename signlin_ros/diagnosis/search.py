@@ -136,8 +136,7 @@ class Findings:
     unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal;
     ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged;
     ``followed``: the same at the middle gain. ``beside``: what effects promised beside others, on the data that was
-    fitted to. ``declined``: why effects that lower the error were refused. ``driven_by_noise``: see the function.
-    ``beyond_doubt``: whether the last step lowers the error on unseen data so; one that was asked for may not.
+    fitted to. ``declined``: why effects that lower the error were refused. ``beyond_doubt``: whether the last step lowers the error on unseen data so; one that was asked for may not.
     """
 
     problem: Problem
@@ -152,7 +151,6 @@ class Findings:
     followed: tuple[tuple[Array, ...], tuple[Array, ...]]
     beside: Mapping[str, Sequence[Beside]]
     declined: Mapping[str, str]
-    driven_by_noise: bool
     beyond_doubt: bool = True
 
     @property
@@ -164,6 +162,11 @@ class Findings:
     def structured(self) -> bool:
         """Whether the residual of the proposed model shows structure that is no noise."""
         return structured(self.problem, self.final.ranked, self.filter)
+
+    @functools.cached_property
+    def driven_by_noise(self) -> bool:
+        """Whether that structure is what noise in the input leaves."""
+        return self.structured and driven_by_noise(self.problem, self.final.ranked)
 
 
 def judged(problem: Problem, r: Ranked) -> Fit:
@@ -378,7 +381,6 @@ class _Search:
             self._both(path, self.problem.levels[1]),
             self.beside,
             self.declined,
-            driven_by_noise(self.problem, path[-1].ranked),
             not only or self._best_step(path[:1], [path[-1].ranked]) is not None,
         )
 

@@ -113,7 +113,7 @@ def _why_stopped(d: Diagnosis) -> str:
     if added >= MOST:
         return f"stopped after {MOST} effects"
     end = "the residual is noise"
-    if d.findings.driven_by_noise and d.findings.structured:
+    if d.findings.driven_by_noise:
         end = _noise_in_input(d.findings)
     elif d.findings.structured:
         end = "no other listed effect lowers the error on unseen data beyond doubt, though structure remains"
