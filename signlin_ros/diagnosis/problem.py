@@ -337,6 +337,9 @@ def prepare(model: Model, data: Sequence[ModelData]) -> Problem:
     dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
     duration = max(float(s.t[-1] - s.t[0]) for s in segments)
     everything, noise = np.concatenate([s.y for s in segments]), white_noise(segments)
+    if not (np.nanstd(everything, axis=0) > STILL * np.nanmax(np.abs(everything), axis=0)).any():
+        shown = ", ".join(channels)
+        raise RecordError(f"{segments[0].source}: nothing that is measured ({shown}) moves: nothing can be told")
     sizes = {c: float(max(v, 1e-12)) for c, v in zip(channels, np.nanmax(np.abs(everything), axis=0), strict=True)}
     sizes = _guess_velocity(model, segments, channels, sizes)
     taus = time_constants(dt, duration, model.update_period)

@@ -136,7 +136,8 @@ class Findings:
     unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal;
     ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged;
     ``followed``: the same at the middle gain. ``beside``: what effects promised beside others, on the data that was
-    fitted to. ``declined``: why effects that lower the error were refused. ``beyond_doubt``: whether the last step lowers the error on unseen data so; one that was asked for may not.
+    fitted to. ``declined``: why effects that lower the error were refused. ``beyond_doubt``: whether the last step
+    lowers the error on unseen data so; one that was asked for may not.
     """
 
     problem: Problem

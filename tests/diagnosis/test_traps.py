@@ -13,7 +13,8 @@ from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
 from benchmarks.hidden.generator import simulate
 from benchmarks.hidden.laws import STEP
 from signlin_ros.diagnosis.data import load_records
-from signlin_ros.diagnosis.verdict import diagnose
+from signlin_ros.diagnosis.verdict import add, diagnose
+from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
 
 SMALL = Drive(MOTOR, {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}, 5.0, 4.0)
@@ -218,3 +219,84 @@ def test_a_wrong_scale_of_the_input_is_told_from_known_parameters_that_all_move_
     (note,) = [note for note in found.notes if "recorded" in note]
     assert "m and c come out at 0.5" in note
     assert "the force" in note
+
+
+def noisy_input(data, share: float, seed: int = 0):
+    """Add noise to the inputs of records, in shares of their deviation: the drive knows them no better."""
+    rng = np.random.default_rng(seed)
+    return [replace(d, u=d.u + share * d.u.std() * rng.normal(size=d.u.shape)) for d in data]
+
+
+@pytest.mark.parametrize(("level", "share"), [(1e-3, 0.02), (1e-3, 0.1), (1e-4, 0.02)])
+def test_noise_in_the_input_is_no_effect(tmp_path, level, share):
+    model, data, unseen = recorded(tmp_path, AXIS, {}, only=("displacement",), level=level)
+    found = diagnose(model, noisy_input(data, share, 1), noisy_input(unseen, share, 2))
+    assert found.verdict == "adequate"
+    assert "noise in the force" in found.sentence
+
+
+def test_an_effect_is_named_where_the_input_is_noisy_too(tmp_path):
+    hidden = {"coulomb_friction": {"mu": 20.0}}
+    model, data, unseen = recorded(tmp_path, AXIS, hidden, only=("displacement",), level=1e-5)
+    found = diagnose(model, noisy_input(data, 0.02, 1), noisy_input(unseen, 0.02, 2))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"coulomb_friction"}
+    assert "100 %" not in found.sentence
+
+
+def test_an_elastic_coupling_is_not_called_backlash(tmp_path):
+    hidden = {"compliant_load": {"k": 1.2e5, "c": 150.0, "J": 30.0}}
+    model, data, unseen = recorded(tmp_path, AXIS, hidden, only=("displacement",), level=1e-3)
+    found = diagnose(model, noisy_input(data, 0.01, 1), noisy_input(unseen, 0.01, 2))
+    assert "backlash" not in proposed(found)
+    assert status(found, "compliant_load") == "confirmed"
+
+
+def test_a_late_input_and_a_late_sensor_are_the_same_in_a_single_channel(tmp_path):
+    found = diagnose(*recorded(tmp_path, BENCH, {"input_delay": {"T": 0.013}}, only=("displacement",)))
+    assert found.verdict == "missing"
+    assert status(found, "input_delay") == status(found, "sensor_delay") == "ambiguous"
+
+
+def test_a_late_input_is_scored_with_the_input_that_was_on_its_way(tmp_path):
+    found = diagnose(*recorded(tmp_path, AXIS, {"input_delay": {"T": 0.013}}, level=1e-4))
+    assert found.ladder[-1].validation.kind == "windowed"
+    assert found.ladder[-1].validation.over_noise < 1.3
+
+
+def test_stiff_stops_of_a_resonant_drive_are_found(tmp_path):
+    shaken = Drive(MASS, {"m": 2.0, "c": 6.0, "k": 3000.0}, 8.0, 39.0)
+    found = diagnose(*recorded(tmp_path, shaken, {"hard_stop": {"gap": 0.004, "k_s": 3e4}}, level=0.003))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"hard_stop"}
+
+
+def test_the_phase_of_a_weight_is_within_half_a_turn(tmp_path):
+    arm = Drive(MASS, {"m": 0.05, "c": 0.05, "k": 0.0}, 0.3, 3.0)
+    found = diagnose(*recorded(tmp_path, arm, {"gravity_load": {"A": 0.25, "q0": 2.5}}, exc=("multisine", "slow")))
+    (entry,) = [e for e in found.ranking if e.effect == "gravity_load"]
+    assert entry.parameters["A"].value == pytest.approx(0.25, rel=0.05)
+    assert entry.parameters["q0"].value == pytest.approx(2.5, abs=0.05)
+
+
+def test_what_is_added_though_nothing_is_missing_is_not_confirmed(tmp_path):
+    model, data, unseen = recorded(tmp_path, SMALL, {})
+    found = add("coulomb_friction", model, data, unseen)
+    assert found.verdict == "adequate"
+    assert status(found, "coulomb_friction") == "rejected"
+    assert proposed(found) == {"coulomb_friction"}
+
+
+@pytest.mark.parametrize("late", [10, 200])
+def test_measurements_may_begin_later_than_the_input(tmp_path, late):
+    model, data, unseen = recorded(tmp_path, SMALL, {"coulomb_friction": {"mu": 0.04}})
+    blind = {name: np.where(np.arange(v.size) < late, np.nan, v) for name, v in data[0].measured.items()}
+    found = diagnose(model, [replace(data[0], measured=blind)], unseen)
+    assert proposed(found) == {"coulomb_friction"}
+
+
+def test_a_drive_that_does_not_move_is_no_fault_of_the_diagnosis(tmp_path):
+    model, data, unseen = recorded(tmp_path, SMALL, {}, only=("speed",))
+    still = [replace(d, measured={n: np.zeros_like(v) for n, v in d.measured.items()}) for d in data]
+    with pytest.raises(RecordError, match="moves: nothing can be told"):
+        diagnose(model, still, unseen)
