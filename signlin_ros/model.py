@@ -557,6 +557,8 @@ def _effects(value: Any, plant: type[Plant], base: Mapping[str, float]) -> dict[
 
 def _effect(key: str, item: Any, plant: type[Plant], base: Mapping[str, float]) -> EffectUse:
     where = f"effects.{key}"
+    if "." in str(key):
+        raise ModelError(f"{where}: a key must not have a dot: ROS parts names there")
     if item is not None and not isinstance(item, Mapping):
         raise ModelError(f"{where}: found {item!r}; allowed: a mapping of its parameters")
     given = dict(item or {})

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.observer import TRUSTS, Design, Observer
+from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.native import compiled
 from signlin_ros.trace import trace
@@ -144,6 +145,8 @@ def _response(observer: Observer, equation: _Equation, d: Design) -> tuple[float
     noise = float(np.sqrt(np.mean(np.sum(np.abs(from_noise) ** 2 * np.stack(spectra, axis=1), axis=1))))
     held = d.step[:, equation.state] * equation.per_unit
     seen = np.abs(np.einsum("fj,fj->f", out, (d.C @ to_state) @ held))
+    if not np.isfinite(seen).all():
+        raise InputError(f"the samples, {observer.step:.3g} s apart, are too far apart for the model's fastest motion")
     passed = omega[seen >= 0.5 * seen.max()].max()
     return noise, max(float(seen[0]), 1e-6), float(np.pi * observer.step / passed)
 

@@ -17,6 +17,7 @@ from signlin_ros.diagnosis.judge import Residue, gain_in_blocks, gain_on, residu
 from signlin_ros.diagnosis.problem import (
     Gains,
     Problem,
+    linear_base,
     pieces,
     prepare,
     segment,
@@ -59,6 +60,8 @@ CERTAIN, FURTHER = 2.5, 3.5
 effect, which is the best of some twenty that each might patch what is left.
 """
 STRONG = 30.0
+SPARSE = 50.0
+"""Samples so many times further apart than the fastest motion lasts may be why a model diverges."""
 STRAINED = 60.0
 """What the priors may cost, in -2 log likelihood, of a model that needs no second opinion: beyond, known parameters may
 be bent so that a wrong effect fits."""
@@ -265,6 +268,15 @@ def search(
             own.shutdown(wait=True, cancel_futures=True)
 
 
+def _too_slow(problem: Problem) -> str:
+    """Return what is to be said of samples that are much further apart than the model's fastest motion lasts."""
+    _, A, _, _ = linear_base(problem.base, problem.channels)
+    fastest = float(np.max(np.abs(np.linalg.eigvals(A)))) if A.size else 0.0
+    if fastest * problem.scale.step < SPARSE:
+        return ""
+    return f": its fastest motion lasts {1.0 / fastest:.2g} s, the samples are {problem.scale.step:.3g} s apart"
+
+
 def _tidied(step: Step) -> Step:
     """Return a step whose parameters are said as one would say them."""
     r = step.ranked
@@ -389,7 +401,9 @@ class _Search:
         """Return the base model fitted; if all that it leaves is coloured noise, that is the noise's colour."""
         base = assess(self.problem, None)
         if base is None:
-            raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
+            raise SimulationError(
+                f"{self.problem.base.source}: the model diverges on these records{_too_slow(self.problem)}"
+            )
         white, self.filter = self.filter, self._colour(base)
         if self.filter.rho.any() and not self._enough(self._polished(base)):
             self.filter = white

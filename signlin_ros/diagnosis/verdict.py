@@ -332,11 +332,11 @@ def describe(f: Findings) -> Diagnosis:
 def _explained(f: Findings) -> float:
     """Return the share of the missing motion on unseen data that the proposal explains.
 
-    Where a proposal leaves nothing on the data that it was fitted to, unseen motion that is lost for once is also
-    followed with the middle gain.
+    Where a proposal leaves nothing on the data that it was fitted to, or what noise in the input leaves, unseen motion
+    that is lost for once, or wanders, is also followed with the middle gain.
     """
     share = _share(f, f.held_out)
-    return share if f.structured else max(share, _share(f, f.followed))
+    return share if f.structured and not f.driven_by_noise else max(share, _share(f, f.followed))
 
 
 def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> float:
@@ -360,8 +360,9 @@ def unseen_noise(f: Findings) -> Array:
 def _verdict(f: Findings, explained: float, structure: bool, rest: float) -> str:
     if len(f.steps) == 1 or not f.beyond_doubt:
         return "unexplained" if structure else "adequate"
-    much = explained >= (EXPLAINED if rest <= REST else NEARLY_ALL[0] if rest < DETAIL else NEARLY_ALL[1])
-    return "missing" if much or not structure else "unexplained"
+    detail = NEARLY_ALL[0] if rest < DETAIL else NEARLY_ALL[1]
+    much = explained >= (EXPLAINED if rest <= REST or not structure else detail)
+    return "missing" if much or not f.structured else "unexplained"
 
 
 def _rest(f: Findings) -> float:

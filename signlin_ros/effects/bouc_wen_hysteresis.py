@@ -8,6 +8,9 @@ from typing import Any
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 
+SLIGHT = 0.02
+"""Share of the stiffness that may stay elastic where a loop is all but Dahl's."""
+
 
 class BoucWenHysteresis(Effect):
     """A spring with hysteresis.
@@ -46,6 +49,13 @@ class BoucWenHysteresis(Effect):
         return [
             {**loop, "n": n, "alpha": alpha, "k": p["sigma"] / (1 - alpha)} for n in (1.0, 2.0) for alpha in (0.1, 0.6)
         ]
+
+    @classmethod
+    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        if "k" not in p or p["n"] != 1.0 or p["alpha"] > SLIGHT or not abs(p["gamma"]) < 5 * SLIGHT * p["beta"]:
+            return {}
+        k = (1 - p["alpha"]) * p["k"] * p["lambda"]
+        return {"dahl_presliding": {"F_c": p["D"] * k / p["beta"], "sigma": k}}
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -self.spring(m, x, p, p.k) if hasattr(p, "k") else 0

@@ -124,6 +124,10 @@ BAD = {
         ["operating_range", "there are: current, speed, voltage; with_position: true"],
     ),
     "names are listed once": (motor(state_weights={"x": 1.0}), ["there are: current, speed, voltage"]),
+    "a dot in a key": (
+        motor(effects={"a.b": {"type": "coulomb_friction", "mu": 0.1}}),
+        ["effects.a.b: a key must not have a dot"],
+    ),
     "bounds without a sentence": (motor(tolerance=-0.2), ["tolerance: found -0.2; allowed: [0, 10]"]),
     "signal by name and alias": (motor(signals={"speed": "a", "velocity": "b"}), ["signals", "speed is given twice"]),
     "time by two names": (motor(signals={"t": "a", "stamp": "b"}), ["signals", "t is given twice, as stamp and as t"]),
