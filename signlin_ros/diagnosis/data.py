@@ -95,11 +95,12 @@ def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array]]:
     there = np.isfinite(x)
     if np.count_nonzero(there) < DRIFT:
         return u, {}
-    x = np.interp(t, t[there], x[there])
     u, j = u.copy(), model.inputs.index(plant.velocity)
     apart = x - travelled(t, u[:, j])
-    late = np.linalg.lstsq(np.column_stack([u[:, j], np.ones_like(t), t]), apart, rcond=None)[0][0]
-    apart = savgol_filter(apart - late * u[:, j], DRIFT, 1)
+    features = np.column_stack([u[:, j], np.ones_like(t), t])
+    late = np.linalg.lstsq(features[there], apart[there], rcond=None)[0][0]
+    slow = np.interp(t, t[there], (apart - late * u[:, j])[there])
+    apart = savgol_filter(slow, DRIFT, 1)
     u[:, j] += np.gradient(apart, t)
     return u, {plant.position: apart[0] + travelled(t, u[:, j])}
 
@@ -120,7 +121,7 @@ def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]
         for begin, last in pairwise(edges):
             first = begin + first_measured(y[begin:last])
             if first > begin:
-                notes.append(f"{record.source}: what is before t = {record.t[first]:.6g} s is not measured")
+                notes.append(begun_late(record, begin, first, channels))
             part = slice(first, last)
             if last - first >= SHORTEST and np.isfinite(y[part]).any():
                 u, known = imposed(model, record.part(first, last))
@@ -139,6 +140,13 @@ def first_measured(y: Array) -> int:
     there = np.isfinite(y)
     first = np.where(there.any(axis=0), there.argmax(axis=0), y.shape[0])
     return int(first.max() if first.max() <= y.shape[0] // 2 else first.min() % y.shape[0])
+
+
+def begun_late(record: ModelData, begin: int, first: int, channels: tuple[str, ...]) -> str:
+    """Return the note on a part of a record that is taken from ``first`` on instead of from ``begin``."""
+    late = [c for c in channels if not np.isfinite(record.measured[c][begin:first]).any()]
+    what = ", ".join(late)
+    return f"{record.source}: what is before t = {record.t[first]:.6g} s is left out: {what} is not measured there"
 
 
 def gaps(t: Array) -> list[int]:
@@ -166,6 +174,7 @@ __all__ = [
     "SHORTEST",
     "Stretch",
     "as_list",
+    "begun_late",
     "first_measured",
     "gaps",
     "imposed",

@@ -146,7 +146,8 @@ def _response(observer: Observer, equation: _Equation, d: Design) -> tuple[float
     held = d.step[:, equation.state] * equation.per_unit
     seen = np.abs(np.einsum("fj,fj->f", out, (d.C @ to_state) @ held))
     if not np.isfinite(seen).all():
-        raise InputError(f"the samples, {observer.step:.3g} s apart, are too far apart for the model's fastest motion")
+        source = observer.stretches[0].source
+        raise InputError(f"{source}: samples {observer.step:.3g} s apart are too few for the model's fastest motion")
     passed = omega[seen >= 0.5 * seen.max()].max()
     return noise, max(float(seen[0]), 1e-6), float(np.pi * observer.step / passed)
 

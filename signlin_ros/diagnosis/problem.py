@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.diagnosis.data import first_measured, gaps, imposed, measured_channels, travelled
+from signlin_ros.diagnosis.data import begun_late, first_measured, gaps, imposed, measured_channels, travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import kalman_gains
 from signlin_ros.diagnosis.missing import per_force
@@ -105,6 +105,7 @@ class Problem:
     ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     quanta: Array = field(default_factory=lambda: np.zeros(0))
+    notes: tuple[str, ...] = ()
 
     @functools.cached_property
     def short(self) -> Problem:
@@ -237,14 +238,17 @@ def _first_slope(t: Array, values: Array) -> float:
     return slope
 
 
-def pieces(data: ModelData) -> list[ModelData]:
-    """Cut a record at its gaps in time, each piece from where it is measured; pieces that are too short are left out,
-    if any is long enough.
+def pieces(data: ModelData, channels: tuple[str, ...]) -> tuple[list[ModelData], list[str]]:
+    """Cut a record at its gaps in time, each piece from where the channels are measured; pieces that are too short are
+    left out, if any is long enough. Returns notes on what is left out because it is not measured.
     """
-    edges = gaps(data.t)
-    parts = [data.part(first, last) for first, last in itertools.pairwise(edges)]
-    parts = [p.part(first_measured(np.column_stack([*p.measured.values()]))) if p.measured else p for p in parts]
-    return [p for p in parts if len(p) >= LEAST_SAMPLES] or [data]
+    y, parts, notes = np.column_stack([data.measured[c] for c in channels]), [], []
+    for begin, last in itertools.pairwise(gaps(data.t)):
+        first = begin + first_measured(y[begin:last])
+        if last - first >= LEAST_SAMPLES:
+            parts.append(data.part(first, last))
+            notes += [begun_late(data, begin, first, channels)] if first > begin else []
+    return parts or [data], notes
 
 
 def added_keys(problem: Problem, model: Model, effect: str) -> list[str]:
@@ -329,10 +333,13 @@ def first_look(model: Model, segments: Sequence[Segment], channels: tuple[str, .
     return result
 
 
-def prepare(model: Model, data: Sequence[ModelData]) -> Problem:
-    """Prepare records (at least one) for fitting; raises `RecordError` where nothing is measured."""
+def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] | None = None) -> Problem:
+    """Prepare records (at least one) for fitting; raises `RecordError` where nothing is measured.
+
+    ``channels``: what is compared, by default all that every record measures.
+    """
     model = with_measured_position(model, data)
-    channels = measured_channels(model, data)
+    channels = measured_channels(model, data) if channels is None else channels
     segments = tuple(segment(model, channels, d) for d in data)
     dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
     duration = max(float(s.t[-1] - s.t[0]) for s in segments)

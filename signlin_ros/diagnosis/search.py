@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 
+from signlin_ros.diagnosis.data import measured_channels
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, further, likelihood, tidied
 from signlin_ros.diagnosis.judge import Residue, gain_in_blocks, gain_on, residues, whiteness
 from signlin_ros.diagnosis.problem import (
@@ -242,9 +243,17 @@ def prepared(
     """Return the estimation and the validation problem, which share channels, noise and gains."""
     first, second = (list(data), list(validation)) if validation else held_out(data)
     model = with_measured_position(model, [*first, *second])
-    problem = prepare(model, [piece for d in first for piece in pieces(d)])
-    segments = tuple(segment(problem.base, problem.channels, p) for d in second for p in pieces(d))
-    return problem, replace(problem, segments=segments, noise=white_noise(segments))
+    channels = measured_channels(model, [*first, *second])
+    (known, notes), (unseen, more) = _cut(first, channels), _cut(second, channels)
+    problem = replace(prepare(model, known, channels), notes=notes)
+    segments = tuple(segment(problem.base, problem.channels, part) for part in unseen)
+    return problem, replace(problem, segments=segments, noise=white_noise(segments), notes=more)
+
+
+def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[ModelData], tuple[str, ...]]:
+    """Return the pieces of records, and the notes on what is left out of them."""
+    found = [pieces(d, channels) for d in data]
+    return [part for parts, _ in found for part in parts], tuple(note for _, notes in found for note in notes)
 
 
 def search(
@@ -300,22 +309,25 @@ def _is_essential(model: Model, parameter: str) -> bool:
     return key in model.effects and name in find_effect(model.effects[key].type, "effects").essential
 
 
-def needless(problem: Problem, r: Ranked, before: Ranked) -> str:
-    """Return a parameter that is essential to what was added to ``before`` and that the fit hardly needs; "" if none.
+def needless(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
+    """Return an effect that was added to ``before``, and a parameter essential to it that the fit hardly needs.
 
     What an effect gains may be what a filter gains that corrects its own states, whatever the effect.
     """
-    c, known = r.fit.candidate, {k.name for k in before.fit.candidate.coordinates}
-    for i, k in enumerate(c.coordinates):
-        if k.name in known or not _is_essential(c.model, k.name):
-            continue
-        none = float(NOTHING * r.fit.theta[i])
+    f, known = r.fit, {k.name for k in before.fit.candidate.coordinates}
+    c, added = f.candidate, [i for i, k in enumerate(f.candidate.coordinates) if k.name not in known]
+    for i in (i for i in added if _is_essential(c.model, c.coordinates[i].name)):
+        k = c.coordinates[i]
+        none = k.theta(NOTHING * k.value(float(f.theta[i])))
         held = tuple(replace(k, low=none, high=none) if j == i else o for j, o in enumerate(c.coordinates))
-        theta = np.where(np.arange(r.fit.theta.size) == i, none, r.fit.theta)
-        found = fit(problem, replace(c, coordinates=held), r.fit.gains, theta, 10)
-        if found and found.cost - r.fit.cost < max(NEEDED, NEEDLESS * (before.fit.cost - r.fit.cost)):
-            return k.name.partition(".")[2]
-    return ""
+        theta = np.where(np.arange(f.theta.size) == i, none, f.theta)
+        found = fit(problem, replace(c, coordinates=held), f.gains, theta, 10, f.filter)
+        start = fit(problem, before.fit.candidate, f.gains, before.fit.theta, 2, f.filter)
+        gained = start.cost - f.cost if start else np.inf
+        if found and found.cost - f.cost < max(NEEDED, NEEDLESS * gained):
+            key, _, name = k.name.partition(".")
+            return c.model.effects[key].type, name
+    return None
 
 
 def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
@@ -480,8 +492,9 @@ class _Search:
         for depth in range(self.depth):
             step = self._best_step(path, [*map(self._polished, options[:2]), *options[2:]])
             if step is not None:
-                path = [*(p for p in path if set(p.ranked.effects) < set(step.ranked.effects)), step]
-            elif depth > 0 or self._enough(path[0].ranked):
+                kept = [p for p in path if set(p.ranked.effects) < set(step.ranked.effects)]
+                path = [*kept, step if kept[-1] is path[-1] else self._compared(kept[-1], step.ranked)]
+            elif depth > 0 or (self._enough(path[0].ranked) and _prior(path[0].ranked.fit) <= STRAINED):
                 return path
             self.progress("more effects", 0.3 + 0.15 * depth)
             if depth + 1 < self.depth or step is None:
@@ -502,16 +515,24 @@ class _Search:
                 return None
             r = self._pruned(option, path)
             last = path[-1].ranked
-            if r.effects == last.effects or not self._real(r, last):
-                continue
-            spare = needless(self.problem, r, last)
-            if spare:
-                self.declined[r.label] = f"without its {spare} it explains nearly as much"
+            if r.effects == last.effects or self._refused(r, last):
                 continue
             step = self._compared(path[-1], r)
             if self._unbent(path, step) or self._beyond_doubt(path, step):
                 return step
         return None
+
+    def _refused(self, r: Ranked, last: Ranked) -> bool:
+        """Tell whether what a set adds is not what it is called, and note why."""
+        if not plausible(self.problem, r):
+            return True
+        if not self._real(r, last):
+            self.declined[r.label] = f"its parameters do not differ from nothing by {REAL:g} standard errors"
+            return True
+        spare = needless(self.problem, r, last)
+        if spare:
+            self.declined[spare[0]] = f"without its {spare[1]} it explains nearly as much"
+        return spare is not None
 
     def _unbent(self, path: list[Step], step: Step) -> bool:
         """Tell whether a step frees known parameters that were bent to imitate it, and does no harm on unseen data: the
@@ -578,8 +599,6 @@ class _Search:
 
         A parameter that acts in steps, as a delay in whole samples, has no standard error: its evidence decides alone.
         """
-        if not plausible(self.problem, r):
-            return False
         known = {c.name for c in before.fit.candidate.coordinates}
         covariance = np.linalg.pinv(r.fit.hessian, hermitian=True)
         coordinates = r.fit.candidate.coordinates
@@ -605,7 +624,7 @@ class _Search:
         then with either effect of the best pair exchanged for every other.
         """
         starts = [now] if now.effects else []
-        if len(now.effects) <= 1 and (not self._enough(now) or _prior(now.fit) > STRAINED):
+        if len(now.effects) <= 1 and not (self._enough(now) and _prior(now.fit) <= STRAINED):
             starts += [r for r in _simple(singles) if r.effects != now.effects][: BEAM - len(starts)]
         found = self._extend(starts, trials)
         if found and len(starts) > 1 and len(found[0].effects) == 2:

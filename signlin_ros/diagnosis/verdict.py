@@ -85,7 +85,8 @@ def add(
     sure = f"by {min(findings.final.certainty, 99):.1f} standard errors"
     if not findings.beyond_doubt:
         worth = f"The record does not ask for {effect.replace('_', ' ')}"
-        return replace(found, sentence=f"{worth}: {_change(findings.final)}.{rest}")
+        why = findings.declined.get(effect, _change(findings.final))
+        return replace(found, sentence=f"{worth}: {why}.{rest}")
     return replace(found, sentence=f"{worth} on data that the fit did not see, {sure}.{rest}")
 
 
@@ -360,7 +361,7 @@ def unseen_noise(f: Findings) -> Array:
 def _verdict(f: Findings, explained: float, structure: bool, rest: float) -> str:
     if len(f.steps) == 1 or not f.beyond_doubt:
         return "unexplained" if structure else "adequate"
-    detail = NEARLY_ALL[0] if rest < DETAIL else NEARLY_ALL[1]
+    detail = NEARLY_ALL[0] if 1.0 + rest < DETAIL else NEARLY_ALL[1]
     much = explained >= (EXPLAINED if rest <= REST or not structure else detail)
     return "missing" if much or not f.structured else "unexplained"
 
@@ -385,6 +386,9 @@ def _sentence(f: Findings, verdict: str, explained: float, structure: bool, over
         return f"Nothing is missing that this record could show: {left}."
     if verdict == "unexplained":
         partly = f"; {_named(effects)} {verb} {_percent(explained)} of it" if effects else ""
+        if effects and not structure:
+            known = f"{_named(effects).capitalize()} {verb} only {_percent(explained)} of the missing motion"
+            return f"{known} on data that the fit did not see; {_noise_in_input(f)}."
         return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
     left = f", {1.0 + over:.2g} times the noise" if over > REST else ""
     rest = f" Some structure remains that no listed effect explains{left}." if structure else ""
@@ -647,21 +651,24 @@ def _notes(f: Findings) -> tuple[str, ...]:
     for name, rho in zip(f.problem.channels, f.filter.rho, strict=True):
         if rho:
             notes.append(f"the noise of {name} is coloured (correlation {rho:.2f} from sample to sample)")
-    return (*notes, *_scale_note(f))
+    return (*f.problem.notes, *f.unseen.notes, *notes, *_scale_note(f))
 
 
 def _scale_note(f: Findings) -> tuple[str, ...]:
-    """Return what to check where the known parameters of the plant all had to move far, and alike."""
+    """Return what to check where all parameters that a wrong scale of the input multiplies moved far, and alike."""
     model, fitted = f.problem.base, f.final.ranked.fit
     pairs = zip(fitted.candidate.coordinates, fitted.theta, strict=True)
-    moved = {k.name: (x - k.prior, k.spread) for k, x in pairs if k.name in model.parameters and k.log}
-    ratios = np.exp([distance for distance, _ in moved.values()])
-    far = all(abs(distance) > 3 * spread for distance, spread in moved.values())
-    if len(moved) < 2 or not far or np.ptp(np.log(ratios)) > ALIKE:
+    moved = {k.name: (x - k.prior, k.spread) for k, x in pairs if k.log}
+    names = [n for n in model.plant.scaled_by_effort if model.parameters[n]]
+    if len(names) < 2 or not set(names) <= set(moved):
         return ()
-    scale = float(np.exp(np.mean(np.log(ratios))))
+    logs = [moved[n][0] for n in names]
+    far = all(abs(moved[n][0]) > 3 * moved[n][1] for n in names)
+    if not far or np.ptp(logs) > ALIKE:
+        return ()
+    scale = float(np.exp(np.mean(logs)))
     effort = f.problem.channels[0] if f.problem.scale.imposed else model.inputs[0]
-    what = f"{_named(list(moved))} come out at {scale:.2g} times their nominal values, beyond their tolerances"
+    what = f"{_named(names)} come out at {scale:.2g} times their nominal values, beyond their tolerances"
     return (f"{what}: so they do if the {effort} that was recorded is {scale:.2g} times the true one",)
 
 

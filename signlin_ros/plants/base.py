@@ -44,6 +44,8 @@ class Plant(HasPars):
     inputs: ClassVar[dict[str, str]]
     """Inputs and units."""
     optional_inputs: ClassVar[dict[str, str]] = {}
+    scaled_by_effort: ClassVar[tuple[str, ...]] = ()
+    """Parameters that a wrong scale of the input, or of a force that is measured, multiplies all alike."""
     effort: ClassVar[str] = "force"
     """What the alias ``effort`` means: an input, an output, or a state of the plant; empty: nothing."""
     outputs: ClassVar[dict[str, str]] = {}

@@ -23,6 +23,7 @@ class DcMotor(Plant):
     position_optional = True
     zero_matters = ("L_a",)
     inputs = {"voltage": "V"}
+    scaled_by_effort = ("R_a", "L_a", "K_m")
     optional_inputs = {"load_torque": "N·m"}
 
     R_a = Par("Ohm", nominal=0.764, positive=True, doc="armature resistance")

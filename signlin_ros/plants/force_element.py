@@ -20,6 +20,7 @@ class ForceElement(Plant):
     equation = "q' = v,  force = c v + k q - (sum of effects)"
     force_unit, position_unit, input_unit = "N", "m", "m/s"
     inputs = {"velocity": "m/s"}
+    scaled_by_effort = ("c", "k")
     zero_matters = ("k",)
     outputs = {"force": "N"}
 

@@ -19,6 +19,7 @@ class MassSpringDamper(Plant):
     equation = "m q'' + c q' + k q = F + effects"
     force_unit, position_unit, input_unit = "N", "m", "N"
     inputs = {"force": "N"}
+    scaled_by_effort = ("m", "c", "k")
     zero_matters: ClassVar[tuple[str, ...]] = ("k",)
 
     m = Par("kg", nominal=1.0, positive=True, doc="mass or inertia")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis.comparison import compare
+from signlin_ros.diagnosis.data import imposed
 from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.diagnosis.rank import applicable
 from signlin_ros.diagnosis.verdict import diagnose
@@ -78,3 +79,31 @@ def test_a_bristle_bends_with_an_imposed_motion_of_which_only_the_force_is_measu
     (gap,) = compare(Model.from_dict(right), replace(data, measured={"force": data.measured["force"]})).missing
     assert gap.name == "force"
     assert gap.rms < 0.2 * YIELD
+
+
+def mount(lost: slice = slice(0, 0), offset: float = 0.0):
+    """Return a mount, a record of it (its displacement with holes, its velocity with an offset) and its true velocity."""
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 10.0, "k": 100.0}})
+    t = np.arange(6000) * 1e-3
+    q, v = 0.5 + np.sin(12.0 * t), 12.0 * np.cos(12.0 * t)
+    shown = q.copy()
+    shown[lost] = np.nan
+    measured = {"displacement": shown, "force": 10.0 * v + 100.0 * q}
+    units = {"displacement": "m", "force": "N", "velocity": "m/s"}
+    return model, ModelData(t, v[:, None] + offset, measured, None, ("velocity",), ("displacement",), units), v
+
+
+def test_an_imposed_displacement_counts_wherever_the_force_is_computed():
+    model, record, _ = mount(offset=0.1)
+    found = compare(model, record)
+    assert found.inverse["force"].relative_error_percent < 1.0
+    assert found.channels["force"].free_run.fit_percent > 98.0
+    assert set(found.channels) == {"force"}
+
+
+@pytest.mark.parametrize("lost", [slice(4000, None), slice(3000, 3300), slice(0, 1500)], ids=["end", "hole", "begin"])
+def test_holes_of_an_imposed_displacement_leave_the_velocity_as_it_is(lost):
+    model, record, v = mount(lost)
+    u, known = imposed(model, record)
+    assert np.abs(u[:, 0] - v).max() < 0.02 * np.abs(v).max()
+    assert np.abs(known["displacement"] - 0.5 - np.sin(12.0 * record.t)).max() < 0.02

@@ -14,7 +14,8 @@ from benchmarks.hidden.generator import simulate
 from benchmarks.hidden.laws import STEP
 from signlin_ros.diagnosis.data import load_records
 from signlin_ros.diagnosis.verdict import add, diagnose
-from signlin_ros.errors import RecordError
+from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
+from signlin_ros.errors import RecordError, SimulationError
 from signlin_ros.model import Model
 
 SMALL = Drive(MOTOR, {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}, 5.0, 4.0)
@@ -300,3 +301,37 @@ def test_a_drive_that_does_not_move_is_no_fault_of_the_diagnosis(tmp_path):
     still = [replace(d, measured={n: np.zeros_like(v) for n, v in d.measured.items()}) for d in data]
     with pytest.raises(RecordError, match="moves: nothing can be told"):
         diagnose(model, still, unseen)
+
+
+def test_parameters_that_a_wrong_effect_bends_get_a_second_opinion(tmp_path):
+    hidden = {"coulomb_friction": {"mu": 0.03}, "quadratic_drag": {"c2": 1.2e-5}}
+    fast = Drive(MOTOR, SMALL.true | {"B": 2e-4}, 8.0, 4.0)
+    model, data, unseen = recorded(tmp_path, fast, hidden, only=("current", "speed"))
+    found = diagnose(model, data, unseen)
+    assert found.verdict == "missing"
+    assert proposed(found) == set(hidden)
+    bent = [n for n, p in found.parameters.items() if "nominal" in p.note]
+    assert not bent
+
+
+def test_a_loop_without_a_shape_of_its_own_is_dahls():
+    loop = {"alpha": 0.0, "D": 2.0, "lambda": 1.0, "beta": 0.5, "gamma": 0.01, "n": 1.0, "k": 5.0}
+    assert BoucWenHysteresis.simpler(loop) == {"dahl_presliding": {"F_c": 20.0, "sigma": 5.0}}
+    for shape in ({"gamma": 0.3}, {"n": 2.0}, {"alpha": 0.4}):
+        assert BoucWenHysteresis.simpler(loop | shape) == {}
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_samples_that_are_too_far_apart_are_told(tmp_path):
+    model, data, unseen = recorded(tmp_path, SMALL, {})
+    slow = [[replace(d, t=2000 * d.t) for d in part] for part in (data, unseen)]
+    with pytest.raises(SimulationError, match="the samples are 10 s apart"):
+        diagnose(model, *slow)
+
+
+def test_a_channel_that_begins_late_is_told_and_its_record_begins_there(tmp_path):
+    model, data, unseen = recorded(tmp_path, SMALL, {"coulomb_friction": {"mu": 0.04}})
+    current = np.where(np.arange(data[0].t.size) < 200, np.nan, data[0].measured["current"])
+    found = diagnose(model, [replace(data[0], measured=data[0].measured | {"current": current})], unseen)
+    assert proposed(found) == {"coulomb_friction"}
+    assert any("t = 1 s is left out: current" in note for note in found.notes)
