@@ -82,7 +82,7 @@ def test_a_bristle_bends_with_an_imposed_motion_of_which_only_the_force_is_measu
 
 
 def mount(lost: slice = slice(0, 0), offset: float = 0.0):
-    """Return a mount, a record of it (its displacement with holes, its velocity with an offset) and its true velocity."""
+    """Return a mount, a record of it (displacement with holes, velocity with an offset) and its true velocity."""
     model = Model.from_dict({"plant": "force_element", "parameters": {"c": 10.0, "k": 100.0}})
     t = np.arange(6000) * 1e-3
     q, v = 0.5 + np.sin(12.0 * t), 12.0 * np.cos(12.0 * t)
