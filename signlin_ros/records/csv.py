@@ -7,7 +7,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,18 +22,28 @@ from .table import Rows
 Array = npt.NDArray[np.float64]
 
 _SEPARATORS = ("\t", ";", ",")
+_NUMBER = r"^[-+]?\d*{}\d+(?:[eE][-+]?\d+)?$"
+_WITH_COMMA, _WITH_POINT = (re.compile(_NUMBER.format(mark), re.MULTILINE) for mark in (",", r"\."))
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none"})
 
 
 @dataclass(frozen=True)
 class _Text:
-    """A file split up: header cells, the lines of data and their numbers in the file (from 1)."""
+    """A file split up: header cells, the lines of data and their numbers in the file (from 1).
+
+    ``commas``: the columns, from 0, with decimal commas; ``points``: whether any column has decimal points; ``plain``:
+    the lines with points for commas, or as they are where a comma means something else.
+    """
 
     source: str
     header: list[str]
     body: list[str]
     numbers: npt.NDArray[np.int64]
     separator: str
+    plain: list[str]
+    commas: frozenset[int] = frozenset()
+    points: bool = False
     notes: tuple[str, ...] = ()
 
     @property
@@ -44,9 +54,9 @@ class _Text:
 def read_table(path: Path, source: str, keep: Keep) -> Table:
     """Read the columns of a CSV file.
 
-    Separator: comma, semicolon (then decimal commas are understood) or tab. Lines that start with ``#`` and
-    blank lines are skipped. `keep` says what to do with a column that does not read: refuse the file (True),
-    leave the column out if all of it is text (None), leave it out in any case (False).
+    Separator: comma, semicolon or tab (with these two, decimal commas are understood, column by column). Lines
+    that start with ``#`` and blank lines are skipped. `keep` says what to do with a column that does not read:
+    refuse the file (True), leave the column out if all of it is text (None), leave it out in any case (False).
 
     Raises
     ------
@@ -104,20 +114,32 @@ def _split(text: str, source: str) -> _Text:
         raise RecordError(
             f"{source}: the header has one column, {header[0]!r}; separate columns by comma, semicolon or tab"
         )
-    if separator != "," and _decimal_commas(body, separator):
-        body = "\n".join(body).replace(",", ".").split("\n")
-        notes = (*notes, "decimal commas read as points")
-    return _Text(source, header, body, numbers, separator, notes)
+    return _with_commas(_Text(source, header, body, numbers, separator, body, notes=notes))
 
 
-def _decimal_commas(body: list[str], separator: str) -> bool:
-    """Whether numbers are written with commas, anywhere, and none with a point: then a comma may mean thousands."""
-    text = "\n".join(body)
-    edge, number = rf"[{separator}\n]", r'[ "]*[-+]?\d*{}\d+(?:[eE][-+]?\d+)?[ "]*'
-    with_comma, with_point = (
-        re.compile(rf"(?:\A|(?<={edge})){number.format(mark)}(?={edge}|\Z)") for mark in (",", r"\.")
-    )
-    return "," in text and bool(with_comma.search(text)) and not with_point.search(text)
+def _with_commas(text: _Text) -> _Text:
+    """Find the columns with decimal commas: numbers with a comma, none with a point.
+
+    Where there are points in other columns, and every comma may mean thousands, none is one.
+    """
+    joined = "\n".join(text.body)
+    if text.separator == "," or "," not in joined:
+        return text
+    rows = _rows(text)
+    if any(len(row) != len(text.header) for row in rows):
+        return text
+    columns = ["\n".join(cells) for cells in zip(*rows, strict=True)]
+    points = [bool(_WITH_POINT.search(column)) for column in columns]
+    numbers = [[] if point else _WITH_COMMA.findall(column) for column, point in zip(columns, points, strict=True)]
+    if any(points) and all(_THOUSANDS.fullmatch(number) for found in numbers for number in found):
+        return replace(text, points=True)
+    commas = frozenset(i for i, found in enumerate(numbers) if found)
+    if any("," in column for i, column in enumerate(columns) if i not in commas):
+        plain = text.body
+    else:
+        plain = joined.replace(",", ".").split("\n")
+    notes = (*text.notes, "decimal commas read as points") if commas else text.notes
+    return replace(text, commas=commas, points=any(points), plain=plain, notes=notes)
 
 
 def _skipped(line: str) -> bool:
@@ -182,7 +204,7 @@ def _header_in_comment(
 
 def _fast(text: _Text) -> Array | None:
     """All cells at once, (R, C); None if any cell is not a plain number or any row has another length."""
-    body = text.body
+    body = text.plain
     for filled in (False, True):
         lines = _filled(body, text.separator) if filled else body
         try:
@@ -207,21 +229,25 @@ def _careful(text: _Text, headings: list[Heading], keep: Keep) -> Table:
     """Cell by cell: understands quotes and marks of missing samples, leaves text columns out, names the first
     bad cell.
     """
-    rows = [[cell.strip() for cell in row] for row in csv.reader(text.body, delimiter=text.separator)]
+    rows = _rows(text)
     if len(rows) != len(text.body):
         raise RecordError(f"{text.source}: a quoted cell runs over the end of its line")
     _check_widths(text, rows)
     chosen, columns, notes = [], [], list(text.notes)
-    for head, cells in zip(headings, zip(*rows, strict=True), strict=True):
+    for i, (head, cells) in enumerate(zip(headings, zip(*rows, strict=True), strict=True)):
         if not head.label and not any(cells):
             continue
-        column = _column(text, head, cells, keep(head, headings))
+        column = _column(text, i, cells, keep(head, headings))
         if column is None:
             notes.append(f"column {head.label!r} holds text and is left out")
             continue
         chosen.append(head)
         columns.append(column)
     return Table(text.source, chosen, columns, text.rows, tuple(notes))
+
+
+def _rows(text: _Text) -> list[list[str]]:
+    return [[cell.strip() for cell in row] for row in csv.reader(text.body, delimiter=text.separator)]
 
 
 def _check_widths(text: _Text, rows: list[list[str]]) -> None:
@@ -232,20 +258,31 @@ def _check_widths(text: _Text, rows: list[list[str]]) -> None:
             )
 
 
-def _column(text: _Text, head: Heading, cells: tuple[str, ...], keep: bool | None) -> Array | None:
-    """The numbers of a column (R,), None for a column of text. A missing sample is NaN."""
+def _column(text: _Text, at: int, cells: tuple[str, ...], keep: bool | None) -> Array | None:
+    """The numbers of column `at` (R,), None for a column of text. A missing sample is NaN."""
+    comma = at in text.commas
     try:
-        return np.array([float("nan") if cell.lower() in _MISSING else _number(cell) for cell in cells])
+        return np.array([float("nan") if cell.lower() in _MISSING else _number(cell, comma) for cell in cells])
     except ValueError:
         given = [(i, cell) for i, cell in enumerate(cells) if cell.lower() not in _MISSING]
     if keep is False or (keep is None and not any(_is_number(cell) for _, cell in given)):
         return None
-    bad, cell = next((i, cell) for i, cell in given if not _is_number(cell) or "_" in cell or "," in cell)
-    hint = "; other numbers have a decimal point" if "," in cell and text.separator != "," else ""
-    raise RecordError(f"{text.source}: {text.rows.name(bad)}, column {head.label!r}: {cell!r} is not a number{hint}")
+    bad, cell = next((i, cell) for i, cell in given if not _reads(cell, comma))
+    other = "comma" if comma and "." in cell else "point" if not comma and text.points and "," in cell else ""
+    hint = f"; other numbers have a decimal {other}" if other else ""
+    label = heading(text.header[at]).label
+    raise RecordError(f"{text.source}: {text.rows.name(bad)}, column {label!r}: {cell!r} is not a number{hint}")
 
 
-def _number(cell: str) -> float:
+def _number(cell: str, comma: bool) -> float:
     if "_" in cell:
         raise ValueError(cell)
-    return float(cell)
+    return float(cell.replace(",", ".") if comma else cell)
+
+
+def _reads(cell: str, comma: bool) -> bool:
+    try:
+        _number(cell, comma)
+    except ValueError:
+        return False
+    return True

@@ -45,6 +45,24 @@ def test_commas_beside_decimal_points_are_refused(read: Read) -> None:
     assert "row 2 (line 3), column 'voltage': '1,234' is not a number; other numbers have a decimal point" in message
 
 
+@pytest.mark.parametrize("cell", ["1.2", "", "a, b"])
+def test_points_in_another_column_do_not_hide_decimal_commas(read: Read, cell: str) -> None:
+    record = read(f"t;voltage;version\n0,00;1,5;{cell}\n0,01;2,5;1.2\n", wanted=["voltage"])
+    np.testing.assert_array_equal(record.t, [0, 0.01])
+    np.testing.assert_array_equal(record.signals["voltage"].values, [1.5, 2.5])
+    assert "decimal commas read as points" in record.notes
+
+
+def test_a_cell_with_comma_and_point_is_named_as_it_stands(read: Read) -> None:
+    message = refused(read, "t;voltage\n0;2,5\n1;1.234,5\n")
+    assert "row 2 (line 3), column 'voltage': '1.234,5' is not a number; other numbers have a decimal comma" in message
+
+
+def test_commas_and_points_in_one_column_are_refused(read: Read) -> None:
+    message = refused(read, "t;voltage\n0,0;1.5\n0,1;2,5\n")
+    assert "row 2 (line 3), column 'voltage': '2,5' is not a number; other numbers have a decimal point" in message
+
+
 PLAIN = "t,voltage,speed\n0,1,2\n0.1,3,4\n0.2,5,6\n"
 
 
