@@ -7,6 +7,7 @@ ROS flattens a parameter file (``effects.coulomb_friction.mu``). Here the names 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
@@ -95,20 +96,41 @@ _MAY_BE_EMPTY = {f.name for f in fields(Model) if f.default == () or f.default_f
 def check_none_lost(flat: Mapping[str, Any], arguments: Sequence[str], node: str) -> None:
     """Raise `InputError` where ROS has kept an early value of a parameter instead of the last one.
 
-    That happens in silence where the two differ in type: after a whole number, a fraction is lost; after any number,
-    a text. ``flat`` is what ROS has read, ``arguments`` the command line, ``node`` the node's name.
+    That happens in silence where the two stand in one section and differ in type: after a whole number, a fraction is
+    lost; after any number, a text. Of several sections the one that is named last for the first time wins. ``flat`` is
+    what ROS has read, ``arguments`` the command line, ``node`` the node's name with its namespace.
     """
-    seen: dict[tuple[str, str], list[Any]] = {}
+    sections: dict[str, dict[str, list[Any]]] = {}
     for section, name, value in _given(arguments):
-        if section.rsplit("/", 1)[-1] in ("**", "*", node):
-            seen.setdefault((section, name), []).append(value)
-    for (_, name), (*earlier, last) in seen.items():
+        if _is_for(section, node):
+            sections.setdefault(section, {}).setdefault(name, []).append(value)
+    winning: dict[str, list[Any]] = {}
+    for values in sections.values():
+        winning |= values
+    for name, (*earlier, last) in winning.items():
         kept = flat.get(name)
-        if last is not None and not _alike(kept, last) and any(_alike(kept, value) for value in earlier):
+        lost = last is not None and _rank(kept) < _rank(last) and not _alike(kept, last)
+        if lost and any(_alike(kept, value) for value in earlier):
             raise InputError(
                 f"{name}: {last!r} is not taken: ROS keeps the {kept!r} before it, because the type differs; "
                 "write both in the same type, e.g. 1.0 for 1"
             )
+
+
+def _is_for(section: str, node: str) -> bool:
+    """Tell whether a section of a file is for a node; ``*`` stands for one part of its name, ``**`` for any number."""
+    pattern = re.escape(f"/{section.lstrip('/')}").replace(r"/\*\*", r"(/\w+)*").replace(r"/\*", r"/\w+")
+    return re.fullmatch(pattern, f"/{node.lstrip('/')}") is not None
+
+
+def _rank(value: Any) -> tuple[bool, int]:
+    """Return the place of a value's type in the order in which ROS looks for one; it takes the first that it finds."""
+    many = isinstance(value, list)
+    one = next(iter(value), None) if many else value
+    return many, _TYPES.index(type(one)) if type(one) in _TYPES else len(_TYPES)
+
+
+_TYPES: tuple[type, ...] = (bool, int, float, str)
 
 
 def _given(arguments: Sequence[str]) -> Iterator[tuple[str, str, Any]]:

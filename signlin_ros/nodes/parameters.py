@@ -28,7 +28,7 @@ class ModelNode(Node):  # type: ignore[misc]
     def __init__(self, name: str, options: Mapping[str, Entry], follows: bool = False) -> None:
         super().__init__(name)
         given = {key: parameter.value for key, parameter in self._parameter_overrides.items()}
-        overrides.check_none_lost(given, sys.argv, self.get_name())
+        overrides.check_none_lost(given, sys.argv, self.get_fully_qualified_name())
         self.model = overrides.model_of(given, sys.argv)
         entries = overrides.entries_of(self.model)
         declare(self, entries if follows else {key: replace(e, read_only=True) for key, e in entries.items()})

@@ -133,6 +133,12 @@ def test_what_is_empty_in_the_file_has_no_value_in_ros_and_is_as_if_left_out(nam
         ({"a.b": float("nan")}, ["-p", "a.b:=1.5", "-p", "a.b:=.nan"], ""),
         ({"a.b": 1}, ["-p", "other:a.b:=0.5"], ""),
         ({"a.b": 1}, ["-p", "node:a.b:=1", "-p", "node:a.b:=0.5"], "0.5"),
+        ({"a.b": 1}, ["-p", "a.b:=2", "-p", "node:a.b:=1"], ""),
+        ({"a.b": 1}, ["-p", "a.b:=0.5", "-p", "node:a.b:=1"], ""),
+        ({"a.b": 1}, ["-p", "a.b:=true", "-p", "a.b:=2"], ""),
+        ({"a.b": 1}, ["-p", "node:a.b:=1", "-p", "a.b:=0.5", "-p", "node:a.b:=heavy"], "'heavy'"),
+        ({"a.b": 1}, ["-p", "a.b:=0.5", "--params-file", "/OTHER"], "0.5"),
+        ({"a.b": 1}, ["-p", "a.b:=2"], ""),
         ({"a.b": 1}, ["-p", "a.b:={"], ""),
         ({"a.b": 1}, ["--params-file", "/nowhere/and/never.yaml"], ""),
     ],
@@ -142,12 +148,33 @@ def test_a_value_that_ros_loses_for_its_type_is_refused(
 ) -> None:
     file = tmp_path / "model.yaml"
     file.write_text("/**:\n  ros__parameters:\n    a: {b: 1}\nother:\n")
+    other = tmp_path / "other.yaml"
+    other.write_text("/elsewhere/node:\n  ros__parameters:\n    a: {b: 7}\n")
+    arguments = [str(other) if one == "/OTHER" else one for one in arguments]
     command = ["node", "--ros-args", "--params-file", str(file), *arguments]
     if lost:
         with pytest.raises(InputError, match=rf"^a\.b: {lost} is not taken: ROS keeps the 1 "):
             check_none_lost(kept, command, "node")
     else:
         check_none_lost(kept, command, "node")
+
+
+@pytest.mark.parametrize(
+    ("section", "node", "applies"),
+    [
+        *((section, "/node", True) for section in ("/**", "**", "/*", "*", "node", "/node", "/**/node")),
+        *((section, "/node", False) for section in ("/x/node", "/*/node", "x/node", "other", "/**/other")),
+        *((section, "/x/node", True) for section in ("/**", "/x/node", "/*/node", "/x/*", "/**/node")),
+        *((section, "/x/node", False) for section in ("node", "/node", "/*")),
+    ],
+)
+def test_sections_are_told_apart_as_ros_does(section: str, node: str, applies: bool) -> None:
+    command = ["node", "--ros-args", "-p", f"{section}:a.b:=1", "-p", f"{section}:a.b:=0.5"]
+    if applies:
+        with pytest.raises(InputError, match=r"0\.5 is not taken"):
+            check_none_lost({"a.b": 1}, command, node)
+    else:
+        check_none_lost({"a.b": 1}, command, node)
 
 
 def test_changes_at_run_time() -> None:
