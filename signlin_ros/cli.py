@@ -6,13 +6,15 @@ one plain mapping (JSON Schemas in ``signlin_ros/schemas``) and a text made of i
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
 import shlex
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -36,12 +38,35 @@ class _Examples(click.Command):
             formatter.write_text("\b\n" + (self.epilog or ""))
 
 
+class _SystemFaultError(Exception):
+    """Holds, as its cause, what the system refused a command; what is not held was refused to standard output."""
+
+
+_OF_THE_PATH = (errno.EACCES, errno.ENAMETOOLONG, errno.ELOOP)
+"""What the system refuses for the path that it was given."""
+
+
+@contextmanager
+def _faults_apart() -> Iterator[None]:
+    """Tell what goes wrong in a command from what goes wrong when its answer is written."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        if error.filename is not None and error.errno in _OF_THE_PATH:
+            raise InputError(f"{error.filename}: {error.strerror}") from error
+        raise _SystemFaultError from error
+
+
 def _json_option(function: Callable[..., Report]) -> Callable[..., None]:
     """Add ``--json`` and print what the command reports, as one JSON object or as text."""
 
     def run(as_json: bool, **arguments: Any) -> None:
-        content, text = function(**arguments)
-        click.echo(json.dumps(content, indent=2, allow_nan=False) if as_json else text(content))
+        with _faults_apart():
+            content, text = function(**arguments)
+            printed = json.dumps(content, indent=2, allow_nan=False) if as_json else text(content)
+        click.echo(printed)
 
     run.__doc__, run.__name__ = function.__doc__, function.__name__
     run.__click_params__ = getattr(function, "__click_params__", [])  # type: ignore[attr-defined]
@@ -388,7 +413,10 @@ def _diagnosed(
         result = getattr(verdict, verb)(*arguments, jobs=executor, progress=_stage)
     result = _with_notes(_as_written(result, original, output), records)
     if output is not None:
-        write_text(output, result.yaml)
+        try:
+            write_text(output, result.yaml)
+        except OSError as error:
+            raise InputError(f"-o: cannot write {output}: {error.strerror}") from error
     if report is not None:
         from signlin_ros.report import diagnosis_report
 
@@ -544,8 +572,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
     except OSError as error:
         _drop_output()  # what did not fit on a full disk is not tried again at the end
-        _note(f"signlin: {error.filename or 'writing the output'}: {error.strerror or error}")
+        _note(f"signlin: writing the output: {error.strerror or error}")
         return 2
+    except _SystemFaultError as error:
+        return _fault(cast("Exception", error.__cause__))
     except Exception as error:  # noqa: BLE001 - the last resort, so that nobody meets a traceback
         return _fault(error)
 

@@ -33,6 +33,13 @@ PERIODS = (0.4, 0.2, 0.1, 0.05, 0.025)
 """Update periods in s at which the order is observed."""
 
 
+def _write(path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+
 def make_figures(directory: str | Path) -> dict[str, Any]:
     """Write the figures (PNG) and the numbers of figures 4 and 5 (JSON) to a folder; return what was written.
 
@@ -54,7 +61,7 @@ def make_figures(directory: str | Path) -> dict[str, Any]:
     numbers = {"figure_4": motor_numbers(motor), "figure_5": oscillator_numbers(oscillator, orders)}
     for name, content in numbers.items():
         text = json.dumps(content, indent=2, allow_nan=False, ensure_ascii=False)
-        (folder / f"{name}.json").write_text(text + "\n", encoding="utf-8")
+        _write(folder / f"{name}.json", text + "\n")
     return {"files": [str(f) for f in sorted(folder.glob("figure_*")) if f.suffix in (".png", ".json")], **numbers}
 
 

@@ -1,11 +1,14 @@
 """The command line: what it prints, how it refuses, what it costs to ask for help."""
 
+import errno
 import html
 import json
+import os
 import subprocess
 import sys
 import time
 from importlib import resources
+from types import SimpleNamespace
 
 import jsonschema
 import numpy as np
@@ -16,7 +19,7 @@ import signlin_ros.linearize
 import signlin_ros.simulate
 from signlin_ros import cli
 from signlin_ros.effects import EFFECTS
-from signlin_ros.errors import MissingExtraError
+from signlin_ros.errors import InputError, MissingExtraError
 from signlin_ros.linearize import METHODS, linearize
 from signlin_ros.model import Model
 from signlin_ros.plants import PLANTS
@@ -284,6 +287,49 @@ def test_a_full_disk_is_no_fault_of_ours():
     assert (done.returncode, done.stderr) == (2, "signlin: writing the output: No space left on device\n")
 
 
+def test_help_on_a_full_disk_is_no_fault_of_ours():
+    command = f"{sys.executable} -m signlin_ros.cli simulate --help > /dev/full"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (2, "signlin: writing the output: No space left on device\n")
+
+
+def refusing(number, *file):
+    def broken(*_, **__):
+        raise OSError(number, os.strerror(number), *file)
+
+    return broken
+
+
+def test_what_the_system_refuses_inside_a_command_is_a_fault_and_not_the_output(run, monkeypatch):
+    monkeypatch.delenv("SIGNLIN_DEBUG", raising=False)
+    for number in (errno.ENOMEM, errno.ENOSPC):
+        monkeypatch.setattr(Model, "load", refusing(number))
+        code, out, err = run("linearize", "dc_motor")
+        assert (code, out, err.count("\n")) == (1, "", 1)
+        assert "writing the output" not in err
+        assert f"OSError: [Errno {int(number)}] {os.strerror(number)}; this is a fault" in err
+    monkeypatch.setenv("SIGNLIN_DEBUG", "1")
+    with pytest.raises(OSError, match="No space left"):
+        run("linearize", "dc_motor")
+
+
+def test_a_path_that_the_system_refuses_is_bad_input(run):
+    code, out, err = run("linearize", "a" * 300)
+    assert (code, out, err) == (2, "", f"signlin: {'a' * 300}: File name too long\n")
+
+
+def test_a_disk_that_fills_up_under_a_model_file_is_no_fault_of_ours(run, data, tmp_path, monkeypatch):
+    done = SimpleNamespace(yaml="")
+    monkeypatch.setattr("signlin_ros.diagnosis.verdict.add", lambda *_, **__: done)
+    monkeypatch.setattr("signlin_ros.diagnosis.load_records", lambda model, *_: (model, [()]))
+    monkeypatch.setattr(cli, "_as_written", lambda result, *_: result)
+    monkeypatch.setattr(cli, "_with_notes", lambda result, _: result)
+    monkeypatch.setattr("signlin_ros.files.write_text", refusing(errno.ENOSPC))
+    code, out, err = run("add", "coulomb_friction", "dc_motor", data, "-o", tmp_path / "new.yaml")
+    assert (code, out) == (2, "")
+    assert err == f"signlin: -o: cannot write {tmp_path / 'new.yaml'}: No space left on device\n"
+
+
 def test_a_fault_of_ours_is_exit_code_1_without_a_traceback(run, monkeypatch):
     def broken(*_):
         raise ZeroDivisionError("inside")
@@ -384,6 +430,11 @@ def test_figures_keep_their_schema_and_are_refused_where_they_cannot_be_written(
     code, out, err = run("figures", "-o", "/proc")
     assert (code, out) == (2, "")
     assert err == "signlin: -o: /proc: cannot be written: No such file or directory\n"
+
+
+def test_numbers_of_a_figure_that_cannot_be_written_are_no_fault_of_ours(tmp_path):
+    with pytest.raises(InputError, match=r"cannot write .*figure_4\.json: No such file or directory"):
+        signlin_ros.figures._write(tmp_path / "gone" / "figure_4.json", "")
 
 
 def test_every_verb_with_json_has_a_schema():
