@@ -22,6 +22,10 @@ RCLError = rclpy_implementation.RCLError
 """What rclpy raises for a parameter file that is not there or cannot be read, and for a bad command line."""
 
 
+class _Stop(BaseException):
+    """Ends what is long in coming; nothing takes it for an exit that it has asked for itself, or for an error."""
+
+
 def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
     """Run the node that ``create`` makes until a signal, or its ``finished``; return the exit code.
 
@@ -29,19 +33,27 @@ def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None =
     end in ten fails on SIGTERM: the context dies under the running wait. So the signals only set an event; what is
     long in coming, as the first compilation or a large record, they interrupt.
     """
+    try:
+        return _run(name, create, list(sys.argv if arguments is None else arguments))
+    except _Stop:
+        return 0
+
+
+def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
     stop = threading.Event()
     executor = node = None
 
     def on_signal(*_: Any) -> None:
+        first = not stop.is_set()
         stop.set()
-        if node is None:
-            raise SystemExit(0)
+        if first and node is None:
+            raise _Stop
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
     try:
         rclpy.init(
-            args=list(sys.argv if arguments is None else arguments),
+            args=arguments,
             signal_handler_options=SignalHandlerOptions.NO,
         )
         executor = SingleThreadedExecutor()

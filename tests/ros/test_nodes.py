@@ -352,6 +352,18 @@ def test_signals_while_a_node_starts_end_it_without_a_word(graph: Any, number: i
         assert process.output == ""
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_while_an_effect_file_runs_end_the_node_without_a_word(graph: Any, tmp_path: Path, number: int) -> None:
+    begun = tmp_path / "begun"
+    (tmp_path / "slow.py").write_text(f"import pathlib, time\npathlib.Path({str(begun)!r}).touch()\ntime.sleep(60)\n")
+    process = graph.start("plant_simulator", model=motor_with(tmp_path, "effect_files: [slow.py]"), sim_time=None)
+    graph.wait(begun.exists, "the effect file")
+    process.popen.send_signal(number)
+    process.popen.send_signal(number)
+    assert process.stop(number) == 0, process.output
+    assert process.output == ""
+
+
 def test_stale_states_and_who_comes_late(graph: Any) -> None:
     """Without states the diagnostics turn to ERROR, nothing more comes, and the last model stays latched."""
     graph.start("linearizer", "update_period:=0.02")
