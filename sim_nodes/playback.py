@@ -59,8 +59,13 @@ class Playback:
 
     @property
     def clock_start(self) -> float:
-        """Time of the first sample on /clock in s: the record's own, or 0 where that is none that ROS can hold."""
-        return float(self.data.t[0]) if self.data.t[0] >= 0.0 and self.data.t[-1] < LAST_SECOND else 0.0
+        """Time of the first sample on /clock in s: the record's own, or 0 where it has times that ROS cannot hold."""
+        return float(self.data.t[0]) if self.not_in_ros is None else 0.0
+
+    @property
+    def not_in_ros(self) -> float | None:
+        """The record's first or last time in s, whichever ROS cannot hold; None if it can hold both."""
+        return next((t for t in self.data.t[[0, -1]].tolist() if not 0.0 <= t < LAST_SECOND), None)
 
     def round(self) -> Iterator[Sample]:
         """Yield the record's samples once, from an estimator that knows nothing yet."""

@@ -59,8 +59,8 @@ class ReplayNode(ModelNode):
         play = self.playback
         for note in (*play.data.notes, *play.notes()):
             self.get_logger().info(note)
-        if self._clock_out is not None and play.clock_start != play.data.t[0]:
-            self.get_logger().warning(f"ROS has no time {play.data.t[0]:.6g} s: /clock begins at 0")
+        if self._clock_out is not None and play.not_in_ros is not None:
+            self.get_logger().warning(f"ROS has no time {play.not_in_ros:.10g} s: /clock begins at 0")
         size = f"{len(play.t)} samples, {play.t[-1]:.6g} s"
         self.get_logger().info(f"{play.data.source}: {size}; measured: {', '.join(play.measured)}")
 

@@ -494,6 +494,17 @@ def test_replay_with_the_record_s_clock(graph: Any, tmp_path: Path) -> None:
     assert replay.stop() == 0
 
 
+@pytest.mark.parametrize(("first", "bound"), [(2.0**31 - 1, "2147483649"), (-2.5, "-2.5")])
+def test_replay_names_the_time_that_ros_has_not(graph: Any, tmp_path: Path, first: float, bound: str) -> None:
+    t = np.linspace(0.0, 2.0, 201)
+    rows = np.stack([t + first, 0 * t, 0 * t, t], axis=1)
+    options = {"delimiter": ",", "header": "t,voltage,current,speed", "comments": "", "fmt": "%.12g"}
+    np.savetxt(tmp_path / "run.csv", rows, **options)
+    replay = graph.start("replay", f"record:={tmp_path / 'run.csv'}", "publish_clock:=true")
+    graph.wait(lambda: "/clock begins at 0" in replay.output, "the warning")
+    assert f"ROS has no time {bound} s: /clock begins at 0" in replay.output
+
+
 def test_the_linearizer_follows_a_measured_servo(graph: Any) -> None:
     """XL-330: only positions were measured, velocity comes from the causal filter; each A_k is the core's."""
     record = DATA / "xl330" / "xl330_kp400_sin_sin.csv"

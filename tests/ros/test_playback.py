@@ -56,6 +56,17 @@ def test_a_published_clock_is_one_that_ros_can_hold(tmp_path: Path, first: float
     assert Playback(Model.load("dc_motor"), path).clock_start == clock
 
 
+@pytest.mark.parametrize(
+    ("first", "bound"), [(3.0, None), (-2.5, -2.5), (2.0**31 - 0.25, 2.0**31 + 0.24), (2.2e9, 2.2e9)]
+)
+def test_the_time_that_ros_cannot_hold_is_found(tmp_path: Path, first: float, bound: float | None) -> None:
+    t = np.arange(50) * 0.01
+    path = written(tmp_path / "run.csv", "t,voltage,current,speed", t + first, 0 * t, 0 * t, t)
+    assert Playback(Model.load("dc_motor"), path).not_in_ros == (
+        bound if bound is None else pytest.approx(bound, abs=1e-6)
+    )
+
+
 def test_velocity_comes_from_positions_and_that_is_said(tmp_path: Path) -> None:
     t = np.arange(400) * 0.005
     path = written(tmp_path / "run.csv", "t,force,displacement", t, 0 * t, np.sin(2 * t))
