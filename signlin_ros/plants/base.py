@@ -44,6 +44,7 @@ class Plant(HasPars):
     inputs: ClassVar[dict[str, str]]
     """Inputs and units."""
     optional_inputs: ClassVar[dict[str, str]] = {}
+    """Inputs that a model may leave out, and units; 0 where a record has no such column."""
     scaled_by_effort: ClassVar[tuple[str, ...]] = ()
     """Parameters that a wrong scale of the input, or of a force that is measured, multiplies all alike."""
     effort: ClassVar[str] = "force"

@@ -25,8 +25,6 @@ Array = npt.NDArray[np.float64]
 ALIASES = ("position", "velocity", "effort")
 LONGEST_HOLD = 5
 """So many missing samples of an input in a row are filled with the value before them; more are refused."""
-_OPTIONAL = frozenset({"load_torque"})
-"""Inputs that are 0 where the record has no such column."""
 _DEFAULT_TOPIC = re.compile(r"(?P<topic>(?:/\w+)*/(?P<role>state|input))\.data\[(?P<index>\d+)\]\Z")
 
 
@@ -242,7 +240,7 @@ def _check_inputs(record: Record, model: Model, found: set[str], require: str, n
     for name in model.inputs:
         if name in found:
             continue
-        if name in _OPTIONAL or require == "none":
+        if name in model.plant.optional_inputs or require == "none":
             notes.append(f"no input {name} in the record: taken as 0")
             continue
         out = [note for note in record.notes if "left out" in note]

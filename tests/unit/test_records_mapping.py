@@ -273,3 +273,13 @@ def test_ambiguous_names(csv: Callable[[str], Path]) -> None:
         read_for_model(path, motor())
     assert read_for_model(path, motor(), {"speed": "speed [rad/s]"}).measured["speed"][0] == 2
     assert read_record(path).find("voltage") == "voltage"
+
+
+def test_a_plant_says_itself_which_inputs_may_be_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    loaded = motor(with_load_torque=True)
+    data = record(voltage=1, speed=[3, 4, 5, 6]).for_model(loaded)
+    np.testing.assert_array_equal(data.u, [[1, 0]] * 4)
+    assert "no input load_torque in the record: taken as 0" in data.notes
+    monkeypatch.setattr(loaded.plant, "optional_inputs", {"voltage": "V"})
+    with pytest.raises(RecordError, match="no column for input 'load_torque'"):
+        record(voltage=1, speed=[3, 4, 5, 6]).for_model(loaded)
