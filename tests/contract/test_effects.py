@@ -165,6 +165,27 @@ def test_every_parameter_has_a_unit_bounds_and_a_sentence(effect):
 
 
 @every_effect
+def test_what_is_said_of_parameters_is_said_of_its_own(effect):
+    named = {*effect.held, *effect.within, *effect.essential, *effect.turning, *effect.periodic}
+    assert named <= set(effect.pars())
+    for twin in effect.single_channel_twins:
+        assert effect.name in EFFECTS[twin].single_channel_twins
+
+
+@pytest.mark.parametrize("effect", [e for e in EFFECTS.values() if e.turning], ids=lambda e: e.name)
+def test_the_force_is_the_same_half_a_turn_further_with_the_other_sign(effect):
+    amplitude, phase = effect.turning
+    rest = {name: 1.3 for name in effect.pars() if name not in effect.turning}
+    model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.0, "k": 0.0}})
+    one, other = (
+        model.with_effect(effect.name, **rest, **{amplitude: sign * 0.7, phase: 0.4 + turn})
+        for sign, turn in ((1.0, 0.0), (-1.0, np.pi))
+    )
+    for q in (-2.0, 0.3, 1.7):
+        assert by_casadi(one, [q, 0.5], [0.2]) == pytest.approx(by_casadi(other, [q, 0.5], [0.2]), abs=1e-12)
+
+
+@every_effect
 def test_every_parameter_matters_and_stands_in_the_equation(effect):
     words = set(re.findall(r"[A-Za-z_]\w*", f"{effect.equation} {effect.__doc__}"))
     for name in effect.pars():
