@@ -35,6 +35,8 @@ MOST = 6
 """Most effects that `refine` adds."""
 REST = 0.1
 """Largest excess over the noise, as a share of it, of a model that lacks nothing else but a detail;"""
+ELSEWHERE = 0.5
+"""Largest excess over the noise, as a share of it, on unseen data where a model leaves nothing on its own."""
 DETAIL, NEARLY_ALL = 10.0, (0.995, 0.999)
 """where more is left, as on a quiet record, where everything stands out, up to so many times the noise or beyond, the
 shares of what was missing that must be explained."""
@@ -360,7 +362,7 @@ def unseen_noise(f: Findings) -> Array:
 
 def _verdict(f: Findings, explained: float, structure: bool, rest: float) -> str:
     if len(f.steps) == 1 or not f.beyond_doubt:
-        return "unexplained" if structure else "adequate"
+        return "unexplained" if structure or (rest > ELSEWHERE and not f.structured) else "adequate"
     detail = NEARLY_ALL[0] if 1.0 + rest < DETAIL else NEARLY_ALL[1]
     much = explained >= (EXPLAINED if rest <= REST or not structure else detail)
     return "missing" if much or not f.structured else "unexplained"
@@ -380,16 +382,11 @@ def _named(names: Sequence[str]) -> str:
 def _sentence(f: Findings, verdict: str, explained: float, structure: bool, over: float) -> str:
     """Return the verdict in words; ``over``: by what share of the noise the error of the proposal exceeds it."""
     effects = f.final.ranked.effects
-    verb = "explains" if len(effects) == 1 else "explain"
     if verdict == "adequate":
         left = _noise_in_input(f) if f.structured else "the residual is noise"
         return f"Nothing is missing that this record could show: {left}."
     if verdict == "unexplained":
-        partly = f"; {_named(effects)} {verb} {_percent(explained)} of it" if effects else ""
-        if effects and not structure:
-            known = f"{_named(effects).capitalize()} {verb} only {_percent(explained)} of the missing motion"
-            return f"{known} on data that the fit did not see; {_noise_in_input(f)}."
-        return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
+        return _unexplained(f, explained, structure, over)
     left = f", {1.0 + over:.2g} times the noise" if over > REST else ""
     rest = f" Some structure remains that no listed effect explains{left}." if structure else ""
     if f.structured and not structure:
@@ -398,6 +395,21 @@ def _sentence(f: Findings, verdict: str, explained: float, structure: bool, over
         f"The model lacks {_either(f, effects)}: {_percent(explained)} of the missing motion is explained on data that "
         f"the fit did not see.{rest}"
     )
+
+
+def _unexplained(f: Findings, explained: float, structure: bool, over: float) -> str:
+    effects = f.final.ranked.effects
+    share = f"{_named(effects)} {'explains' if len(effects) == 1 else 'explain'}" if effects else ""
+    if not f.structured and not (effects and f.beyond_doubt):
+        known = (
+            f"Nothing is left where the model was fitted, but elsewhere its error is {1.0 + over:.2g} times the noise"
+        )
+        return f"{known}: what is missing shows only there; fit it to that record too."
+    if effects and not structure:
+        share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
+        return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
+    partly = f"; {share} {_percent(explained)} of it" if effects else ""
+    return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
 
 
 def _noise_in_input(f: Findings) -> str:

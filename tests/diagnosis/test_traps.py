@@ -335,3 +335,12 @@ def test_a_channel_that_begins_late_is_told_and_its_record_begins_there(tmp_path
     found = diagnose(model, [replace(data[0], measured=data[0].measured | {"current": current})], unseen)
     assert proposed(found) == {"coulomb_friction"}
     assert any("t = 1 s is left out: current" in note for note in found.notes)
+
+
+def test_what_shows_only_on_unseen_data_is_not_called_adequate(tmp_path):
+    (tmp_path / "loaded").mkdir()
+    model, data, _ = recorded(tmp_path, SMALL, {}, level=0.02)
+    _, _, loaded = recorded(tmp_path / "loaded", SMALL, {"coulomb_friction": {"mu": 0.06}}, level=0.02)
+    found = diagnose(model, data, loaded)
+    assert found.verdict == "unexplained"
+    assert "elsewhere its error is" in found.sentence
