@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.data import arriving
 from signlin_ros.diagnosis.onestep import Motion, Target, dependence, measured_columns, smoothed
 from signlin_ros.diagnosis.problem import added_keys
 from signlin_ros.effects import Effect, find_effect
@@ -262,11 +263,7 @@ def _input(scene: _Scene, needed: dict[str, float]) -> Iterator[Place]:
 def _late(scene: _Scene) -> Place:
     """The change of the input over the delay, which is what an input that comes late lacks."""
     model, late = scene.motion.model, scene.motion.model.delay - scene.motion.without.delay
-    parts = []
-    for s in scene.motion.problem.segments:
-        total = np.concatenate([[0.0], np.cumsum(s.u[:-1, 0] * np.diff(s.t))])
-        before = np.interp(s.t - late, s.t, total) + s.u[0, 0] * np.minimum(s.t - late - s.t[0], 0.0)
-        parts.append(np.diff(total - before) / np.diff(s.t))
+    parts = [s.u[:-1, 0] - arriving(s.t, s.u[:, :1], late)[:, 0] for s in scene.motion.problem.segments]
     name, unit = model.inputs[0], scene.unit(model.inputs[0])
     return scene.place(f"change of {name} over {1e3 * late:.3g} ms", unit, smoothed(parts, scene.width))
 

@@ -73,7 +73,7 @@ def measured_channels(model: Model, data: Sequence[ModelData]) -> tuple[str, ...
 
     The position of an imposed motion is not among them: no model explains it. It is `imposed`.
     """
-    given = {model.plant.position} if model.plant.velocity in model.inputs else set()
+    given = {model.plant.position} if model.plant.motion_is_imposed() else set()
     known = [c for c in dict.fromkeys((*model.states, *model.outputs)) if c not in given]
     found = tuple(c for c in known if all(np.isfinite(d.measured.get(c, np.nan)).any() for d in data))
     if not found:
@@ -89,7 +89,7 @@ def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array]]:
     half a step late when it is held.
     """
     plant, t, u = model.plant, record.t, record.u
-    if plant.velocity not in model.inputs or plant.position not in record.measured:
+    if not plant.motion_is_imposed() or plant.position not in record.measured:
         return u, {}
     x = _true(model, record, plant.position)
     there = np.isfinite(x)
@@ -110,18 +110,24 @@ def travelled(t: Array, velocity: Array) -> Array:
     return np.concatenate([[0.0], np.cumsum(velocity[:-1] * np.diff(t))])
 
 
+def arriving(t: Array, u: Array, delay: float) -> Array:
+    """Return the means of a held input u (T, m) between samples (T - 1, m), as they arrive ``delay`` s later."""
+    late = t - delay
+    first = u[0] * np.minimum(late - t[0], 0.0)[:, None]
+    at = np.column_stack([np.interp(late, t, travelled(t, column)) for column in u.T]) + first
+    return np.asarray(np.diff(at, axis=0) / np.diff(t)[:, None])
+
+
 def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Stretch], list[str]]:
     """Cut records at their gaps; returns the stretches, and notes on gaps and on what is too short to be used."""
     found, notes = [], []
     for number, record in enumerate(data):
         y = np.column_stack([_true(model, record, name) for name in channels])
-        edges = gaps(record.t)
-        if len(edges) > 2:
-            notes.append(f"{record.source}: {len(edges) - 2} gap(s) in time; every run starts anew after each")
-        for begin, last in pairwise(edges):
-            first = begin + first_measured(y[begin:last])
-            if first > begin:
-                notes.append(begun_late(record, begin, first, channels))
+        parts, late = measured_parts(record, channels, y)
+        if len(parts) > 1:
+            notes.append(f"{record.source}: {len(parts) - 1} gap(s) in time; every run starts anew after each")
+        notes += late
+        for first, last in parts:
             part = slice(first, last)
             if last - first >= SHORTEST and np.isfinite(y[part]).any():
                 u, known = imposed(model, record.part(first, last))
@@ -133,7 +139,20 @@ def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]
     return found, notes
 
 
-def first_measured(y: Array) -> int:
+def measured_parts(record: ModelData, channels: tuple[str, ...], y: Array) -> tuple[list[tuple[int, int]], list[str]]:
+    """Cut a record at its gaps in time, each part from where the channels y (T, channels) are measured; returns first
+    and last (exclusive) samples, and notes on what is left out because it is not measured.
+    """
+    parts, notes = [], []
+    for begin, last in pairwise(gaps(record.t)):
+        first = begin + _first_measured(y[begin:last])
+        parts.append((first, last))
+        if first > begin:
+            notes.append(_begun_late(record, begin, first, channels))
+    return parts, notes
+
+
+def _first_measured(y: Array) -> int:
     """Return the sample from which on all channels of y (T, channels) are measured; where one begins only in the second
     half, that from which on any is.
     """
@@ -142,7 +161,7 @@ def first_measured(y: Array) -> int:
     return int(first.max() if first.max() <= y.shape[0] // 2 else first.min() % y.shape[0])
 
 
-def begun_late(record: ModelData, begin: int, first: int, channels: tuple[str, ...]) -> str:
+def _begun_late(record: ModelData, begin: int, first: int, channels: tuple[str, ...]) -> str:
     """Return the note on a part of a record that is taken from ``first`` on instead of from ``begin``."""
     late = [c for c in channels if not np.isfinite(record.measured[c][begin:first]).any()]
     what = ", ".join(late)
@@ -173,13 +192,13 @@ def _true(model: Model, record: ModelData, name: str) -> Array:
 __all__ = [
     "SHORTEST",
     "Stretch",
+    "arriving",
     "as_list",
-    "begun_late",
-    "first_measured",
     "gaps",
     "imposed",
     "load_records",
     "measured_channels",
+    "measured_parts",
     "stretches",
     "travelled",
 ]

@@ -337,7 +337,7 @@ def _input_steps(scene: _Scene) -> Splits:
 
 def _branch(scene: _Scene) -> Splits:
     q, v = scene.column(scene.model.plant.position), scene.velocity
-    held = scene.model.parameters.get("k", 0.0) > 0 or scene.model.plant.velocity in scene.model.inputs
+    held = scene.model.parameters.get("k", 0.0) > 0 or scene.model.plant.motion_is_imposed()
     if q is not None and held:
         name, other = scene.model.plant.position, scene.model.plant.velocity
         yield scene.split(f"loading ({name} and {other} of the same sign)", "branch", q * v > 0)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.data import arriving
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.fit import follow_records
 from signlin_ros.diagnosis.missing import per_force
@@ -194,7 +195,7 @@ def _along(motion: Motion) -> tuple[Array, Array, Array]:
     """Return states (T, n), and inputs (T, m) as late as with and as without the effect, all records end to end."""
     segments = motion.problem.segments
     X = np.concatenate([x[:-1] for x in motion.after])
-    late, u = (np.concatenate([_arriving(m, s) for s in segments]) for m in (motion.model, motion.without))
+    late, u = (np.concatenate([arriving(s.t, s.u, m.delay) for s in segments]) for m in (motion.model, motion.without))
     return X, late, u
 
 
@@ -224,16 +225,6 @@ def _rates(problem: Problem, model: Model, X: Array, u: Array) -> Array:
 def _velocity(model: Model, X: Array, u: Array) -> Array:
     name = model.plant.velocity
     return np.asarray(X[:, model.states.index(name)] if name in model.states else u[:, model.inputs.index(name)])
-
-
-def _arriving(model: Model, s: Segment) -> Array:
-    """Return the mean of the input between samples (T - 1, m), as late as it arrives."""
-    steps = np.diff(s.t)
-    total = np.concatenate([np.zeros((1, s.u.shape[1])), np.cumsum(s.u[:-1] * steps[:, None], axis=0)])
-    late = s.t - model.delay
-    first = s.u[0] * np.minimum(late - s.t[0], 0.0)[:, None]
-    at = np.column_stack([np.interp(late, s.t, column) for column in total.T]) + first
-    return np.asarray(np.diff(at, axis=0) / steps[:, None])
 
 
 # -------------------------------------------------------------------- what is lacking
@@ -333,7 +324,9 @@ def _beyond(motion: Motion, goal: Target, s: Segment, start: Array, end: Array) 
     states, A, _, _ = linear_base(model, motion.problem.channels)
     decay = float(A[states.index(goal.name), states.index(goal.name)]) * steps
     effective = steps * np.where(np.abs(decay) > 1e-6, np.expm1(decay) / np.where(decay == 0, 1.0, decay), 1.0)
-    predicted = _stepped(motion.problem, model, start[:-1], _arriving(model, s), steps, np.abs(np.linalg.eigvals(A)))
+    predicted = _stepped(
+        motion.problem, model, start[:-1], arriving(s.t, s.u, model.delay), steps, np.abs(np.linalg.eigvals(A))
+    )
     return np.asarray((end[:, row] - predicted[:, row]) / (effective * goal.per_unit))
 
 
@@ -360,7 +353,7 @@ def _in_channel(motion: Motion, goal: Target, i: int) -> tuple[Array, Array]:
     if goal.name in motion.model.states:
         true = X[:, motion.model.states.index(goal.name)]
     else:
-        u = np.concatenate([_arriving(motion.without, s), s.u[-1:]])
+        u = np.concatenate([arriving(s.t, s.u, motion.without.delay), s.u[-1:]])
         true = _rates(problem, motion.without, X[:, _shared(motion)], u)[:, _column(problem, motion.without, goal.name)]
     expected = _shown(motion.blind, goal.name, s.t, true)
     return s.y[1:, c] - expected[1:], shown[1:] - expected[1:]

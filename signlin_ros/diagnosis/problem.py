@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.diagnosis.data import begun_late, first_measured, gaps, imposed, measured_channels, travelled
+from signlin_ros.diagnosis.data import imposed, measured_channels, measured_parts, travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import kalman_gains
 from signlin_ros.diagnosis.missing import per_force
@@ -141,8 +140,13 @@ def white_noise(segments: Sequence[Segment]) -> Array:
     everything = np.concatenate([s.y for s in segments])
     noise = np.array([fourth_difference_noise(values) for values in everything.T])
     own, value = np.nanstd(everything, axis=0), np.nanmax(np.abs(everything), axis=0)
-    least = np.where(own > STILL * value, own, np.where(value > 0, value, 1.0))
+    least = np.where(_moving(everything), own, np.where(value > 0, value, 1.0))
     return np.asarray(np.maximum(noise, 1e-6 * least))
+
+
+def _moving(values: Array) -> NDArray[np.bool_]:
+    """Return which columns of values (T, ny) ever move."""
+    return np.asarray(np.nanstd(values, axis=0) > STILL * np.nanmax(np.abs(values), axis=0))
 
 
 def quanta(segments: Sequence[Segment]) -> Array:
@@ -208,7 +212,7 @@ def _shortened(problem: Problem) -> Problem:
 def _imposed_at(model: Model, s: Segment, at: int) -> dict[str, float]:
     """Return the position to which an imposed motion has led at a sample."""
     plant = model.plant
-    if plant.velocity not in model.inputs:
+    if not plant.motion_is_imposed():
         return {}
     velocity = s.u[: at + 1, model.inputs.index(plant.velocity)]
     return {plant.position: s.start.get(plant.position, 0.0) + float(travelled(s.t[: at + 1], velocity)[-1])}
@@ -242,13 +246,8 @@ def pieces(data: ModelData, channels: tuple[str, ...]) -> tuple[list[ModelData],
     """Cut a record at its gaps in time, each piece from where the channels are measured; pieces that are too short are
     left out, if any is long enough. Returns notes on what is left out because it is not measured.
     """
-    y, parts, notes = np.column_stack([data.measured[c] for c in channels]), [], []
-    for begin, last in itertools.pairwise(gaps(data.t)):
-        first = begin + first_measured(y[begin:last])
-        if last - first >= LEAST_SAMPLES:
-            parts.append(data.part(first, last))
-            notes += [begun_late(data, begin, first, channels)] if first > begin else []
-    return parts or [data], notes
+    edges, notes = measured_parts(data, channels, np.column_stack([data.measured[c] for c in channels]))
+    return [data.part(first, last) for first, last in edges if last - first >= LEAST_SAMPLES] or [data], notes
 
 
 def added_keys(problem: Problem, model: Model, effect: str) -> list[str]:
@@ -344,7 +343,7 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
     duration = max(float(s.t[-1] - s.t[0]) for s in segments)
     everything, noise = np.concatenate([s.y for s in segments]), white_noise(segments)
-    if not (np.nanstd(everything, axis=0) > STILL * np.nanmax(np.abs(everything), axis=0)).any():
+    if not _moving(everything).any():
         shown = ", ".join(channels)
         raise RecordError(f"{segments[0].source}: nothing that is measured ({shown}) moves: nothing can be told")
     sizes = {c: float(max(v, 1e-12)) for c, v in zip(channels, np.nanmax(np.abs(everything), axis=0), strict=True)}

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
+from signlin_ros.diagnosis.data import travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.fit import candidate, follow_records
 from signlin_ros.diagnosis.missing import per_force
@@ -36,7 +37,7 @@ def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array,
         elif plant.position in names:
             q = X[:, names.index(plant.position)]
         else:
-            q = np.concatenate([[0.0], np.cumsum(velocity[:-1] * np.diff(s.t))])
+            q = travelled(s.t, velocity)
         columns = [X[:, i] for i in range(len(names))]
         columns[names.index(plant.velocity)] = velocity
         sensors = neutral_sensors(len(problem.channels))

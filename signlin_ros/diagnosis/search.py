@@ -173,6 +173,11 @@ class Findings:
         """Whether that structure is what noise in the input leaves."""
         return self.structured and driven_by_noise(self.problem, self.final.ranked)
 
+    @property
+    def unaccounted(self) -> bool:
+        """Whether structure is left that is not what noise in the input leaves."""
+        return self.structured and not self.driven_by_noise
+
 
 def judged(problem: Problem, r: Ranked) -> Fit:
     """Return the fit by whose residual a model is judged: that at the lowest gain, where most shows of what is missing.
@@ -316,13 +321,14 @@ def needless(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | N
     """
     f, known = r.fit, {k.name for k in before.fit.candidate.coordinates}
     c, added = f.candidate, [i for i, k in enumerate(f.candidate.coordinates) if k.name not in known]
-    for i in (i for i in added if _is_essential(c.model, c.coordinates[i].name)):
+    essential = [i for i in added if _is_essential(c.model, c.coordinates[i].name)]
+    start = fit(problem, before.fit.candidate, f.gains, before.fit.theta, 2, f.filter) if essential else None
+    for i in essential:
         k = c.coordinates[i]
         none = k.theta(NOTHING * k.value(float(f.theta[i])))
         held = tuple(replace(k, low=none, high=none) if j == i else o for j, o in enumerate(c.coordinates))
         theta = np.where(np.arange(f.theta.size) == i, none, f.theta)
         found = fit(problem, replace(c, coordinates=held), f.gains, theta, 10, f.filter)
-        start = fit(problem, before.fit.candidate, f.gains, before.fit.theta, 2, f.filter)
         gained = start.cost - f.cost if start else np.inf
         if found and found.cost - f.cost < max(NEEDED, NEEDLESS * gained):
             key, _, name = k.name.partition(".")
@@ -379,7 +385,6 @@ class _Search:
         self.pairs: list[Ranked] = []
         self.beside: dict[str, list[Beside]] = {}
         self.declined: dict[str, str] = {}
-        self.short = problem.short
 
     def run(self, only: str | None = None) -> Findings:
         self.progress("preparing", 0.0)
@@ -539,19 +544,19 @@ class _Search:
         first, or one that is another explanation than the step before, and enough.
         """
         last, r = path[-1].ranked, step.ranked
-        other = not set(last.effects) < set(r.effects) and self._enough(r)
-        freed = _prior(last.fit) - _prior(r.fit) > MOVED
-        return freed and step.certainty > -SURE and (len(path) == 1 or other)
+        if _prior(last.fit) - _prior(r.fit) <= MOVED or step.certainty <= -SURE:
+            return False
+        return len(path) == 1 or (not set(last.effects) < set(r.effects) and self._enough(r))
 
     def _beyond_doubt(self, path: list[Step], step: Step) -> bool:
         """Tell whether a step lowers the error on unseen data beyond doubt, and is no patch."""
         last, r = path[-1].ranked, step.ranked
         strong = last.evidence - r.evidence > STRONG and not self.filter.rho.any()
         needed = FURTHER if len(path) > 1 else LIKELY if strong else SURE
+        if step.gain <= 0 or step.certainty <= needed:
+            return False
         poor = len(path) > 1 and not self._enough(last)
         if poor and (step.share < SHARE or (not self._enough(r) and self._patch(path, r))):
-            return False
-        if step.gain <= 0 or step.certainty <= needed:
             return False
         return step.certainty > FURTHER or not self._wandering(last)
 
@@ -659,7 +664,11 @@ class _Search:
         """Note what every effect takes away beside others."""
         for before in starts:
             mine = [(s[2].effect, s[3]) for s in screened if s[1] is before]
-            left = likelihood(self.short, before.fit.candidate, before.fit.theta, mine[0][1].gains) if mine else 0.0
+            left = (
+                likelihood(self.problem.short, before.fit.candidate, before.fit.theta, mine[0][1].gains)
+                if mine
+                else 0.0
+            )
             for name, f in mine:
                 share = 1.0 - float(np.exp(min(f.cost - left, 0.0) / f.count.sum()))
                 self.beside.setdefault(name, []).append(Beside(before.effects, share))
@@ -676,19 +685,23 @@ class _Search:
         few = None if self.problem.scale.imposed else 1 if enough else 3  # of an imposed motion none leads to another
         for start in trial.starts[:few]:
             c = extended(self.problem, before, trial, start)
-            found.append(fit(self.short, c, gains, c.start(known), 2))
+            found.append(fit(self.problem.short, c, gains, c.start(known), 2))
         best = min((f for f in found if f), key=cost_of, default=None)
         return self._promise(before, trial, best)
 
     def _screened(self, tried: _Screened) -> _Screened | None:
         """Return a trial after some further steps; None if it diverges where it is not followed by a filter."""
         _, before, trial, first = tried
-        return self._promise(before, trial, further(self.short, first, SLOW if EFFECTS[trial.effect].states else 2))
+        return self._promise(
+            before, trial, further(self.problem.short, first, SLOW if EFFECTS[trial.effect].states else 2)
+        )
 
     def _promise(self, before: Ranked, trial: Trial, f: Fit | None) -> _Screened | None:
         """Return a trial with what it promises, followed as far as that is to be trusted."""
-        best = next(iter(trusted(self.short, [f])), None) if f else None
-        return None if best is None else (evidence(self.short, best, len(before.effects) + 1), before, trial, best)
+        best = next(iter(trusted(self.problem.short, [f])), None) if f else None
+        return (
+            None if best is None else (evidence(self.problem.short, best, len(before.effects) + 1), before, trial, best)
+        )
 
     def _finished(self, before: Ranked, trial: Trial, start: Fit) -> Ranked | None:
         fits = descend(self.problem, start.candidate, start.theta, self.problem.levels, 10, self.filter)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.data import as_list
+from signlin_ros.diagnosis.data import arriving, as_list
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records
 from signlin_ros.diagnosis.judge import correlations, residues
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
@@ -81,8 +81,7 @@ def add(
     """
     findings = search(model, as_list(data), _or_none(validation), jobs, progress, only=effect)
     found, share = describe(findings), _explained(findings)
-    more = findings.structured and not findings.driven_by_noise
-    rest = " Structure remains: ask `diagnose` what else is missing." if more else ""
+    rest = " Structure remains: ask `diagnose` what else is missing." if findings.unaccounted else ""
     worth = f"{effect.replace('_', ' ')} explains {_percent(share)} of the missing motion"
     sure = f"by {min(findings.final.certainty, 99):.1f} standard errors"
     if not findings.beyond_doubt:
@@ -193,15 +192,8 @@ def _in_time(f: Fit) -> tuple[Candidate, Array, float]:
 
 
 def _delayed(t: Array, u: Array, delay: float) -> Array:
-    """Return the means of a held input (T, m) over every step, had it come ``delay`` s later."""
-    if delay == 0.0:
-        return u
-    steps = np.diff(t, append=2 * t[-1] - t[-2])
-    edges, total = np.append(t, t[-1] + steps[-1]), np.zeros((t.size + 1, u.shape[1]))
-    total[1:] = np.cumsum(u * steps[:, None], axis=0)
-    shifted = np.column_stack([np.interp(edges - delay, edges, column) for column in total.T])
-    shifted += np.minimum(edges - delay - t[0], 0.0)[:, None] * u[0]
-    return np.asarray(np.diff(shifted, axis=0) / steps[:, None])
+    """Return a held input (T, m) as it arrives, the last sample held for one step more."""
+    return arriving(np.append(t, 2 * t[-1] - t[-2]), np.vstack([u, u[-1:]]), delay) if delay else u
 
 
 # --------------------------------------------------------------------------- parameters
@@ -304,19 +296,18 @@ def describe(f: Findings) -> Diagnosis:
     noise = np.array([r.noise for r in f.left])
     unseen = unseen_noise(f)
     explained = _explained(f)
-    structure = f.structured and not f.driven_by_noise
     ladder = tuple(
         Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
         for s in f.steps
     )
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
-    verdict = _verdict(f, explained, structure, rest)
+    verdict = _verdict(f, explained, rest)
     model, ranking = proposal(f), _ranking(f, kind, unseen, verdict)
     base = f.steps[0].ranked.fit
     names = [c.name for c in final.fit.candidate.coordinates]
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(f, verdict, explained, structure, rest),
+        sentence=_sentence(f, verdict, explained, rest),
         base=estimates(base, [c.name for c in base.candidate.coordinates], f),
         base_validation=ladder[0].validation,
         parameters=estimates(final.fit, names, f),
@@ -339,7 +330,7 @@ def _explained(f: Findings) -> float:
     that is lost for once, or wanders, is also followed with the middle gain.
     """
     share = _share(f, f.held_out)
-    return share if f.structured and not f.driven_by_noise else max(share, _share(f, f.followed))
+    return share if f.unaccounted else max(share, _share(f, f.followed))
 
 
 def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> float:
@@ -360,11 +351,11 @@ def unseen_noise(f: Findings) -> Array:
     return np.array([r.noise if r.structure < 0.5 else seen.noise for r, seen in zip(left, f.left, strict=True)])
 
 
-def _verdict(f: Findings, explained: float, structure: bool, rest: float) -> str:
+def _verdict(f: Findings, explained: float, rest: float) -> str:
     if len(f.steps) == 1 or not f.beyond_doubt:
-        return "unexplained" if structure or (rest > ELSEWHERE and not f.structured) else "adequate"
+        return "unexplained" if f.unaccounted or (rest > ELSEWHERE and not f.structured) else "adequate"
     detail = NEARLY_ALL[0] if 1.0 + rest < DETAIL else NEARLY_ALL[1]
-    much = explained >= (EXPLAINED if rest <= REST or not structure else detail)
+    much = explained >= (EXPLAINED if rest <= REST or not f.unaccounted else detail)
     return "missing" if much or not f.structured else "unexplained"
 
 
@@ -379,17 +370,17 @@ def _named(names: Sequence[str]) -> str:
     return plain[0] if len(plain) == 1 else ", ".join(plain[:-1]) + " and " + plain[-1]
 
 
-def _sentence(f: Findings, verdict: str, explained: float, structure: bool, over: float) -> str:
+def _sentence(f: Findings, verdict: str, explained: float, over: float) -> str:
     """Return the verdict in words; ``over``: by what share of the noise the error of the proposal exceeds it."""
     effects = f.final.ranked.effects
     if verdict == "adequate":
         left = _noise_in_input(f) if f.structured else "the residual is noise"
         return f"Nothing is missing that this record could show: {left}."
     if verdict == "unexplained":
-        return _unexplained(f, explained, structure, over)
+        return _unexplained(f, explained, over)
     left = f", {1.0 + over:.2g} times the noise" if over > REST else ""
-    rest = f" Some structure remains that no listed effect explains{left}." if structure else ""
-    if f.structured and not structure:
+    rest = f" Some structure remains that no listed effect explains{left}." if f.unaccounted else ""
+    if f.driven_by_noise:
         rest = f" {_noise_in_input(f).capitalize()}."
     return (
         f"The model lacks {_either(f, effects)}: {_percent(explained)} of the missing motion is explained on data that "
@@ -397,7 +388,7 @@ def _sentence(f: Findings, verdict: str, explained: float, structure: bool, over
     )
 
 
-def _unexplained(f: Findings, explained: float, structure: bool, over: float) -> str:
+def _unexplained(f: Findings, explained: float, over: float) -> str:
     effects = f.final.ranked.effects
     share = f"{_named(effects)} {'explains' if len(effects) == 1 else 'explain'}" if effects else ""
     if not f.structured and not (effects and f.beyond_doubt):
@@ -405,7 +396,7 @@ def _unexplained(f: Findings, explained: float, structure: bool, over: float) ->
             f"Nothing is left where the model was fitted, but elsewhere its error is {1.0 + over:.2g} times the noise"
         )
         return f"{known}: what is missing shows only there; fit it to that record too."
-    if effects and not structure:
+    if effects and not f.unaccounted:
         share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
     partly = f"; {share} {_percent(explained)} of it" if effects else ""

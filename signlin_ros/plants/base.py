@@ -61,6 +61,11 @@ class Plant(HasPars):
     """Names of states of built-in effects, e.g. ``bouc_wen_hysteresis.h`` called ``hysteresis``."""
 
     @classmethod
+    def motion_is_imposed(cls) -> bool:
+        """Tell whether the velocity is an input: the motion is given, and no state of the plant answers to a force."""
+        return cls.velocity in cls.inputs
+
+    @classmethod
     def states(cls, values: Mapping[str, float]) -> dict[str, str]:
         """Return the plant's states and units, without an optional position; ``values`` are its parameters."""
         raise NotImplementedError
