@@ -41,12 +41,30 @@ _E = np.array(RK45.E)
 _P = np.array(RK45.P)
 
 
+_PLAN = np.dtype(
+    [
+        (name, np.int64)
+        for name in (
+            *("whole", "head", "linear", "size", "n", "m", "q", "k"),
+            *("z", "u", "constants", "signs", "f", "g", "rate", "slope", "coupling", "jacobian", "y"),
+            *("x", "peak", "K", "U", "error", "x_new", "matrix", "pivots", "right"),
+            *("s", "mode", "reached", "on", "g_tol", "rate_before", "s_before"),
+            *("kept", "A", "B", "c", "rest", "exponent", "power", "spare"),
+        )
+    ]
+)
+"""All that a plan of either kind says. There is one type for both, and may not be two: Numba names a compiled function
+by a number that a record's type gets anew in every process, so that of two types cached by different processes one
+kernel may be linked with what was compiled for the other."""
+
+
 def _plan(code: tuple[int, int], numbers: dict[str, int], lengths: dict[str, int]) -> np.void:
     """Return native code, numbers, where each part begins in the work array, and its ``size``; as attributes."""
     ends = np.cumsum(list(lengths.values())).tolist()
     starts = dict(zip(lengths, [0, *ends[:-1]], strict=True))
-    fields = {"whole": code[0], "head": code[1], **numbers, **starts, "size": ends[-1]}
-    plan: np.void = np.array([tuple(fields.values())], dtype=[(name, np.int64) for name in fields])[0]
+    plan: np.void = np.zeros(1, _PLAN)[0]
+    for name, value in {"whole": code[0], "head": code[1], **numbers, **starts, "size": ends[-1]}.items():
+        plan[name] = value
     return plan
 
 

@@ -45,6 +45,16 @@ for k in range(20):
     caller(native(Tape.of(ca.Function("f", [x], [ca.sin(x) * (k + 1)])))[0])(np.array([0.5]), out)
     assert out[0] == np.sin(0.5) * (k + 1), (k, out)
 """
+KINDS_IN_A_PROCESS = """
+import sys
+import numpy as np
+from signlin_ros.model import Model
+from signlin_ros.simulate import simulate
+t = np.linspace(0.0, 0.2, 21)
+for kind in sys.argv[1:]:
+    run = simulate(Model.load("dc_motor"), t, np.full((t.size, 1), 6.0), kind=kind)
+    print(kind, run.x[-1].tolist())
+"""
 
 
 def single(op: int) -> Tape:
@@ -196,3 +206,18 @@ def test_processes_may_write_at_the_same_time(tmp_path):
         finished(one)
     assert len(code_files(tmp_path)) == 20
     assert all(file.suffix == ".code" for file in code_files(tmp_path))
+
+
+@pytest.mark.slow
+def test_kernels_cached_by_different_processes_work_together(tmp_path):
+    def said(*kinds: str) -> list[str]:
+        command = [sys.executable, "-c", KINDS_IN_A_PROCESS, *kinds]
+        env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+        return subprocess.run(command, env=env, capture_output=True, text=True, check=True, timeout=300).stdout.split(
+            "\n"
+        )[:-1]
+
+    kinds = ("exact", "smooth", "piecewise")
+    alone = [line for kind in kinds for line in said(kind)]
+    assert said(*kinds) == alone
+    assert said(*reversed(kinds)) == alone[::-1]
