@@ -20,13 +20,13 @@ from signlin_ros.diagnosis.freerun import FreeRun, free_run
 from signlin_ros.diagnosis.inverse import Inverse, inverse
 from signlin_ros.diagnosis.locate import Region, by_direction, locate
 from signlin_ros.diagnosis.missing import Missing, missing
-from signlin_ros.diagnosis.noise import Noise, noise_level
 from signlin_ros.diagnosis.observer import TRUSTS, Observer
 from signlin_ros.diagnosis.scores import Score, score
 from signlin_ros.diagnosis.tracking import mean_square
 from signlin_ros.diagnosis.whiteness import ResidualTest, residual_test
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
+from signlin_ros.noise import Noise, noise_level
 from signlin_ros.predict import windows
 from signlin_ros.records import ModelData
 

@@ -31,7 +31,7 @@ class Stretch:
     """Samples without a gap: t (T,) s, u (T, m), y (T, channels) true values with NaN for missing samples.
 
     ``source`` names the record, ``record`` counts them from 0; ``first`` is where the stretch begins in it.
-    ``known``: states (T,) that are imposed, see `imposed`.
+    ``known``: states (T,) that are imposed, ``early``: by how many s the input precedes its sample; see `imposed`.
     """
 
     t: Array
@@ -41,6 +41,7 @@ class Stretch:
     record: int
     first: int
     known: Mapping[str, Array] = field(default_factory=dict)
+    early: float = 0.0
 
     @property
     def step(self) -> float:
@@ -81,20 +82,23 @@ def measured_channels(model: Model, data: Sequence[ModelData]) -> tuple[str, ...
     return found
 
 
-def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array]]:
-    """Return the inputs (T, m) of a record without gaps and the states (T,) that they impose.
+def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], float]:
+    """Return the inputs (T, m) of a record without gaps, the states (T,) that they impose, and by how many s the inputs
+    precede their samples.
 
     A velocity that is imposed runs away from a displacement that was measured too, if its sensor has an offset: the
-    slow part of the difference is taken out of it, but not what is proportional to it: a velocity that was sampled is
-    half a step late when it is held.
+    slow part of the difference is taken out of it, but not what is proportional to it. That tells whether the velocity
+    was held from sample to sample, as a simulated one is, or sampled from a motion that goes on in between: held, that
+    would make the displacement half a step late, and a spring look like a damper of k step/2. It is taken from half a
+    step before its sample to half a step after it.
     """
     plant, t, u = model.plant, record.t, record.u
     if not plant.motion_is_imposed() or plant.position not in record.measured:
-        return u, {}
+        return u, {}, 0.0
     x = _true(model, record, plant.position)
     there = np.isfinite(x)
     if np.count_nonzero(there) < DRIFT:
-        return u, {}
+        return u, {}, 0.0
     u, j = u.copy(), model.inputs.index(plant.velocity)
     apart = x - travelled(t, u[:, j])
     features = np.column_stack([u[:, j], np.ones_like(t), t])
@@ -102,19 +106,24 @@ def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array]]:
     slow = np.interp(t, t[there], (apart - late * u[:, j])[there])
     apart = savgol_filter(slow, DRIFT, 1)
     u[:, j] += np.gradient(apart, t)
-    return u, {plant.position: apart[0] + travelled(t, u[:, j])}
+    early = 0.5 * float(np.median(np.diff(t)))
+    early = early if late > 0.5 * early else 0.0
+    return u, {plant.position: apart[0] + travelled(t, u[:, j], early)}, early
 
 
-def travelled(t: Array, velocity: Array) -> Array:
-    """Return how far (T,) a velocity (T,) that is held from sample to sample has led since the first one."""
-    return np.concatenate([[0.0], np.cumsum(velocity[:-1] * np.diff(t))])
+def travelled(t: Array, velocity: Array, early: float = 0.0) -> Array:
+    """Return how far (T,) a velocity (T,) that is held, from ``early`` s before its sample on, has led since the first
+    one.
+    """
+    steps = np.diff(t)
+    return np.concatenate([[0.0], np.cumsum(velocity[:-1] * steps + np.diff(velocity) * np.minimum(early, steps))])
 
 
 def arriving(t: Array, u: Array, delay: float) -> Array:
     """Return the means of a held input u (T, m) between samples (T - 1, m), as they arrive ``delay`` s later."""
     late = t - delay
-    first = u[0] * np.minimum(late - t[0], 0.0)[:, None]
-    at = np.column_stack([np.interp(late, t, travelled(t, column)) for column in u.T]) + first
+    beyond = u[0] * np.minimum(late - t[0], 0.0)[:, None] + u[-1] * np.maximum(late - t[-1], 0.0)[:, None]
+    at = np.column_stack([np.interp(late, t, travelled(t, column)) for column in u.T]) + beyond
     return np.asarray(np.diff(at, axis=0) / np.diff(t)[:, None])
 
 
@@ -130,8 +139,8 @@ def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]
         for first, last in parts:
             part = slice(first, last)
             if last - first >= SHORTEST and np.isfinite(y[part]).any():
-                u, known = imposed(model, record.part(first, last))
-                found.append(Stretch(record.t[part], u, y[part], record.source, number, first, known))
+                u, known, early = imposed(model, record.part(first, last))
+                found.append(Stretch(record.t[part], u, y[part], record.source, number, first, known, early))
             else:
                 notes.append(f"{record.source}: {last - first} samples at t = {record.t[first]:.6g} s are left out")
     if not found:

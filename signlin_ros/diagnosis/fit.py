@@ -305,11 +305,12 @@ def follow_records(
     shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
     rows = gains.rows(c.model.states) / np.array(shown)
     rows[:, [name in c.floating for name in c.model.states]] = 0.0  # corrected by the Kalman filter, or not at all
-    rest = (p, scale, delay, lags, _belief(problem, c, gains), problem.noise**2)
+    belief, variances = _belief(problem, c, gains), problem.noise**2
     errors, derivatives, states = [], [], []
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
+        rest = (p, scale, delay - s.early, lags, belief, variances)
         x0 = _start(problem, c, s, (rows, *rest))
         unknown = ceil(delay / problem.scale.step) if s.whole else 0
         held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])

@@ -405,13 +405,13 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
 
     ``sizes``: n, m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is
     the switching surface (-1), whether derivatives are wanted, least number of substeps between samples. ``u`` (T, m)
-    held, ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny): those of the first G samples, the last one for all
-    others. X (T, n) gets the state before the correction, if it is not empty. ``lags`` (ny, 3): by how much every
-    channel is seen late in s, the state that it shows, and the index of its lag among the sensitivities (-1); empty
-    if none is late. ``belief`` (3, n): variances that a step adds to the states and that they start with, from which
-    an extended Kalman filter corrects them all, with the variances ``noise`` (ny), but nowhere where ``gains`` are 0;
-    2 in its last row: an own position that makes contact, over whose uncertainty derivatives are averaged. (3, 0): all
-    are corrected by ``gains``.
+    held from ``delay`` s after its sample on (before it, if negative), ``y`` (T, ny) with NaN for missing, ``gains``
+    (G, n, ny): those of the first G samples, the last one for all others. X (T, n) gets the state before the
+    correction, if it is not empty. ``lags`` (ny, 3): by how much every channel is seen late in s, the state that it
+    shows, and the index of its lag among the sensitivities (-1); empty if none is late. ``belief`` (3, n): variances
+    that a step adds to the states and that they start with, from which an extended Kalman filter corrects them all,
+    with the variances ``noise`` (ny), but nowhere where ``gains`` are 0; 2 in its last row: an own position that makes
+    contact, over whose uncertainty derivatives are averaged. (3, 0): all are corrected by ``gains``.
     Returns how many samples were followed before the run left all bounds.
     """
     n, m, ny, count = sizes[0], sizes[1], sizes[2], sizes[3]

@@ -54,7 +54,8 @@ def fitted_start(tracker: Tracker, start: Array, reach: Array, noise: Array, sam
     It is looked for from ``start`` (n,), no further than ``reach`` (n,) away; what the samples do not tell stays.
     """
     part = slice(0, samples)
-    short = Tracker(tracker.model, tracker.t[part], tracker.u[part], tracker.y[part], tracker.channels, tracker.scale)
+    t, u, y = tracker.t[part], tracker.u[part], tracker.y[part]
+    short = Tracker(tracker.model, t, u, y, tracker.channels, tracker.scale, tracker.early)
     unit = np.maximum(noise, 1e-6 * np.sqrt(_variances(short)))
 
     def errors(shift: Array) -> Array:

@@ -17,11 +17,11 @@ from scipy.signal import butter, decimate, sosfiltfilt
 
 from signlin_ros.diagnosis.data import SHORTEST, Stretch
 from signlin_ros.diagnosis.missing import per_force
-from signlin_ros.diagnosis.noise import Noise
 from signlin_ros.diagnosis.tracking import Tracker, driven, filled
 from signlin_ros.effects import Effect, find_effect
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
+from signlin_ros.noise import Noise
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import Stretch
 from signlin_ros.diagnosis.freerun import SAMPLES, fitted_start
-from signlin_ros.diagnosis.noise import Noise
 from signlin_ros.diagnosis.tracking import (
     Run,
     Tracker,
@@ -28,6 +27,7 @@ from signlin_ros.diagnosis.tracking import (
     predicted_covariance,
 )
 from signlin_ros.model import Model
+from signlin_ros.noise import Noise
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ class Observer:
         self.rough = [driven(model, s.t, s.u, measured_states(model, s, channels)) for s in self.stretches]
         sizes = np.sqrt(np.mean(np.concatenate(self.rough) ** 2, axis=0))
         self.scale = np.where(sizes > 0, sizes, 1.0)
-        self.trackers = [Tracker(model, s.t, s.u, s.y, channels, self.scale) for s in self.stretches]
+        self.trackers = [Tracker(model, s.t, s.u, s.y, channels, self.scale, s.early) for s in self.stretches]
         self.step = float(np.median(np.concatenate([np.diff(s.t) for s in self.stretches])))
 
     @cached_property

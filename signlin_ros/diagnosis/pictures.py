@@ -17,8 +17,8 @@ from signlin_ros.console import per_second
 from signlin_ros.diagnosis import curves
 from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.diagnosis.missing import Missing
-from signlin_ros.diagnosis.noise import Noise
 from signlin_ros.errors import InputError
+from signlin_ros.noise import Noise
 from signlin_ros.plotting import EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, shade, styled
 
 Array = NDArray[np.float64]

@@ -41,6 +41,7 @@ class Segment:
     """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
 
     ``whole``: whether what an effect remembers at the start is fitted; not so for stretches and windows of a record.
+    ``early``: by how many s the input precedes its sample, see `signlin_ros.diagnosis.data.imposed`.
     """
 
     t: Array
@@ -49,6 +50,7 @@ class Segment:
     start: dict[str, float]
     source: str
     whole: bool = True
+    early: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -172,10 +174,10 @@ def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment
     if data.t.size < LEAST_SAMPLES:
         raise RecordError(f"{data.source}: {data.t.size} samples; at least {LEAST_SAMPLES} are needed")
     y = np.ascontiguousarray(np.column_stack([data.measured[c] for c in channels]))
-    driving, known = imposed(model, data)
+    driving, known, early = imposed(model, data)
     t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(driving)
     start = {name: float(values[0]) for name, values in known.items()}
-    return Segment(t, u, y, _start(model, channels, t, y) | start, data.source)
+    return Segment(t, u, y, _start(model, channels, t, y) | start, data.source, early=early)
 
 
 def _start(model: Model, channels: tuple[str, ...], t: Array, y: Array) -> dict[str, float]:
@@ -205,7 +207,7 @@ def _shortened(problem: Problem) -> Problem:
             part = slice(first, first + size)
             t, u, y = s.t[part], s.u[part], s.y[part]
             start = _start(problem.base, problem.channels, t, y) | _imposed_at(problem.base, s, first)
-            parts.append(Segment(t, u, y, start, s.source, False))
+            parts.append(Segment(t, u, y, start, s.source, False, s.early))
     return replace(problem, segments=tuple(parts))
 
 
@@ -215,7 +217,8 @@ def _imposed_at(model: Model, s: Segment, at: int) -> dict[str, float]:
     if not plant.motion_is_imposed():
         return {}
     velocity = s.u[: at + 1, model.inputs.index(plant.velocity)]
-    return {plant.position: s.start.get(plant.position, 0.0) + float(travelled(s.t[: at + 1], velocity)[-1])}
+    led = travelled(s.t[: at + 1], velocity, s.early)[-1]
+    return {plant.position: s.start.get(plant.position, 0.0) + float(led)}
 
 
 def _first_slope(t: Array, values: Array) -> float:
@@ -328,7 +331,7 @@ def first_look(model: Model, segments: Sequence[Segment], channels: tuple[str, .
     result = []
     for s in segments:
         x0 = np.array([s.start.get(name, 0.0) for name in model.states])
-        result.append(Tracker(model, s.t, s.u, s.y, channels, wide).run(x0, rows).state)
+        result.append(Tracker(model, s.t, s.u, s.y, channels, wide, s.early).run(x0, rows).state)
     return result
 
 

@@ -39,11 +39,21 @@ class Run:
 class Tracker:
     """Follows a stretch with a model; ``channels`` (states or outputs) are the columns of ``y`` (T, channels).
 
-    ``scale`` (n,) is the size of every state: a run counts as diverged a million times beyond it.
+    ``scale`` (n,) is the size of every state: a run counts as diverged a million times beyond it. ``early``: by how
+    many s the input precedes its sample.
     """
 
-    def __init__(self, model: Model, t: Array, u: Array, y: Array, channels: tuple[str, ...], scale: Array) -> None:
-        self.model, self.channels, self.scale = model, channels, scale
+    def __init__(
+        self,
+        model: Model,
+        t: Array,
+        u: Array,
+        y: Array,
+        channels: tuple[str, ...],
+        scale: Array,
+        early: float = 0.0,
+    ) -> None:
+        self.model, self.channels, self.scale, self.early = model, channels, scale, early
         self.t, self.u, self.y = (np.ascontiguousarray(a, dtype=float) for a in (t, u, y))
         self._equations = equations(model.structure, channels, ())
         self._p = np.concatenate([model.p, neutral_sensors(len(channels))])
@@ -53,7 +63,8 @@ class Tracker:
         e, n, ny, total = self._equations, self.scale.size, len(self.channels), self.t.size
         gains = np.zeros((1, n, ny)) if gains is None else np.ascontiguousarray(gains)
         innovation, state = np.full((total, ny), np.nan), np.full((total, n), np.nan)
-        record = (self.t, self.u, self.y, gains, np.array(x0, dtype=float), self._p, self.scale, self.model.delay)
+        late = self.model.delay - self.early
+        record = (self.t, self.u, self.y, gains, np.array(x0, dtype=float), self._p, self.scale, late)
         rest = (np.zeros((0, 3)), np.zeros((3, 0)), np.ones(ny), innovation, np.zeros((0, ny, 0)), state)
         done = follow(e.head, e.whole, e.flags(False), *record, *rest)
         innovation[done:], state[done:] = np.nan, np.nan
@@ -64,7 +75,7 @@ class Tracker:
         n = self.scale.size
         gains = np.zeros((self.t.size, n, n))
         gains[at] = np.eye(n)
-        whole = Tracker(self.model, self.t, self.u, states, self.model.states, self.scale)
+        whole = Tracker(self.model, self.t, self.u, states, self.model.states, self.scale, self.early)
         return whole.run(states[0], gains)
 
     def linearized(self, x: Array) -> tuple[Array, Array, Array]:

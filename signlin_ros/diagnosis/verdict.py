@@ -167,14 +167,14 @@ def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
     errors = np.full_like(s.y, np.nan)
     steady, names = problem.levels[1].values[-1:], problem.levels[1].names
     candidate, theta, delay = _in_time(f)
-    u = _delayed(s.t, s.u, delay)
+    u, early = (_delayed(s.t, s.u, delay - s.early), 0.0) if delay else (s.u, s.early)
     free = Gains(np.inf, names, np.zeros_like(steady), np.ones((0, steady.shape[2])))
     for first, last in windows(s.t, problem.base.update_period)[1:]:
         if s.t[first] - s.t[0] < delay:
             continue
         part = slice(first, last + 1)
         start = dict(zip(candidate.model.states, X[first], strict=True))
-        window = Segment(s.t[part], u[part], s.y[part], start, "", whole=False)  # from nothing but what was before
+        window = Segment(s.t[part], u[part], s.y[part], start, "", False, early)  # from nothing but what was before
         run = follow_records(problem, candidate, theta, free, False, (window,))
         if run:
             errors[first + 1 : last + 1] = run[0][0][1:]
@@ -193,7 +193,7 @@ def _in_time(f: Fit) -> tuple[Candidate, Array, float]:
 
 def _delayed(t: Array, u: Array, delay: float) -> Array:
     """Return a held input (T, m) as it arrives, the last sample held for one step more."""
-    return arriving(np.append(t, 2 * t[-1] - t[-2]), np.vstack([u, u[-1:]]), delay) if delay else u
+    return arriving(np.append(t, 2 * t[-1] - t[-2]), np.vstack([u, u[-1:]]), delay)
 
 
 # --------------------------------------------------------------------------- parameters

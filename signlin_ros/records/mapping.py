@@ -15,6 +15,7 @@ from signlin_ros.errors import ModelError, RecordError
 from . import units
 from .align import align, named
 from .header import TIME_KEYS
+from .slope import slope
 from .table import Record, Signal, frozen
 
 if TYPE_CHECKING:
@@ -106,9 +107,10 @@ def for_model(
     record = _aligned(record, model, chosen, base)
     converted, unit_of = _converted(record, model, chosen, notes)
     for name, position in derived.items():
-        converted[name] = np.gradient(converted[position], record.t)
+        converted[name], noise = slope(record.t, converted[position])
         unit_of[name] = {"rad": "rad/s"}.get(unit_of[position], model.units[name])
-        notes.append(f"{name} is the central difference of {position}")
+        smoothed = f", smoothed by as much as its noise, {noise:.2g} {unit_of[position]}" if noise else ""
+        notes.append(f"{name} is the derivative of a spline through {position}{smoothed}")
     names = _unique(model.states, model.outputs)
     measured = {name: frozen(converted[name]) for name in names if name in chosen}
     measured = {name: values for name, values in measured.items() if not np.isnan(values).all()}

@@ -13,7 +13,7 @@ from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.diagnosis.rank import applicable
 from signlin_ros.diagnosis.verdict import diagnose
 from signlin_ros.model import Model
-from signlin_ros.records import ModelData
+from signlin_ros.records import ModelData, read_for_model
 
 STEP, FINE = 0.01, 50
 BASE = {"plant": "force_element", "parameters": {"c": 800.0, "k": 0.0}, "tolerance": {"c": 0.5}, "update_period": 0.02}
@@ -93,6 +93,29 @@ def mount(lost: slice = slice(0, 0), offset: float = 0.0):
     return model, ModelData(t, v[:, None] + offset, measured, None, ("velocity",), ("displacement",), units), v
 
 
+@pytest.mark.parametrize("recorded", [("displacement", "velocity"), ("displacement",)], ids=["both", "displacement"])
+@pytest.mark.parametrize("resolution", [1e-7, 5e-5])
+def test_a_spring_whose_motion_is_sampled_is_no_damper(tmp_path, recorded, resolution):
+    def written(seed):
+        rng, t = np.random.default_rng(seed), np.arange(4000) * 0.002
+        tones, phases = 2 * np.pi * np.array([0.3, 0.9, 2.1, 3.3]), rng.uniform(0, 6, 4)
+        q = 0.004 * np.sin(tones * t[:, None] + phases).sum(axis=1)
+        v = 0.004 * (tones * np.cos(tones * t[:, None] + phases)).sum(axis=1)
+        force = 150.0 * v + 5e4 * q + 30.0 * np.sign(v) + rng.normal(0.0, 5.0, t.size)
+        columns = {"t": t, "displacement": np.round(q / resolution) * resolution, "velocity": v, "force": force}
+        kept = {name: values for name, values in columns.items() if name in ("t", "force", *recorded)}
+        path = tmp_path / f"{seed}.csv"
+        np.savetxt(path, np.column_stack([*kept.values()]), delimiter=",", header=",".join(kept), comments="")
+        return path
+
+    effects = {"coulomb_friction": {"mu": 30.0}}
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 145.0, "k": 51000.0}, "effects": effects})
+    found = diagnose(model, *(read_for_model(written(seed), model) for seed in (1, 2)))
+    assert found.verdict == "adequate"
+    assert found.parameters["c"].value == pytest.approx(150.0, abs=4 * found.parameters["c"].std)
+    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(30.0, rel=0.03)
+
+
 def test_an_imposed_displacement_counts_wherever_the_force_is_computed():
     model, record, _ = mount(offset=0.1)
     found = compare(model, record)
@@ -104,6 +127,6 @@ def test_an_imposed_displacement_counts_wherever_the_force_is_computed():
 @pytest.mark.parametrize("lost", [slice(4000, None), slice(3000, 3300), slice(0, 1500)], ids=["end", "hole", "begin"])
 def test_holes_of_an_imposed_displacement_leave_the_velocity_as_it_is(lost):
     model, record, v = mount(lost)
-    u, known = imposed(model, record)
+    u, known, _ = imposed(model, record)
     assert np.abs(u[:, 0] - v).max() < 0.02 * np.abs(v).max()
     assert np.abs(known["displacement"] - 0.5 - np.sin(12.0 * record.t)).max() < 0.02

@@ -12,9 +12,9 @@ from scipy.signal import lfilter
 
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.data import load_records
-from signlin_ros.diagnosis.noise import noise_level, quantum_of
 from signlin_ros.diagnosis.whiteness import residual_test
 from signlin_ros.model import Model
+from signlin_ros.noise import noise_level, quantum_of
 
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data")) / "hidden_effects"
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")
