@@ -29,6 +29,9 @@ from signlin_ros.trace import EffectSlot, Structure, Trace, resolve_unit, trace
 
 METHODS = ("optimal", "termwise", "jacobian")
 OPERATING_POINTS = ("start", "midpoint")
+HOLDS = {"forward": 0.0, "centred": 0.5, "backward": 1.0}
+"""By how many steps an input precedes its sample: a command that is held; samples of what goes on in between; what was
+logged beside the state that it led to."""
 SUFFIXES = (".yaml", ".yml")
 """Suffixes of model files."""
 RESERVED_KEYS = ("use_sim_time", "qos_overrides", "start_type_description_service")
@@ -63,6 +66,7 @@ class Model:
     operating_range: dict[str, float] = field(default_factory=dict)
     linearization: str = ""
     operating_point: str = "start"
+    input_hold: str = ""
     update_period: float = 0.2
     state_weights: dict[str, float] = field(default_factory=dict)
     initial_state: dict[str, float] = field(default_factory=dict)
@@ -286,6 +290,11 @@ class Model:
         """Values of the trace's parameters, in its order."""
         return np.array([self.value(name) for name in self.trace.parameters])
 
+    @property
+    def early(self) -> float:
+        """By how many steps a recorded input precedes its sample (`HOLDS`); 0 where the model does not say."""
+        return HOLDS.get(self.input_hold, 0.0)
+
     @functools.cached_property
     def delay(self) -> float:
         """Delay of the input in s."""
@@ -504,6 +513,7 @@ _OPTIONS: dict[str, Callable[[Any, str], Any]] = {
     "operating_range": _number_table(0.0, positive=True),
     "linearization": _choice(METHODS),
     "operating_point": _choice(OPERATING_POINTS),
+    "input_hold": _choice(tuple(HOLDS)),
     "update_period": lambda v, w: _number(v, w, 0.0, 3600.0, "s", positive=True),
     "state_weights": _number_table(0.0),
     "initial_state": _number_table(-math.inf),

@@ -62,7 +62,7 @@ def simulate(
     kind: str = "exact",
     rtol: float = 1e-6,
 ) -> Trajectory:
-    """Simulate at times t (T,) with inputs u (T, m) held from each time to the next.
+    """Simulate at times t (T,) with inputs u (T, m) held from each time to the next, or as ``input_hold`` says.
 
     x0 (n,) is the state at t[0], the model's ``initial_state`` by default. An input delay shifts the inputs; before
     its first sample an input has that sample's value. Raises `InputError` for bad arguments, `SimulationError` when
@@ -77,6 +77,7 @@ def simulate(
     extra = model.outputs != model.states
     Y = np.empty((times.size, len(model.outputs) if extra else 0))
     breaks = times + model.delay
+    breaks[1:] -= model.early * np.diff(times)
     breaks[0] = times[0]
     run = {"exact": _run_exact, "smooth": _run_smooth, "piecewise": _run_piecewise}[kind]
     status, when, events = run(model, times, breaks, inputs, start, rtol, X, Y)

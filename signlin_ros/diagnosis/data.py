@@ -31,7 +31,7 @@ class Stretch:
     """Samples without a gap: t (T,) s, u (T, m), y (T, channels) true values with NaN for missing samples.
 
     ``source`` names the record, ``record`` counts them from 0; ``first`` is where the stretch begins in it.
-    ``known``: states (T,) that are imposed, ``early``: by how many s the input precedes its sample; see `imposed`.
+    ``known``: states (T,) that are imposed, ``early``: by how many s the input precedes its sample; see `driving`.
     """
 
     t: Array
@@ -82,7 +82,7 @@ def measured_channels(model: Model, data: Sequence[ModelData]) -> tuple[str, ...
     return found
 
 
-def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], float]:
+def driving(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], float]:
     """Return the inputs (T, m) of a record without gaps, the states (T,) that they impose, and by how many s the inputs
     precede their samples.
 
@@ -90,15 +90,16 @@ def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], f
     slow part of the difference is taken out of it, but not what is proportional to it. That tells whether the velocity
     was held from sample to sample, as a simulated one is, or sampled from a motion that goes on in between: held, that
     would make the displacement half a step late, and a spring look like a damper of k step/2. It is taken from half a
-    step before its sample to half a step after it.
+    step before its sample to half a step after it, unless the model's ``input_hold`` says otherwise.
     """
     plant, t, u = model.plant, record.t, record.u
+    step = float(np.median(np.diff(t)))
     if not plant.motion_is_imposed() or plant.position not in record.measured:
-        return u, {}, 0.0
+        return u, {}, model.early * step
     x = _true(model, record, plant.position)
     there = np.isfinite(x)
     if np.count_nonzero(there) < DRIFT:
-        return u, {}, 0.0
+        return u, {}, model.early * step
     u, j = u.copy(), model.inputs.index(plant.velocity)
     apart = x - travelled(t, u[:, j])
     features = np.column_stack([u[:, j], np.ones_like(t), t])
@@ -106,8 +107,7 @@ def imposed(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], f
     slow = np.interp(t, t[there], (apart - late * u[:, j])[there])
     apart = savgol_filter(slow, DRIFT, 1)
     u[:, j] += np.gradient(apart, t)
-    early = 0.5 * float(np.median(np.diff(t)))
-    early = early if late > 0.5 * early else 0.0
+    early = model.early * step if model.input_hold or late < step / 4 else step / 2
     return u, {plant.position: apart[0] + travelled(t, u[:, j], early)}, early
 
 
@@ -139,7 +139,7 @@ def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]
         for first, last in parts:
             part = slice(first, last)
             if last - first >= SHORTEST and np.isfinite(y[part]).any():
-                u, known, early = imposed(model, record.part(first, last))
+                u, known, early = driving(model, record.part(first, last))
                 found.append(Stretch(record.t[part], u, y[part], record.source, number, first, known, early))
             else:
                 notes.append(f"{record.source}: {last - first} samples at t = {record.t[first]:.6g} s are left out")
@@ -203,8 +203,8 @@ __all__ = [
     "Stretch",
     "arriving",
     "as_list",
+    "driving",
     "gaps",
-    "imposed",
     "load_records",
     "measured_channels",
     "measured_parts",

@@ -169,7 +169,7 @@ def _even(model: Model, stretch: Stretch, channels: tuple[str, ...], step: float
     values = {c: np.interp(t, stretch.t, filled(stretch.t, stretch.y[:, i])) for i, c in enumerate(channels)
               if np.isfinite(stretch.y[:, i]).any()}  # fmt: skip
     values |= {name: np.interp(t, stretch.t, v) for name, v in stretch.known.items()}
-    held = np.searchsorted(stretch.t + model.delay, t + 1e-9 * step, side="right") - 1
+    held = np.searchsorted(stretch.t + model.delay - stretch.early, t + 1e-9 * step, side="right") - 1
     known = np.interp(t, stretch.t, _known(stretch.y).astype(float))
     return _Even(t, stretch.u[np.maximum(held, 0)], values, known)
 

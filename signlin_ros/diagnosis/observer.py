@@ -70,7 +70,7 @@ class Observer:
         self, model: Model, stretches: Sequence[Stretch], channels: tuple[str, ...], noise: Sequence[Noise]
     ) -> None:
         self.model, self.stretches, self.channels, self.noise = model, list(stretches), channels, list(noise)
-        self.rough = [driven(model, s.t, s.u, measured_states(model, s, channels)) for s in self.stretches]
+        self.rough = [driven(model, s.t, s.u, measured_states(model, s, channels), s.early) for s in self.stretches]
         sizes = np.sqrt(np.mean(np.concatenate(self.rough) ** 2, axis=0))
         self.scale = np.where(sizes > 0, sizes, 1.0)
         self.trackers = [Tracker(model, s.t, s.u, s.y, channels, self.scale, s.early) for s in self.stretches]

@@ -195,8 +195,13 @@ def _along(motion: Motion) -> tuple[Array, Array, Array]:
     """Return states (T, n), and inputs (T, m) as late as with and as without the effect, all records end to end."""
     segments = motion.problem.segments
     X = np.concatenate([x[:-1] for x in motion.after])
-    late, u = (np.concatenate([arriving(s.t, s.u, m.delay) for s in segments]) for m in (motion.model, motion.without))
+    late, u = (np.concatenate([_acting(motion, s, m.delay) for s in segments]) for m in (motion.model, motion.without))
     return X, late, u
+
+
+def _acting(motion: Motion, s: Segment, delay: float) -> Array:
+    """Return the means of the input over the steps (T - 1, m); where motion is imposed, what it is at their starts."""
+    return arriving(s.t, s.u, delay if motion.problem.scale.imposed else delay - s.early)
 
 
 def _shared(motion: Motion) -> list[int]:
@@ -324,9 +329,8 @@ def _beyond(motion: Motion, goal: Target, s: Segment, start: Array, end: Array) 
     states, A, _, _ = linear_base(model, motion.problem.channels)
     decay = float(A[states.index(goal.name), states.index(goal.name)]) * steps
     effective = steps * np.where(np.abs(decay) > 1e-6, np.expm1(decay) / np.where(decay == 0, 1.0, decay), 1.0)
-    predicted = _stepped(
-        motion.problem, model, start[:-1], arriving(s.t, s.u, model.delay), steps, np.abs(np.linalg.eigvals(A))
-    )
+    rates = np.abs(np.linalg.eigvals(A))
+    predicted = _stepped(motion.problem, model, start[:-1], _acting(motion, s, model.delay), steps, rates)
     return np.asarray((end[:, row] - predicted[:, row]) / (effective * goal.per_unit))
 
 
@@ -353,7 +357,7 @@ def _in_channel(motion: Motion, goal: Target, i: int) -> tuple[Array, Array]:
     if goal.name in motion.model.states:
         true = X[:, motion.model.states.index(goal.name)]
     else:
-        u = np.concatenate([arriving(s.t, s.u, motion.without.delay), s.u[-1:]])
+        u = np.concatenate([_acting(motion, s, motion.without.delay), s.u[-1:]])
         true = _rates(problem, motion.without, X[:, _shared(motion)], u)[:, _column(problem, motion.without, goal.name)]
     expected = _shown(motion.blind, goal.name, s.t, true)
     return s.y[1:, c] - expected[1:], shown[1:] - expected[1:]

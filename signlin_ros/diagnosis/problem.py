@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.diagnosis.data import imposed, measured_channels, measured_parts, travelled
+from signlin_ros.diagnosis.data import driving, measured_channels, measured_parts, travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import kalman_gains
 from signlin_ros.diagnosis.missing import per_force
@@ -41,7 +41,7 @@ class Segment:
     """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
 
     ``whole``: whether what an effect remembers at the start is fitted; not so for stretches and windows of a record.
-    ``early``: by how many s the input precedes its sample, see `signlin_ros.diagnosis.data.imposed`.
+    ``early``: by how many s the input precedes its sample, see `signlin_ros.diagnosis.data.driving`.
     """
 
     t: Array
@@ -174,8 +174,8 @@ def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment
     if data.t.size < LEAST_SAMPLES:
         raise RecordError(f"{data.source}: {data.t.size} samples; at least {LEAST_SAMPLES} are needed")
     y = np.ascontiguousarray(np.column_stack([data.measured[c] for c in channels]))
-    driving, known, early = imposed(model, data)
-    t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(driving)
+    held, known, early = driving(model, data)
+    t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(held)
     start = {name: float(values[0]) for name, values in known.items()}
     return Segment(t, u, y, _start(model, channels, t, y) | start, data.source, early=early)
 

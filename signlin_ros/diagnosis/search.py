@@ -44,6 +44,7 @@ from signlin_ros.diagnosis.rank import (
     trusted,
     without,
 )
+from signlin_ros.diagnosis.timing import CLEARLY, WAYS, better_hold
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError, SimulationError
 from signlin_ros.model import Model
@@ -273,13 +274,41 @@ def search(
     """Find what a model lacks; see `Findings`. ``run``: where candidates are fitted, threads by default.
 
     ``only``: one effect that is added in any case. Raises `InputError` where it does not apply or the base diverges.
+    Where the model does not say when its input acts, and the records say so clearly, all is done again with that.
     """
     own = ThreadPoolExecutor(os.cpu_count() or 1) if run is None else None
+
+    def found(model: Model, *notes: str) -> Findings:
+        problem, unseen = prepared(model, data, validation)
+        problem = replace(problem, notes=(*problem.notes, *notes))
+        return _Search(problem, unseen, run or own, progress or _silent, depth).run(only)  # type: ignore[arg-type]
+
     try:
-        return _Search(*prepared(model, data, validation), run or own, progress or _silent, depth).run(only)  # type: ignore[arg-type]
+        first = found(model)
+        hold = "" if model.input_hold else _hold(first)
+        if not hold:
+            return first
+        second = found(model.with_options(input_hold=hold), _said(model, hold))
+        return second if _clearer(second, first) else first
     finally:
         if own:
             own.shutdown(wait=True, cancel_futures=True)
+
+
+def _hold(f: Findings) -> str:
+    """Return when the input acts, if otherwise than it was taken; see `signlin_ros.diagnosis.timing`."""
+    options = {r.label + str(r.sensors): r for r in (s.ranked for s in (f.steps[0], f.final, *f.singles[:2]))}
+    return better_hold(f.problem, list(options.values()), f.filter)
+
+
+def _said(model: Model, hold: str) -> str:
+    name = model.inputs[0]
+    return f"{name} acts {WAYS[hold]} (input_hold: {hold}; input_hold: forward in the model file forbids it)"
+
+
+def _clearer(a: Findings, b: Findings) -> bool:
+    """Tell whether one proposal explains more than another, and leaves no structure where that one leaves none."""
+    return a.final.ranked.evidence < b.final.ranked.evidence - CLEARLY and (b.structured or not a.structured)
 
 
 def _too_slow(problem: Problem) -> str:

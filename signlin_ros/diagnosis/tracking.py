@@ -143,7 +143,7 @@ def measured_states(model: Model, stretch: Stretch, channels: tuple[str, ...]) -
     return found
 
 
-def driven(model: Model, t: Array, u: Array, values: Mapping[str, Array]) -> Array:
+def driven(model: Model, t: Array, u: Array, values: Mapping[str, Array], early: float = 0.0) -> Array:
     """Return the states (T, n) where ``values`` (T,) impose some of them: the model carries the others.
 
     A state that the model cannot carry (it diverges) stays at its initial value.
@@ -154,7 +154,7 @@ def driven(model: Model, t: Array, u: Array, values: Mapping[str, Array]) -> Arr
     columns = [model.states.index(name) for name in names]
     if not names:  # the input alone moves it, as an imposed motion does
         nothing = np.full((t.size, len(model.states)), np.nan)
-        run = Tracker(model, t, u, nothing, model.states, np.maximum(np.abs(x0), 1.0)).run(x0)
+        run = Tracker(model, t, u, nothing, model.states, np.maximum(np.abs(x0), 1.0), early).run(x0)
         return run.state if run.stopped is None else result
     y = np.column_stack([values[name] for name in names])
     if len(names) < len(model.states):
@@ -162,7 +162,7 @@ def driven(model: Model, t: Array, u: Array, values: Mapping[str, Array]) -> Arr
         gain[0, columns, np.arange(len(names))] = 1.0
         sizes = np.maximum(np.abs(result).max(axis=0), 1.0)
         sizes[columns] = np.maximum(np.abs(y).max(axis=0), 1e-12)
-        run = Tracker(model, t, u, y, names, sizes).run(x0, gain)
+        run = Tracker(model, t, u, y, names, sizes, early).run(x0, gain)
         result = run.state if run.stopped is None else result
     result[:, columns] = y
     return result

@@ -242,6 +242,8 @@ def _fixed_entries(model: Model) -> dict[str, Entry]:
         "with_position": Entry(model.with_position, "position as a state even where nothing needs it"),
         "with_load_torque": Entry(model.with_load_torque, "load torque as a second input"),
     }
+    if model.input_hold:
+        found["input_hold"] = Entry(model.input_hold, "when the input of a record acts; not used by nodes")
     for name, value in model.initial_state.items():
         found[f"initial_state.{name}"] = Entry(value, f"initial {name} [{model.units[name]}]")
     for name, column in model.signals.items():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.data import imposed
+from signlin_ros.diagnosis.data import driving
 from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.diagnosis.rank import applicable
 from signlin_ros.diagnosis.verdict import diagnose
@@ -127,6 +127,6 @@ def test_an_imposed_displacement_counts_wherever_the_force_is_computed():
 @pytest.mark.parametrize("lost", [slice(4000, None), slice(3000, 3300), slice(0, 1500)], ids=["end", "hole", "begin"])
 def test_holes_of_an_imposed_displacement_leave_the_velocity_as_it_is(lost):
     model, record, v = mount(lost)
-    u, known, _ = imposed(model, record)
+    u, known, _ = driving(model, record)
     assert np.abs(u[:, 0] - v).max() < 0.02 * np.abs(v).max()
     assert np.abs(known["displacement"] - 0.5 - np.sin(12.0 * record.t)).max() < 0.02

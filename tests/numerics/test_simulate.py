@@ -394,6 +394,22 @@ def test_an_input_delay_shifts_the_input() -> None:
     assert late.delay == 0.03
 
 
+@pytest.mark.parametrize(
+    ("hold", "weights"), [("forward", (1.0, 0.0)), ("centred", (0.5, 0.5)), ("backward", (0.0, 1.0))]
+)
+def test_when_an_input_acts(hold: str, weights: tuple[float, float]) -> None:
+    rng = np.random.default_rng(1)
+    t, u = np.cumsum(rng.uniform(0.01, 0.03, 50)), rng.normal(size=50)
+    model = Model.from_dict(
+        {"plant": "mass_spring_damper", "parameters": {"m": 2.0, "c": 0.0, "k": 0.0}, "input_hold": hold}
+    )
+    impulse = np.diff(t) * (weights[0] * u[:-1] + weights[1] * u[1:])
+    for kind in ("exact", "smooth"):
+        run = simulate(model, t, u, kind=kind)
+        np.testing.assert_allclose(run["velocity"][1:], np.cumsum(impulse) / 2.0, atol=1e-9)
+    assert Model.from_dict(model.to_dict()).input_hold == hold
+
+
 @pytest.mark.parametrize("kind", ["exact", "smooth"])
 def test_a_stepper_continues_where_it_stopped(kind: str) -> None:
     model = stick_slip().with_effect("input_delay", T=0.013)
