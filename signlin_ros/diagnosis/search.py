@@ -285,7 +285,7 @@ def search(
 
     try:
         first = found(model)
-        hold = "" if model.input_hold else _hold(first)
+        hold = "" if model.input_hold else _hold(first, run or own)  # type: ignore[arg-type]
         if not hold:
             return first
         second = found(model.with_options(input_hold=hold), _said(model, hold))
@@ -295,10 +295,10 @@ def search(
             own.shutdown(wait=True, cancel_futures=True)
 
 
-def _hold(f: Findings) -> str:
+def _hold(f: Findings, run: Executor) -> str:
     """Return when the input acts, if otherwise than it was taken; see `signlin_ros.diagnosis.timing`."""
     options = {r.label + str(r.sensors): r for r in (s.ranked for s in (f.steps[0], f.final, *f.singles[:2]))}
-    return better_hold(f.problem, list(options.values()), f.filter)
+    return better_hold(f.problem, list(options.values()), f.filter, run.map)
 
 
 def _said(model: Model, hold: str) -> str:
