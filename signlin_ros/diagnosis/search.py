@@ -524,7 +524,8 @@ class _Search:
         path = [self._step(base)]
         options = singles
         for depth in range(self.depth):
-            step = self._best_step(path, [*map(self._polished, options[:2]), *options[2:]])
+            front = [*map(self._polished, options[:2]), *options[2:]]
+            step = self._best_step(path, [*self._parts(front, trials), *front])
             if step is not None:
                 kept = [p for p in path if set(p.ranked.effects) < set(step.ranked.effects)]
                 path = [*kept, step if kept[-1] is path[-1] else self._compared(kept[-1], step.ranked)]
@@ -534,6 +535,36 @@ class _Search:
             if depth + 1 < self.depth or step is None:
                 options = self._more(path[-1].ranked, singles, trials)
         return path
+
+    def _parts(self, options: list[Ranked], trials: list[Trial]) -> list[Ranked]:
+        """Return the best option with the effect that was added last in its parts: one that is rich stands in for
+        several simple ones.
+        """
+        best = min(options, key=_evidence, default=None)
+        if best is None or not best.effects or best.sensors:
+            return []
+        effect, f = EFFECTS[best.effects[-1]], best.fit
+        key = next((k for k in reversed(f.candidate.label) if f.candidate.model.effects[k].type == effect.name), "")
+        values = {n: f.fitted().effects[key].parameters[n] for n in effect.pars()} if key else {}
+        known = {t.effect: t for t in trials if t.added}
+        sets = [s for s in (effect.parts(values) if values else []) if set(s) <= set(known) - set(best.effects)]
+        before = without(self.problem, best, effect.name) if sets else None
+        if before is None:
+            return []
+        found = self.executor.map(lambda s: self._together(before, [(known[n], s[n]) for n in s]), sets)
+        return [r for r in found if r is not None]
+
+    def _together(self, before: Ranked, parts: Sequence[tuple[Trial, dict[str, float]]]) -> Ranked | None:
+        """Return several effects added at once, fitted out from their starts."""
+        r: Ranked | None = before
+        for trial, start in parts:
+            pars = EFFECTS[trial.effect].pars()
+            c = extended(self.problem, r, trial, {n: pars[n].nearest(v) for n, v in start.items()})
+            theta = c.start(r.fit.parameters()) if r else None
+            levels = self.problem.levels[1:]
+            fits = descend(self.problem, c, theta, levels, 10, self.filter)
+            r = ranked(self.problem, (*r.effects, trial.effect), r.sensors, fits) if r else None
+        return r
 
     def _forced(self, base: Ranked, singles: list[Ranked]) -> list[Step]:
         """Return the base and the best fit of the effect that was asked for, whatever it gains."""

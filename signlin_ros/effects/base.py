@@ -92,6 +92,11 @@ class Effect(HasPars):
         return {}
 
     @classmethod
+    def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
+        """Return sets of simpler effects that together may be what this one is fitted to, and their parameters."""
+        return []
+
+    @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         """Tell whether fitted parameters are those of the effect, and not of something that its equation imitates."""
         return True

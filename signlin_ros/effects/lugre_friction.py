@@ -36,6 +36,17 @@ class LuGreFriction(Effect):
     )
 
     @classmethod
+    def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
+        """Return dry friction of three kinds, each with what LuGre has of its own, viscous friction."""
+        excess = max(p["F_s"] - p["F_c"], 0.01 * p["F_c"])
+        dry = {
+            "coulomb_friction": {"mu": p["F_c"]},
+            "stribeck_friction": {"mu": p["F_c"], "excess": excess, "v_s": p["v_s"]},
+            "dahl_presliding": {"F_c": p["F_c"], "sigma": p["sigma0"]},
+        }
+        return [{name: values, "viscous_friction": {"b": p["sigma2"]}} for name, values in dry.items()]
+
+    @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         return p["F_s"] > 0.8 * p["F_c"]  # breaking away takes no less than sliding
 
