@@ -311,7 +311,7 @@ def follow_records(
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
         rest = (p, scale, delay - s.early, lags, belief, variances)
-        x0 = _start(problem, c, s, (rows, *rest))
+        x0 = _start(problem, c, s, (rows, *rest)) - _led_back(problem, c, s, delay)
         unknown = ceil(delay / problem.scale.step) if s.whole else 0
         held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
         arguments = (eq.flags(with_s), s.t, s.u, s.y, held, x0, *rest)
@@ -328,6 +328,14 @@ def follow_records(
         derivatives.append(D)
         states.append(X)
     return errors, derivatives, states
+
+
+def _led_back(problem: Problem, c: Candidate, s: Segment, delay: float) -> Array:
+    """Return how far (n,) an imposed motion led in the time by which it is seen late; nothing of others."""
+    plant, back = problem.base.plant, np.zeros(len(c.model.states))
+    if delay and problem.scale.imposed and plant.position in c.model.states:
+        back[c.model.states.index(plant.position)] = delay * s.u[0, c.model.inputs.index(plant.velocity)]
+    return back
 
 
 def _belief(problem: Problem, c: Candidate, gains: Gains) -> Array:

@@ -672,7 +672,10 @@ class _Search:
         if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
             return False  # no sensor is that wrong: it stands in for something else
         free = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
-        amplitudes = [i for i in free if r.fit.hessian[i, i] > 0.0]
+        c, steps = r.fit.candidate, set()
+        if self.problem.scale.imposed:
+            steps = {n for n, part in zip(c.equations.parameters, c.equations.delay, strict=True) if part}
+        amplitudes = [i for i in free if r.fit.hessian[i, i] > 0.0 and coordinates[i].name not in steps]
         a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]
         wald = float(a @ np.linalg.pinv(spread, hermitian=True) @ a)
         return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))

@@ -167,7 +167,7 @@ def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
     errors = np.full_like(s.y, np.nan)
     steady, names = problem.levels[1].values[-1:], problem.levels[1].names
     candidate, theta, delay = _in_time(f)
-    u, early = (_delayed(s.t, s.u, delay - s.early), 0.0) if delay else (s.u, s.early)
+    u, early = (_delayed(problem, s, delay), s.early if problem.scale.imposed else 0.0) if delay else (s.u, s.early)
     free = Gains(np.inf, names, np.zeros_like(steady), np.ones((0, steady.shape[2])))
     for first, last in windows(s.t, problem.base.update_period)[1:]:
         if s.t[first] - s.t[0] < delay:
@@ -191,9 +191,14 @@ def _in_time(f: Fit) -> tuple[Candidate, Array, float]:
     return replace(c, coordinates=coordinates, values=values), f.theta[kept], max(float(eq.delay @ c.p(f.theta)), 0.0)
 
 
-def _delayed(t: Array, u: Array, delay: float) -> Array:
-    """Return a held input (T, m) as it arrives, the last sample held for one step more."""
-    return arriving(np.append(t, 2 * t[-1] - t[-2]), np.vstack([u, u[-1:]]), delay)
+def _delayed(problem: Problem, s: Segment, delay: float) -> Array:
+    """Return the input (T, m) of a record as it arrives: what it is at every sample where motion is imposed, else its
+    means over the steps, the last sample held for one step more.
+    """
+    t, late = s.t, delay - s.early
+    if problem.scale.imposed:
+        return s.u[np.maximum(np.searchsorted(t + late, t, side="right") - 1, 0)]
+    return arriving(np.append(t, 2 * t[-1] - t[-2]), np.vstack([s.u, s.u[-1:]]), late)
 
 
 # --------------------------------------------------------------------------- parameters

@@ -32,7 +32,7 @@ class InputDelay(Effect):
         """Return a short and a longer delay; where motion is imposed, a delay acts in whole
         samples and none leads to the next: then one for each of the first samples.
         """
-        late = (k + 0.5 for k in range(SAMPLES)) if scale.imposed else (1.5, 4.5)
+        late = (k + 0.75 for k in range(SAMPLES)) if scale.imposed else (1.5, 4.5)
         return [{"T": samples * scale.step} for samples in late]
 
     def delay(self, p: Any) -> Any:
