@@ -88,6 +88,8 @@ NOTHING, NEEDLESS = 1e-6, 0.1
 that one must make without which it is another effect."""
 REAL = 3.0
 """Standard errors by which an added effect must differ from nothing."""
+SLIGHT = 1e-3
+"""Share of the driving force, or of the largest input, beneath which an effect is not worth a name."""
 WIDE = 6
 """How many of those that can be added to a set are looked at more closely; with states of their own all are."""
 SLOW = 10
@@ -365,6 +367,24 @@ def needless(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | N
     return None
 
 
+def negligible(problem: Problem, r: Ranked, before: Ranked) -> str:
+    """Return an effect added to ``before`` whose forces (or what it takes from the input) are beneath notice, whatever
+    their significance: in so fine a fit it stands in for the shape of a sensor's noise, or for a filter's; or "".
+    """
+    values, model = r.fit.parameters(), r.fit.candidate.model
+    for key in r.fit.candidate.label:
+        use = model.effects.get(key)
+        if use is None or use.type in before.effects:
+            continue
+        pars = find_effect(use.type, "effects").pars()
+        units = {n: p.unit for n, p in pars.items() if f"{key}.{n}" in values and p.unit[:1] in ("F", "U")}
+        level = {n for n, unit in units.items() if unit in ("F", "U")} or set(units)
+        sizes = [abs(values[f"{key}.{n}"]) / problem.scale.of(units[n]) for n in level]
+        if sizes and max(sizes) < SLIGHT:
+            return use.type
+    return ""
+
+
 def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
     """Return the trials of one effect; raise `InputError` if it cannot be added."""
     find_effect(name, "effect")
@@ -579,8 +599,9 @@ class _Search:
             if option.evidence >= path[-1].ranked.evidence - (TIE if len(path) > 1 else 0.0):
                 return None
             r = self._pruned(option, path)
+            self._reached(r, path)
             last = path[-1].ranked
-            if r.effects == last.effects or self._refused(r, last):
+            if r.effects == last.effects or r.evidence >= last.evidence or self._refused(r, last):
                 continue
             step = self._compared(path[-1], r)
             if self._unbent(path, step) or self._beyond_doubt(path, step):
@@ -593,6 +614,10 @@ class _Search:
             return True
         if not self._real(r, last):
             self.declined[r.label] = f"its parameters do not differ from nothing by {REAL:g} standard errors"
+            return True
+        slight = negligible(self.problem, r, last)
+        if slight:
+            self.declined[slight] = f"it would be less than {100 * SLIGHT:g} % of what drives"
             return True
         spare = needless(self.problem, r, last)
         if spare:
@@ -646,6 +671,19 @@ class _Search:
                 return r
             r = best
         return r
+
+    def _reached(self, r: Ranked, path: list[Step]) -> None:
+        """Fit the base model again from where a set of effects led its parameters, where it has effects of its own.
+
+        A base model that is stuck in a local minimum would credit what is added with the way out.
+        """
+        if len(path) > 1 or not self.problem.base.effects:
+            return
+        f: Ranked | None = r
+        for effect in r.effects:
+            f = without(self.problem, f, effect) if f else None
+        if f and f.evidence < path[0].ranked.evidence - TIE and plausible(self.problem, f):
+            path[0] = self._step(self._polished(f))
 
     def _simplest_first(self, options: list[Ranked]) -> list[Ranked]:
         """Where even the best leaves structure, put simpler ones before it that explain nearly as much.
