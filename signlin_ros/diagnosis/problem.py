@@ -392,10 +392,13 @@ def _scale(
     position = column.get(model.plant.position)
     if position is None:
         position = np.cumsum(velocity) * dt
-    current = rms(column["current"]) if "current" in column else 1.0
+    motor = model.parameters if "K_t" in model.parameters else {}
+    if motor and "current" not in column:  # without inductance it follows from the voltage
+        column["current"] = (u[:, 0] - motor["K_m"] * velocity) / motor["R_a"]
+    current = rms(column["current"]) if motor else 1.0
     force = u[:, 0]
-    if "current" in column:
-        force = model.parameters["K_t"] * column["current"]
+    if motor:
+        force = motor["K_t"] * column["current"]
     elif "force" in channels:
         force = np.concatenate([s.y[:, channels.index("force")] for s in segments])
     travel = float(np.nanmax(np.abs(position)))

@@ -434,12 +434,14 @@ class _Search:
         self.pairs: list[Ranked] = []
         self.beside: dict[str, list[Beside]] = {}
         self.declined: dict[str, str] = {}
+        self.known: dict[str, Trial] = {}
 
     def run(self, only: str | None = None) -> Findings:
         self.progress("preparing", 0.0)
         trials, outside = applicable(self.problem)
         if only is not None:
             trials = _only(trials, only, self.problem.base)
+        self.known = {t.effect: t for t in trials if t.added}
         base = self._base()
         self.progress("single effects", 0.1)
         base, singles = self._whiten(base, self._singles(base, trials))
@@ -545,7 +547,7 @@ class _Search:
         options = singles
         for depth in range(self.depth):
             front = [*map(self._polished, options[:2]), *options[2:]]
-            step = self._best_step(path, [*self._parts(front, trials), *front])
+            step = self._best_step(path, [*self._parts(front), *front])
             if step is not None:
                 kept = [p for p in path if set(p.ranked.effects) < set(step.ranked.effects)]
                 path = [*kept, step if kept[-1] is path[-1] else self._compared(kept[-1], step.ranked)]
@@ -556,22 +558,21 @@ class _Search:
                 options = self._more(path[-1].ranked, singles, trials)
         return path
 
-    def _parts(self, options: list[Ranked], trials: list[Trial]) -> list[Ranked]:
+    def _parts(self, options: list[Ranked]) -> list[Ranked]:
         """Return the best option with the effect that was added last in its parts: one that is rich stands in for
         several simple ones.
         """
         best = min(options, key=_evidence, default=None)
         if best is None or not best.effects or best.sensors:
             return []
-        effect, f = EFFECTS[best.effects[-1]], best.fit
-        key = next((k for k in reversed(f.candidate.label) if f.candidate.model.effects[k].type == effect.name), "")
-        values = {n: f.fitted().effects[key].parameters[n] for n in effect.pars()} if key else {}
-        known = {t.effect: t for t in trials if t.added}
-        sets = [s for s in (effect.parts(values) if values else []) if set(s) <= set(known) - set(best.effects)]
+        effect = EFFECTS[best.effects[-1]]
+        sets = [
+            s for s in effect.parts(self._values(best, effect.name)) if set(s) <= set(self.known) - set(best.effects)
+        ]
         before = without(self.problem, best, effect.name) if sets else None
         if before is None:
             return []
-        found = self.executor.map(lambda s: self._together(before, [(known[n], s[n]) for n in s]), sets)
+        found = self.executor.map(lambda s: self._together(before, [(self.known[n], s[n]) for n in s]), sets)
         return [r for r in found if r is not None]
 
     def _together(self, before: Ranked, parts: Sequence[tuple[Trial, dict[str, float]]]) -> Ranked | None:
@@ -598,7 +599,7 @@ class _Search:
         for option in self._simplest_first(sorted(options, key=_evidence))[:3]:
             if option.evidence >= path[-1].ranked.evidence - (TIE if len(path) > 1 else 0.0):
                 return None
-            r = self._pruned(option, path)
+            r = self._plainer(self._pruned(option, path))
             self._reached(r, path)
             last = path[-1].ranked
             if r.effects == last.effects or r.evidence >= last.evidence or self._refused(r, last):
@@ -671,6 +672,24 @@ class _Search:
                 return r
             r = best
         return r
+
+    def _plainer(self, r: Ranked) -> Ranked:
+        """Return a set of several effects with those replaced that are nothing but simpler ones, for their values."""
+        for effect in r.effects if len(r.effects) > 1 else ():
+            simpler = EFFECTS[effect].simpler(self._values(r, effect))
+            for name, start in simpler.items():
+                before = without(self.problem, r, effect) if name in self.known and name not in r.effects else None
+                found = self._together(before, [(self.known[name], start)]) if before else None
+                if found and found.evidence < r.evidence:
+                    return self._plainer(found)
+        return r
+
+    @staticmethod
+    def _values(r: Ranked, effect: str) -> dict[str, float]:
+        """Return the fitted parameters of an effect that was added last under its name; none for one of a sensor."""
+        model, label = r.fit.fitted(), r.fit.candidate.label
+        keys = [k for k in label if k in model.effects and model.effects[k].type == effect]
+        return dict(model.effects[keys[-1]].parameters) if keys else {}
 
     def _reached(self, r: Ranked, path: list[Step]) -> None:
         """Fit the base model again from where a set of effects led its parameters, where it has effects of its own.

@@ -80,7 +80,7 @@ def add(
     Arguments as in `diagnose`; raises `ModelError` for an unknown effect, `InputError` where it cannot be added.
     """
     findings = search(model, as_list(data), _or_none(validation), jobs, progress, only=effect)
-    found, share = describe(findings), _explained(findings)
+    found, share = describe(findings, whole=True), _explained(findings)
     rest = " Structure remains: ask `diagnose` what else is missing." if findings.unaccounted else ""
     worth = f"{effect.replace('_', ' ')} explains {_percent(share)} of the missing motion"
     sure = f"by {min(findings.final.certainty, 99):.1f} standard errors"
@@ -294,9 +294,11 @@ class _Shown(float):
 # --------------------------------------------------------------------------- the verdict
 
 
-def describe(f: Findings) -> Diagnosis:
-    """Return the diagnosis that follows from what a search found."""
-    problem, final = f.problem, f.final.ranked
+def describe(f: Findings, whole: bool = False) -> Diagnosis:
+    """Return the diagnosis that follows from what a search found; what explains too little is not proposed, unless the
+    ``whole`` path is wanted.
+    """
+    problem = f.problem
     kind = kind_of_score(problem)
     noise = np.array([r.noise for r in f.left])
     unseen = unseen_noise(f)
@@ -307,7 +309,9 @@ def describe(f: Findings) -> Diagnosis:
     )
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
     verdict = _verdict(f, explained, rest)
-    model, ranking = proposal(f), _ranking(f, kind, unseen, verdict)
+    ranking = _ranking(f, kind, unseen, verdict)
+    proposed = f if whole or not _too_little(f, verdict) else replace(f, steps=f.steps[:1])
+    ladder, model, final = ladder[: len(proposed.steps)], proposal(proposed), proposed.final.ranked
     base = f.steps[0].ranked.fit
     names = [c.name for c in final.fit.candidate.coordinates]
     return Diagnosis(
@@ -323,9 +327,14 @@ def describe(f: Findings) -> Diagnosis:
         noise=dict(zip(problem.channels, noise.tolist(), strict=True)),
         experiments=_experiments(ranking),
         notes=_notes(f),
-        yaml=yaml_of(model, f),
+        yaml=yaml_of(model, proposed),
         findings=f,
     )
+
+
+def _too_little(f: Findings, verdict: str) -> bool:
+    """Tell whether what was added to the model leaves most of what is missing unexplained."""
+    return verdict == "unexplained" and (_explained(f) < PARTLY or f.final.certainty < CERTAIN)
 
 
 def _explained(f: Findings) -> float:
@@ -404,7 +413,7 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
     if effects and not f.unaccounted:
         share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
-    partly = f"; {share} {_percent(explained)} of it" if effects else ""
+    partly = f"; {share} {_percent(explained)} of it" if effects and explained >= 0.01 else ""
     return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
 
 
@@ -481,10 +490,8 @@ def _entry(
         status = "ambiguous" if tied else "confirmed"
         why = _why_named(f, effect, parameters, tied)
         if verdict == "unexplained":
-            share = _explained(f)
-            if share < PARTLY or f.final.certainty < CERTAIN:
-                status = "rejected"
-            left = 100 * (1 - share)
+            status = "rejected" if _too_little(f, verdict) else status
+            left = 100 * (1 - _explained(f))
             why += f"; but {f'{left:.0f}' if left > 10 else f'{left:.2g}'} % of the missing motion remains unexplained"
         if not f.beyond_doubt:
             status, why = "rejected", f"the record does not ask for it: {why}"
