@@ -297,7 +297,7 @@ def _warm(trial: Trial, fits: Mapping[str, Fit]) -> Trial:
         values = _values(found, simple)
         pars, first = effect.pars(), trial.starts[0]
         after = effect.after(simple, values)
-        starts += [{n: pars[n].nearest(v) for n, v in one.items() if n in first} for one in after]
+        starts += [first | {n: pars[n].nearest(v) for n, v in one.items() if n in first} for one in after]
         if effect in _children(simple):
             starts += [
                 {n: pars[n].nearest(v) for n, v in {**start, **_stiffer(values, factor)}.items()}

@@ -309,8 +309,11 @@ def _said(model: Model, hold: str) -> str:
 
 
 def _clearer(a: Findings, b: Findings) -> bool:
-    """Tell whether one proposal explains more than another, and leaves no structure where that one leaves none."""
-    return a.final.ranked.evidence < b.final.ranked.evidence - CLEARLY and (b.structured or not a.structured)
+    """Tell whether one proposal explains more than another, and leaves no structure or needs fewer effects: among
+    models that are wrong anyway, another timing is one more imitation.
+    """
+    better = a.final.ranked.evidence < b.final.ranked.evidence - CLEARLY
+    return better and (not a.structured or len(a.final.ranked.effects) < len(b.final.ranked.effects))
 
 
 def _too_slow(problem: Problem) -> str:
@@ -803,6 +806,8 @@ class _Search:
         gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
         known, found = before.fit.parameters(), []
         few = None if self.problem.scale.imposed else 1 if enough else 3  # of an imposed motion none leads to another
+        if EFFECTS[trial.effect].resonant and not enough:
+            few = None
         for start in trial.starts[:few]:
             c = extended(self.problem, before, trial, start)
             found.append(fit(self.problem.short, c, gains, c.start(known), 2))

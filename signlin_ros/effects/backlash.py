@@ -30,6 +30,7 @@ class Backlash(CompliantLoad):
     finding = "an inertia of {J:.3g} {J.unit} is driven only after a play of {gap:.3g} {gap.unit} either way is crossed"
     experiment = "reverse the drive slowly while the load lags"
 
+    resonant = False
     rugged = True
     floating = True
     essential = ("gap",)

@@ -81,6 +81,9 @@ class Effect(HasPars):
         multiples = cls.start or (dict.fromkeys(pars, 0.05),)
         return [{name: value * scale.of(pars[name].unit) for name, value in one.items()} for one in multiples]
 
+    resonant: ClassVar[bool] = False
+    """Whether it starts from resonances all over the band, of which none leads to another."""
+
     @classmethod
     def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
         """Return more points to start from, given the parameters that a simpler effect was fitted with."""

@@ -23,6 +23,7 @@ class CompliantLoad(Effect):
     equation = "-T, T = k (q - q2) + c (v - v2), J v2' = T"
     finding = "an inertia of {J:.3g} {J.unit} swings on a coupling of {k:.3g} {k.unit}"
     experiment = "excite with a sweep up to the resonance"
+    resonant = True
     states = {"position": "Q", "velocity": "Q/s"}
 
     k = Par("F/Q", nominal=1.0, doc="stiffness of the coupling")

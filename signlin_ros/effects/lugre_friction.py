@@ -36,6 +36,13 @@ class LuGreFriction(Effect):
     )
 
     @classmethod
+    def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
+        """Return Dahl's bristles under a Stribeck curve about his level."""
+        if simple != "dahl_presliding":
+            return []
+        return [{"sigma0": p["sigma"], "sigma1": 0.0, "sigma2": 0.0, "F_c": 0.8 * p["F_c"], "F_s": 1.1 * p["F_c"]}]
+
+    @classmethod
     def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
         """Return dry friction of three kinds, each with what LuGre has of its own, viscous friction."""
         excess = max(p["F_s"] - p["F_c"], 0.01 * p["F_c"])
