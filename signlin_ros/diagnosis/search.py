@@ -547,19 +547,35 @@ class _Search:
     def _path(self, base: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Step]:
         """Return the steps from the base to the proposal, each beyond doubt on unseen data."""
         path = [self._step(base)]
-        options = singles
+        options, whole = singles, None
         for depth in range(self.depth):
             front = [*map(self._polished, options[:2]), *options[2:]]
             step = self._best_step(path, [*self._parts(front), *front])
+            half = self._halfway(path, step, front)
+            whole = step if half is not step else whole
+            step = half
             if step is not None:
                 kept = [p for p in path if set(p.ranked.effects) < set(step.ranked.effects)]
                 path = [*kept, step if kept[-1] is path[-1] else self._compared(kept[-1], step.ranked)]
             elif depth > 0 or (self._enough(path[0].ranked) and _prior(path[0].ranked.fit) <= STRAINED):
-                return path
+                break
             self.progress("more effects", 0.3 + 0.15 * depth)
             if depth + 1 < self.depth or step is None:
                 options = self._more(path[-1].ranked, singles, trials)
-        return path
+        if whole is None or path[-1].ranked.evidence < whole.ranked.evidence + TIE:
+            return path
+        kept = [p for p in path if set(p.ranked.effects) < set(whole.ranked.effects)]
+        return [*kept, whole if len(kept) == 1 else self._compared(kept[-1], whole.ranked)]
+
+    def _halfway(self, path: list[Step], step: Step | None, options: list[Ranked]) -> Step | None:
+        """Return the best step to a part of what a step adds, where that is several effects at once and one of them is
+        beyond doubt by itself: from there on all others compete again.
+        """
+        if step is None or len(step.ranked.effects) - len(path[-1].ranked.effects) < 2:
+            return step
+        here, there = set(path[-1].ranked.effects), set(step.ranked.effects)
+        parts = [r for r in options if here < set(r.effects) < there and not r.sensors]
+        return (self._best_step(path, parts) if parts else None) or step
 
     def _parts(self, options: list[Ranked]) -> list[Ranked]:
         """Return the best option with the effect that was added last in its parts: one that is rich stands in for
