@@ -585,9 +585,8 @@ class _Search:
         if best is None or not best.effects or best.sensors:
             return []
         effect = EFFECTS[best.effects[-1]]
-        sets = [
-            s for s in effect.parts(self._values(best, effect.name)) if set(s) <= set(self.known) - set(best.effects)
-        ]
+        whole = effect.parts(self._values(best, effect.name))
+        sets = [{n: p for n, p in s.items() if n not in best.effects} for s in whole if set(s) <= set(self.known)]
         before = without(self.problem, best, effect.name) if sets else None
         if before is None:
             return []
@@ -646,12 +645,15 @@ class _Search:
 
     def _unbent(self, path: list[Step], step: Step) -> bool:
         """Tell whether a step frees known parameters that were bent to imitate it, and does no harm on unseen data: the
-        first, or one that is another explanation than the step before, and enough.
+        first, or one that is another explanation than the step before, and enough, or one that frees them from a strain
+        which is out of the question.
         """
         last, r = path[-1].ranked, step.ranked
-        if _prior(last.fit) - _prior(r.fit) <= MOVED or step.certainty <= -SURE:
+        freed = _prior(last.fit) - _prior(r.fit)
+        if freed <= MOVED or step.certainty <= -SURE:
             return False
-        return len(path) == 1 or (not set(last.effects) < set(r.effects) and self._enough(r))
+        other = not set(last.effects) < set(r.effects)
+        return len(path) == 1 or ((other or freed > STRAINED) and self._enough(r))
 
     def _beyond_doubt(self, path: list[Step], step: Step) -> bool:
         """Tell whether a step lowers the error on unseen data beyond doubt, and is no patch."""

@@ -172,6 +172,17 @@ def test_what_is_said_of_parameters_is_said_of_its_own(effect):
         assert effect.name in EFFECTS[twin].single_channel_twins
 
 
+@every_effect
+def test_what_it_is_made_of_are_effects_with_their_parameters(effect):
+    values = {name: par.nominal for name, par in effect.pars().items()}
+    for parts in effect.parts(values):
+        assert len(parts) > 1
+        assert all(set(given) == set(EFFECTS[name].pars()) for name, given in parts.items())
+    for simple, cls in EFFECTS.items():
+        for start in effect.after(simple, {name: par.nominal for name, par in cls.pars().items()}):
+            assert set(start) <= set(effect.pars())
+
+
 @pytest.mark.parametrize("effect", [e for e in EFFECTS.values() if e.turning], ids=lambda e: e.name)
 def test_the_force_is_the_same_half_a_turn_further_with_the_other_sign(effect):
     amplitude, phase = effect.turning

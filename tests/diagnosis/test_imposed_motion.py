@@ -72,6 +72,25 @@ def test_a_force_that_is_measured_late_is_told_to_the_sample(late):
     assert delay.note
 
 
+def test_a_force_of_a_spring_that_is_measured_late():
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 880.0, "k": 15400.0}, "update_period": 0.02})
+    t, records = np.arange(5000) * 0.002, []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        tones, phases = 2 * np.pi * rng.uniform(0.3, 4.0, 5), rng.uniform(0, 6, 5)
+        late = tones * (t - 0.010)[:, None] + phases
+        force = 0.003 * (15000.0 * np.sin(late) + 900.0 * tones * np.cos(late)).sum(axis=1)
+        now = tones * t[:, None] + phases
+        q, v = 0.003 * np.sin(now).sum(axis=1), 0.003 * (tones * np.cos(now)).sum(axis=1)
+        measured = {"displacement": q, "force": force + rng.normal(0.0, 2.0, t.size)}
+        units = {"displacement": "m", "force": "N", "velocity": "m/s"}
+        records.append(ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), units))
+    found = diagnose(model, *records)
+    assert found.ladder[-1].effects == ("input_delay",)
+    assert found.parameters["input_delay.T"].value == pytest.approx(0.010, abs=0.002)
+    assert found.ladder[-1].validation.over_noise < 1.3
+
+
 def test_a_bristle_bends_with_an_imposed_motion_of_which_only_the_force_is_measured():
     right = {**BASE, "parameters": {"c": 1000.0, "k": 0.0}}
     right["effects"] = {"dahl_presliding": {"F_c": YIELD, "sigma": YIELD / BEND}}

@@ -13,6 +13,7 @@ from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
 from benchmarks.hidden.generator import simulate
 from benchmarks.hidden.laws import STEP
 from signlin_ros.diagnosis.data import load_records
+from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.diagnosis.verdict import add, diagnose
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.errors import RecordError, SimulationError
@@ -183,6 +184,8 @@ def test_what_is_only_outside_the_catalogue_is_not_named(tmp_path):
     model, data, unseen = recorded(tmp_path, SMALL, law)
     found = diagnose(model, data, unseen)
     assert found.verdict == "unexplained"
+    assert all(status(found, effect) in ("confirmed", "ambiguous") for effect in proposed(found))
+    assert set(found.model.effects) == proposed(found)
 
 
 def test_every_choice_of_channels_works(tmp_path):
@@ -344,3 +347,42 @@ def test_what_shows_only_on_unseen_data_is_not_called_adequate(tmp_path):
     found = diagnose(model, data, loaded)
     assert found.verdict == "unexplained"
     assert "elsewhere its error is" in found.sentence
+
+
+@pytest.mark.parametrize("drive", [SMALL, AXIS], ids=["motor", "axis"])
+def test_viscous_and_coulomb_friction_are_not_called_lugre(tmp_path, drive):
+    size = {"mu": 0.04, "b": 4e-4} if drive is SMALL else {"mu": 15.0, "b": 60.0}
+    hidden = {"coulomb_friction": {"mu": size["mu"]}, "viscous_friction": {"b": size["b"]}}
+    found = diagnose(*recorded(tmp_path, drive, hidden, only=("speed",) if drive is SMALL else ("velocity",)))
+    assert proposed(found) == set(hidden)
+    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(size["mu"], rel=0.15)
+
+
+def test_lugre_friction_is_found_from_dahls(tmp_path):
+    own = {"sigma0": 1.5e4, "sigma1": 20.0, "sigma2": 5.0, "F_c": 12.0, "F_s": 20.0, "v_s": 0.02}
+    found = diagnose(*recorded(tmp_path, AXIS, {"lugre_friction": own}, only=("displacement",), level=1e-3))
+    assert proposed(found) == {"lugre_friction"}
+    assert found.parameters["lugre_friction.F_c"].value == pytest.approx(12.0, rel=0.1)
+
+
+def test_what_is_beneath_notice_is_not_named(tmp_path):
+    load = 3e-4 * AXIS.amplitude
+    found = diagnose(*recorded(tmp_path, AXIS, {"constant_load": {"F0": load}}, only=("displacement",), level=1e-7))
+    assert "constant_load" not in proposed(found)
+    assert status(found, "constant_load") == "rejected"
+    assert "of what drives" in next(e.why for e in found.ranking if e.effect == "constant_load")
+
+
+def test_the_driving_torque_of_a_motor_without_inductance(tmp_path):
+    quick = Drive(MOTOR, {**SMALL.true, "L_a": 0.0}, 5.0, 4.0)
+    model, data, _ = recorded(tmp_path, quick, {}, only=("speed",))
+    scale = prepare(model, data).scale
+    K_t, K_m, R_a = (model.parameters[n] for n in ("K_t", "K_m", "R_a"))
+    current = (data[0].u[:, 0] - K_m * data[0].measured["speed"]) / R_a
+    assert scale.force == pytest.approx(K_t * float(np.sqrt(np.mean(current**2))), rel=0.1)
+
+
+def test_a_coupling_is_found_beside_friction(tmp_path):
+    hidden = {"coulomb_friction": {"mu": 0.03}, "compliant_load": {"k": 6.0, "c": 2e-3, "J": 8e-4}}
+    found = diagnose(*recorded(tmp_path, SMALL, hidden))
+    assert proposed(found) == set(hidden)
