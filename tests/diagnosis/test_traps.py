@@ -18,6 +18,8 @@ from signlin_ros.diagnosis.verdict import add, diagnose
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.errors import RecordError, SimulationError
 from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.simulate import simulate as our_simulation
 
 SMALL = Drive(MOTOR, {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}, 5.0, 4.0)
 BENCH = Drive(MASS, {"m": 1.0, "c": 0.8, "k": 40.0}, 9.0, 6.3)
@@ -349,13 +351,17 @@ def test_what_shows_only_on_unseen_data_is_not_called_adequate(tmp_path):
     assert "elsewhere its error is" in found.sentence
 
 
-@pytest.mark.parametrize("drive", [SMALL, AXIS], ids=["motor", "axis"])
-def test_viscous_and_coulomb_friction_are_not_called_lugre(tmp_path, drive):
-    size = {"mu": 0.04, "b": 4e-4} if drive is SMALL else {"mu": 15.0, "b": 60.0}
-    hidden = {"coulomb_friction": {"mu": size["mu"]}, "viscous_friction": {"b": size["b"]}}
-    found = diagnose(*recorded(tmp_path, drive, hidden, only=("speed",) if drive is SMALL else ("velocity",)))
+@pytest.mark.parametrize(
+    ("drive", "mu", "b", "only"),
+    [(SMALL, 0.04, 2e-3, ("current", "speed")), (AXIS, 15.0, 200.0, ("velocity",))],
+    ids=["motor", "axis"],
+)
+def test_viscous_and_coulomb_friction_are_found_together(tmp_path, drive, mu, b, only):
+    hidden = {"coulomb_friction": {"mu": mu}, "viscous_friction": {"b": b}}
+    found = diagnose(*recorded(tmp_path, drive, hidden, only=only))
     assert proposed(found) == set(hidden)
-    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(size["mu"], rel=0.15)
+    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(mu, rel=0.05)
+    assert found.parameters["viscous_friction.b"].value == pytest.approx(b, rel=0.1)
 
 
 def test_lugre_friction_is_found_from_dahls(tmp_path):
@@ -373,16 +379,12 @@ def test_what_is_beneath_notice_is_not_named(tmp_path):
     assert "of what drives" in next(e.why for e in found.ranking if e.effect == "constant_load")
 
 
-def test_the_driving_torque_of_a_motor_without_inductance(tmp_path):
-    quick = Drive(MOTOR, {**SMALL.true, "L_a": 0.0}, 5.0, 4.0)
-    model, data, _ = recorded(tmp_path, quick, {}, only=("speed",))
-    scale = prepare(model, data).scale
+def test_the_driving_torque_of_a_motor_without_inductance():
+    model = Model.from_dict({"plant": "dc_motor", "parameters": {**SMALL.true, "L_a": 0.0}})
+    t = np.arange(2000) * 0.005
+    u = 4.0 * np.sin(3.0 * t)[:, None]
+    speed = our_simulation(model, t, u)["speed"]
+    data = ModelData(t, u, {"speed": speed}, None, ("voltage",), ("speed",), {"speed": "rad/s", "voltage": "V"})
     K_t, K_m, R_a = (model.parameters[n] for n in ("K_t", "K_m", "R_a"))
-    current = (data[0].u[:, 0] - K_m * data[0].measured["speed"]) / R_a
-    assert scale.force == pytest.approx(K_t * float(np.sqrt(np.mean(current**2))), rel=0.1)
-
-
-def test_a_coupling_is_found_beside_friction(tmp_path):
-    hidden = {"coulomb_friction": {"mu": 0.03}, "compliant_load": {"k": 6.0, "c": 2e-3, "J": 8e-4}}
-    found = diagnose(*recorded(tmp_path, SMALL, hidden))
-    assert proposed(found) == set(hidden)
+    torque = K_t * (u[:, 0] - K_m * speed) / R_a
+    assert prepare(model, [data]).scale.force == pytest.approx(float(np.sqrt(np.mean(torque**2))), rel=0.1)
