@@ -299,7 +299,7 @@ def search(
 
 def _hold(f: Findings, run: Executor) -> str:
     """Return when the input acts, if otherwise than it was taken; see `signlin_ros.diagnosis.timing`."""
-    options = {r.label + str(r.sensors): r for r in (s.ranked for s in (f.steps[0], f.final, *f.singles[:2]))}
+    options = {r.label + str(r.sensors): r for r in (s.ranked for s in (f.steps[0], f.final, *f.singles[:1]))}
     return better_hold(f.problem, list(options.values()), f.filter, run.map)
 
 
