@@ -562,10 +562,22 @@ class _Search:
             self.progress("more effects", 0.3 + 0.15 * depth)
             if depth + 1 < self.depth or step is None:
                 options = self._more(path[-1].ranked, singles, trials)
-        if whole is None or path[-1].ranked.evidence < whole.ranked.evidence + TIE:
+        if whole is not None and path[-1].ranked.evidence >= whole.ranked.evidence + TIE:
+            kept = [p for p in path if set(p.ranked.effects) < set(whole.ranked.effects)]
+            path = [*kept, whole if len(kept) == 1 else self._compared(kept[-1], whole.ranked)]
+        return self._by_rungs(path, singles)
+
+    def _by_rungs(self, path: list[Step], singles: list[Ranked]) -> list[Step]:
+        """Return a path from the base to two effects at once with the better of the two alone in between."""
+        if len(path) != 2 or len(path[1].ranked.effects) != 2:
             return path
-        kept = [p for p in path if set(p.ranked.effects) < set(whole.ranked.effects)]
-        return [*kept, whole if len(kept) == 1 else self._compared(kept[-1], whole.ranked)]
+        alone = [r for r in singles if r.effects and set(r.effects) < set(path[1].ranked.effects) and not r.sensors]
+        first = min(alone, key=_evidence, default=path[0].ranked)
+        if first.evidence >= path[0].ranked.evidence:
+            return path
+        rung = self._compared(path[0], self._polished(first))
+        last = self._compared(rung, path[1].ranked)
+        return [path[0], rung, last] if rung.gain > 0 and last.gain > 0 and last.certainty > CERTAIN else path
 
     def _halfway(self, path: list[Step], step: Step | None, options: list[Ranked]) -> Step | None:
         """Return the best step to a part of what a step adds, where that is several effects at once and one of them is
