@@ -72,7 +72,7 @@ def as_list(data: ModelData | Sequence[ModelData]) -> list[ModelData]:
 def measured_channels(model: Model, data: Sequence[ModelData]) -> tuple[str, ...]:
     """Return the states and outputs that every record measures; raise `RecordError` if there is none.
 
-    The position of an imposed motion is not among them: no model explains it. It is `imposed`.
+    The position of an imposed motion is not among them: no model explains it. See `driving`.
     """
     given = {model.plant.position} if model.plant.motion_is_imposed() else set()
     known = [c for c in dict.fromkeys((*model.states, *model.outputs)) if c not in given]

@@ -42,6 +42,11 @@ class Equations:
     delay: Array
     keep: Any
 
+    @property
+    def delaying(self) -> frozenset[str]:
+        """Names of the parameters by which the input is late."""
+        return frozenset(n for n, part in zip(self.parameters, self.delay, strict=True) if part)
+
     def flags(self, with_s: bool) -> tuple[int, ...]:
         """Return the sizes that `signlin_ros.diagnosis.follow.follow` takes."""
         return (*self.sizes, int(with_s), self.substeps)

@@ -17,6 +17,7 @@ from signlin_ros.diagnosis.missing import per_force
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
+from signlin_ros.plants.dc_motor import quasi_static_current
 from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
 from signlin_ros.trace import ROTARY
@@ -394,7 +395,7 @@ def _scale(
         position = np.cumsum(velocity) * dt
     motor = model.parameters if "K_t" in model.parameters else {}
     if motor and "current" not in column:  # without inductance it follows from the voltage
-        column["current"] = (u[:, 0] - motor["K_m"] * velocity) / motor["R_a"]
+        column["current"] = quasi_static_current(u[:, 0], velocity, motor["K_m"], motor["R_a"])
     current = rms(column["current"]) if motor else 1.0
     force = u[:, 0]
     if motor:

@@ -176,6 +176,12 @@ class Findings:
         """Whether that structure is what noise in the input leaves."""
         return self.structured and driven_by_noise(self.problem, self.final.ranked)
 
+    @functools.cached_property
+    def unseen_noise(self) -> Array:
+        """Standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure."""
+        left = residues(self.held_out[1], self.problem.noise)
+        return np.array([r.noise if r.structure < 0.5 else s.noise for r, s in zip(left, self.left, strict=True)])
+
     @property
     def unaccounted(self) -> bool:
         """Whether structure is left that is not what noise in the input leaves."""
@@ -430,6 +436,11 @@ def _going_on(tried: Sequence[_Screened]) -> list[_Screened]:
     return [s for i, s in enumerate(tried) if i < WIDE or EFFECTS[s[2].effect].states]
 
 
+def _between(before: Ranked, options: Sequence[Ranked], after: Ranked) -> list[Ranked]:
+    """Return the options, but for those with faults of sensors, that add a part of what one set adds to another."""
+    return [r for r in options if set(before.effects) < set(r.effects) < set(after.effects) and not r.sensors]
+
+
 class _Search:
     def __init__(self, problem: Problem, unseen: Problem, run: Executor, progress: Progress, depth: int) -> None:
         self.problem, self.unseen, self.executor, self.progress, self.depth = problem, unseen, run, progress, depth
@@ -571,7 +582,7 @@ class _Search:
         """Return a path from the base to two effects at once with the better of the two alone in between."""
         if len(path) != 2 or len(path[1].ranked.effects) != 2:
             return path
-        alone = [r for r in singles if r.effects and set(r.effects) < set(path[1].ranked.effects) and not r.sensors]
+        alone = _between(path[0].ranked, singles, path[1].ranked)
         first = min(alone, key=_evidence, default=path[0].ranked)
         if first.evidence >= path[0].ranked.evidence:
             return path
@@ -585,8 +596,7 @@ class _Search:
         """
         if step is None or len(step.ranked.effects) - len(path[-1].ranked.effects) < 2:
             return step
-        here, there = set(path[-1].ranked.effects), set(step.ranked.effects)
-        parts = [r for r in options if here < set(r.effects) < there and not r.sensors]
+        parts = _between(path[-1].ranked, options, step.ranked)
         return (self._best_step(path, parts) if parts else None) or step
 
     def _parts(self, options: list[Ranked]) -> list[Ranked]:
@@ -607,14 +617,15 @@ class _Search:
 
     def _together(self, before: Ranked, parts: Sequence[tuple[Trial, dict[str, float]]]) -> Ranked | None:
         """Return several effects added at once, fitted out from their starts."""
-        r: Ranked | None = before
+        r = before
         for trial, start in parts:
             pars = EFFECTS[trial.effect].pars()
             c = extended(self.problem, r, trial, {n: pars[n].nearest(v) for n, v in start.items()})
-            theta = c.start(r.fit.parameters()) if r else None
-            levels = self.problem.levels[1:]
-            fits = descend(self.problem, c, theta, levels, 10, self.filter)
-            r = ranked(self.problem, (*r.effects, trial.effect), r.sensors, fits) if r else None
+            fits = descend(self.problem, c, c.start(r.fit.parameters()), self.problem.levels[1:], 10, self.filter)
+            found = ranked(self.problem, (*r.effects, trial.effect), r.sensors, fits)
+            if found is None:
+                return None
+            r = found
         return r
 
     def _forced(self, base: Ranked, singles: list[Ranked]) -> list[Step]:
@@ -762,9 +773,7 @@ class _Search:
         if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
             return False  # no sensor is that wrong: it stands in for something else
         free = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
-        c, steps = r.fit.candidate, set()
-        if self.problem.scale.imposed:
-            steps = {n for n, part in zip(c.equations.parameters, c.equations.delay, strict=True) if part}
+        steps = r.fit.candidate.equations.delaying if self.problem.scale.imposed else frozenset()
         amplitudes = [i for i in free if r.fit.hessian[i, i] > 0.0 and coordinates[i].name not in steps]
         a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]
         wald = float(a @ np.linalg.pinv(spread, hermitian=True) @ a)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import arriving, as_list
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records
-from signlin_ros.diagnosis.judge import correlations, residues
+from signlin_ros.diagnosis.judge import correlations
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
 from signlin_ros.diagnosis.rank import free_parameters
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
@@ -184,10 +184,9 @@ def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
 def _in_time(f: Fit) -> tuple[Candidate, Array, float]:
     """Return a fitted candidate without its delay of the input, its coordinates, and the delay in s."""
     c, eq = f.candidate, f.candidate.equations
-    late = {name for name, part in zip(eq.parameters, eq.delay, strict=True) if part}
-    kept = [k.name not in late for k in c.coordinates]
+    kept = [k.name not in eq.delaying for k in c.coordinates]
     coordinates = tuple(k for k, keep in zip(c.coordinates, kept, strict=True) if keep)
-    values = c.values | dict.fromkeys(late, 0.0)
+    values = c.values | dict.fromkeys(eq.delaying, 0.0)
     return replace(c, coordinates=coordinates, values=values), f.theta[kept], max(float(eq.delay @ c.p(f.theta)), 0.0)
 
 
@@ -301,16 +300,16 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     problem = f.problem
     kind = kind_of_score(problem)
     noise = np.array([r.noise for r in f.left])
-    unseen = unseen_noise(f)
-    explained = _explained(f)
+    unseen, explained = f.unseen_noise, _explained(f)
     ladder = tuple(
         Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
         for s in f.steps
     )
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
     verdict = _verdict(f, explained, rest)
-    ranking = _ranking(f, kind, unseen, verdict)
-    proposed = f if whole or not _too_little(f, verdict) else replace(f, steps=f.steps[:1])
+    partly = explained if verdict == "unexplained" else None
+    ranking = _ranking(f, kind, unseen, partly)
+    proposed = f if whole or not _too_little(f, partly) else replace(f, steps=f.steps[:1])
     ladder, model, final = ladder[: len(proposed.steps)], proposal(proposed), proposed.final.ranked
     base = f.steps[0].ranked.fit
     names = [c.name for c in final.fit.candidate.coordinates]
@@ -332,9 +331,11 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     )
 
 
-def _too_little(f: Findings, verdict: str) -> bool:
-    """Tell whether what was added to the model leaves most of what is missing unexplained."""
-    return verdict == "unexplained" and (_explained(f) < PARTLY or f.final.certainty < CERTAIN)
+def _too_little(f: Findings, partly: float | None) -> bool:
+    """Tell whether what was added leaves most of what is missing unexplained; ``partly``: the share that it explains
+    where the verdict is "unexplained", else None.
+    """
+    return partly is not None and (partly < PARTLY or f.final.certainty < CERTAIN)
 
 
 def _explained(f: Findings) -> float:
@@ -349,7 +350,7 @@ def _explained(f: Findings) -> float:
 
 def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> float:
     first, last = (np.concatenate(e) for e in both)
-    noise = unseen_noise(f)
+    noise = f.unseen_noise
     before = np.nanmean(first**2, axis=0) / noise**2 - 1.0
     after = np.maximum(np.nanmean(last**2, axis=0) / noise**2 - 1.0, 0.0)
     weight = before > 0.1
@@ -357,12 +358,6 @@ def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> fl
         return 1.0
     shares = 1.0 - after[weight] / before[weight]
     return float(max(np.average(shares, weights=np.sqrt(before[weight])), 0.0))
-
-
-def unseen_noise(f: Findings) -> Array:
-    """Return the standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure."""
-    left = residues(f.held_out[1], f.problem.noise)
-    return np.array([r.noise if r.structure < 0.5 else seen.noise for r, seen in zip(left, f.left, strict=True)])
 
 
 def _verdict(f: Findings, explained: float, rest: float) -> str:
@@ -376,7 +371,7 @@ def _verdict(f: Findings, explained: float, rest: float) -> str:
 def _rest(f: Findings) -> float:
     """Return by what share of the noise the error of the proposal exceeds it on unseen data, in the worst channel."""
     last = np.concatenate(f.held_out[1])
-    return float(np.max(np.sqrt(np.nanmean(last**2, axis=0)) / unseen_noise(f))) - 1.0
+    return float(np.max(np.sqrt(np.nanmean(last**2, axis=0)) / f.unseen_noise)) - 1.0
 
 
 def _named(names: Sequence[str]) -> str:
@@ -454,7 +449,7 @@ def _rivals(f: Findings, effect: str) -> list[str]:
     return found + [n for n in nearly if any(s.ranked.label == n for s in f.singles)]
 
 
-def _ranking(f: Findings, kind: str, noise: Array, verdict: str) -> tuple[Entry, ...]:
+def _ranking(f: Findings, kind: str, noise: Array, partly: float | None) -> tuple[Entry, ...]:
     final = f.final.ranked
     best: dict[str, Step] = {}
     for s in f.singles:
@@ -462,7 +457,7 @@ def _ranking(f: Findings, kind: str, noise: Array, verdict: str) -> tuple[Entry,
     entries = []
     rivals = {e: _rivals(f, e) for e in final.effects}
     for effect, step in best.items():
-        entries.append(_entry(f, effect, step, kind, noise, rivals, verdict))
+        entries.append(_entry(f, effect, step, kind, noise, rivals, partly))
     entries.sort(key=lambda e: (_order(e, final.effects), -e.evidence))
     absent = [
         Entry(n, "not_applicable", {}, None, (), f"does not apply to {f.problem.base.plant.name}") for n in f.outside
@@ -477,7 +472,7 @@ def _order(e: Entry, proposed: tuple[str, ...]) -> int:
 
 
 def _entry(
-    f: Findings, effect: str, step: Step, kind: str, noise: Array, rivals: dict[str, list[str]], verdict: str
+    f: Findings, effect: str, step: Step, kind: str, noise: Array, rivals: dict[str, list[str]], partly: float | None
 ) -> Entry:
     final = f.final.ranked
     r = final if effect in final.effects else step.ranked
@@ -489,13 +484,13 @@ def _entry(
         tied = tuple(rivals[effect])
         status = "ambiguous" if tied else "confirmed"
         why = _why_named(f, effect, parameters, tied)
-        if verdict == "unexplained":
-            status = "rejected" if _too_little(f, verdict) else status
-            left = 100 * (1 - _explained(f))
+        if partly is not None:
+            status = "rejected" if _too_little(f, partly) else status
+            left = 100 * (1 - partly)
             why += f"; but {f'{left:.0f}' if left > 10 else f'{left:.2g}'} % of the missing motion remains unexplained"
         if not f.beyond_doubt:
             status, why = "rejected", f"the record does not ask for it: {why}"
-    elif any(effect in names for names in rivals.values()) and verdict != "unexplained":
+    elif any(effect in names for names in rivals.values()) and partly is None:
         owner = next(e for e, names in rivals.items() if effect in names)
         status, tied = "ambiguous", (owner, *(n for n in rivals[owner] if n != effect))
         why = f"explains the record as well as {owner}: {sentence_of(effect, f.problem, parameters)}"

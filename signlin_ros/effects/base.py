@@ -62,6 +62,8 @@ class Effect(HasPars):
     """Whether its force is periodic in the position, so that it matters where exactly a record starts."""
     rugged: ClassVar[bool] = False
     """Whether a fit has many local minima: ``starts`` are many then, all parameters positive, and the best are bred."""
+    resonant: ClassVar[bool] = False
+    """Whether it starts from resonances all over the band, of which none leads to another."""
     essential: ClassVar[tuple[str, ...]] = ()
     """Parameters that make it what it is: a fit without one of them must be clearly worse."""
     single_channel_twins: ClassVar[tuple[str, ...]] = ()
@@ -80,9 +82,6 @@ class Effect(HasPars):
         pars = cls.pars()
         multiples = cls.start or (dict.fromkeys(pars, 0.05),)
         return [{name: value * scale.of(pars[name].unit) for name, value in one.items()} for one in multiples]
-
-    resonant: ClassVar[bool] = False
-    """Whether it starts from resonances all over the band, of which none leads to another."""
 
     @classmethod
     def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:

@@ -9,6 +9,11 @@ from signlin_ros.par import Par
 from signlin_ros.plants.base import Acting, Plant
 
 
+def quasi_static_current(voltage: Any, speed: Any, K_m: Any, resistance: Any) -> Any:
+    """Return the current in A of a motor without inductance, V = R i + K_m w; numbers, arrays or symbols."""
+    return (voltage - K_m * speed) / resistance
+
+
 class DcMotor(Plant):
     """A permanent-magnet DC motor.
 
@@ -44,7 +49,7 @@ class DcMotor(Plant):
         resistance = x.resistance = act.resistance(p.R_a)
         quasi_static = not hasattr(x, "current")
         if quasi_static:
-            x.current = (u.voltage - p.K_m * x.velocity) / resistance
+            x.current = quasi_static_current(u.voltage, x.velocity, p.K_m, resistance)
         torque = act.torque_constant(p.K_t) * x.current
         load = getattr(u, "load_torque", 0)
         rates = {"speed": (torque - p.B * x.velocity - load + act.force(torque, 0)) / p.J}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import numpy.typing as npt
 
@@ -46,6 +48,7 @@ def _smoothing(times: Array, counts: Array) -> float:
     first = max(begins, key=lambda k: float(np.std(counts[k : k + PIECE])))
     x, y = times[first : first + PIECE], counts[first : first + PIECE]
 
+    @functools.cache
     def excess(power: float) -> float:
         left = y - make_smoothing_spline(x, y, lam=10.0**power)(x)
         return float(np.log(max(float(np.mean(left**2)), 1e-30)))
