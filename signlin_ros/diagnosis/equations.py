@@ -29,14 +29,15 @@ class Equations:
 
     ``parameters``: names of everything in p: the model's own in the trace's order, then ``sensor_gain.<channel>``,
     ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel. ``free``: those with sensitivities.
-    ``substeps``: least number between two samples. ``delay @ p``: by how much the input is late in s. ``keep``: the
-    tape, for points one by one.
+    ``substeps``: least number between two samples. ``own``: index of the first state that is an effect's.
+    ``delay @ p``: by how much the input is late in s. ``keep``: the tape, for points one by one.
     """
 
     head: int
     whole: int
     sizes: tuple[int, ...]
     substeps: int
+    own: int
     parameters: tuple[str, ...]
     free: tuple[str, ...]
     delay: Array
@@ -49,7 +50,7 @@ class Equations:
 
     def flags(self, with_s: bool) -> tuple[int, ...]:
         """Return the sizes that `signlin_ros.diagnosis.follow.follow` takes."""
-        return (*self.sizes, int(with_s), self.substeps)
+        return (*self.sizes, int(with_s), self.substeps, self.own)
 
 
 def sensor_names(channels: tuple[str, ...]) -> tuple[str, ...]:
@@ -123,8 +124,9 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     if located is not None:
         coordinate = next((i for i, e in enumerate(ca.vertsplit(t.x)) if ca.is_equal(e, g)), -1)
     sizes = (n, t.u.numel(), len(channels), len(free), i_delay, int(located is not None), coordinate)
+    own = next((i for i, name in enumerate(t.states) if "." in name), n)
     kinked = any(bool(ca.which_depends(v.g, t.x, 1, False)[0]) for v in t.surfaces if v is not located)
-    return Equations(head, whole, sizes, KINKED if kinked else 1, names, free, delay, tape)
+    return Equations(head, whole, sizes, KINKED if kinked else 1, own, names, free, delay, tape)
 
 
 def neutral_sensors(count: int) -> Array:

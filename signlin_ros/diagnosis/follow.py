@@ -28,6 +28,10 @@ FEW = 4
 """and"""
 STIFF = 2.0
 """of further substeps: what is so fast has come to rest within a sample (unless a Kalman filter watches it closely)."""
+LEAST = 2
+"""Least number of substeps in which what decays is integrated exactly, if these are fewer than others would be."""
+LOST = 30.0
+"""Product of a decay and the time between two samples from which on no other step would do for a plant's own state."""
 
 
 @inner
@@ -64,6 +68,52 @@ def _rk4(head, sizes, z, out, x, k, h, mode, s):
             k[stage, i] = out[i]
     for i in range(n):
         z[i] = x[i] + h / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
+    if mode == 0 and sizes[6] >= 0:
+        z[sizes[6]] = 0.0
+
+
+@inner
+def _weigh(h, W):
+    """Fill the weights W[:5] (5, n) of a step by h in which W[5] (n), rates of single states, is integrated exactly.
+
+    h phi_1 and h phi_2 of half the step, h phi_1, h phi_2 and h phi_3 of all of it, where phi_0(y) = exp(y) and
+    phi_k(y) = (phi_(k-1)(y) - 1/(k-1)!) / y; without decay h/2, h/2, h, h/2 and h/6.
+    """
+    for i in range(W.shape[1]):
+        y = W[5, i] * h
+        if y == 0.0:
+            W[0, i], W[1, i], W[2, i], W[3, i], W[4, i] = 0.5 * h, 0.5 * h, h, 0.5 * h, h / 6.0
+            continue
+        half = np.exp(0.5 * y)
+        first = 2.0 * (half - 1.0) / y
+        W[0, i], W[1, i] = 0.5 * h * first, 2.0 * h * (first - 1.0) / y
+        first = (half * half - 1.0) / y
+        second = (first - 1.0) / y
+        W[2, i], W[3, i], W[4, i] = h * first, h * second, h * (second - 0.5) / y
+
+
+@inner
+def _exponential(head, sizes, z, out, x, k, h, mode, s, W):
+    """Step like `_rk4`, with the decay W[5] (n) of single states integrated exactly.
+
+    The method of order 4 of [Krogstad 2005, doi:10.1016/j.jcp.2004.08.006]; without decay it is that of `_rk4`.
+    """
+    n = x.size
+    _weigh(h, W)
+    for stage in range(1, 4):
+        for i in range(n):
+            if stage == 1:
+                z[i] = x[i] + W[0, i] * k[0, i]
+            elif stage == 2:
+                z[i] += W[1, i] * k[1, i]
+            else:
+                z[i] = x[i] + W[2, i] * k[0, i] + 2.0 * W[3, i] * k[2, i]
+        _slope(head, sizes, z, out, mode, s)
+        for i in range(n):
+            k[stage, i] = out[i] - k[0, i] - W[5, i] * (z[i] - x[i])
+    for i in range(n):
+        among = (2.0 * W[3, i] - 4.0 * W[4, i]) * (k[1, i] + k[2, i])
+        z[i] = x[i] + W[2, i] * k[0, i] + among + (4.0 * W[4, i] - W[3, i]) * k[3, i]
     if mode == 0 and sizes[6] >= 0:
         z[sizes[6]] = 0.0
 
@@ -132,17 +182,20 @@ def _linearized(whole, sizes, z, out, mode, s, J, P):
 
 
 @inner
-def _carry(S, J0, P0, J1, P1, h, M, R):
-    """Carry the sensitivities S (n, np) over h by the trapezoidal rule; in place."""
+def _carry(S, J0, P0, J1, P1, h, M, R, W):
+    """Carry the sensitivities S (n, np) over h by the trapezoidal rule; in place.
+
+    Those of states with rates W[5] of their own by Euler's implicit rule: within h they have come to rest.
+    """
     n, count = S.shape
-    half = 0.5 * h
     for i in range(n):
+        early, late = (0.0, h) if W[5, i] != 0.0 else (0.5 * h, 0.5 * h)
         for j in range(n):
-            M[i, j] = (1.0 if i == j else 0.0) - half * J1[i, j]
+            M[i, j] = (1.0 if i == j else 0.0) - late * J1[i, j]
         for c in range(count):
-            R[i, c] = S[i, c] + half * (P0[i, c] + P1[i, c])
+            R[i, c] = S[i, c] + early * P0[i, c] + late * P1[i, c]
         for j in range(n):
-            factor = half * J0[i, j]
+            factor = early * J0[i, j]
             if factor != 0.0:
                 for c in range(count):
                     R[i, c] += factor * S[j, c]
@@ -202,10 +255,50 @@ def _fastest(J, ratio):
 
 
 @inner
-def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_s):
+def _left(J, W, ratio, M):
+    """Estimate the fastest rate of J (n, n) without the decay W[5] (n) of single states."""
+    n = W.shape[1]
+    for i in range(n):
+        for j in range(n):
+            M[i, j] = J[i, j]
+        M[i, i] -= W[5, i]
+    return _fastest(M, ratio)
+
+
+@inner
+def _split(whole, sizes, z, out, x, span, mode, s, work, ratio, least, W):
+    """Fill W[5] (n) with the rates of the states that come to rest within ``span`` seconds by themselves: the effects'
+    own ones, and those of the plant that decay by e^-least at least.
+
+    Returns the fastest of all other rates that J has, at x and where the motion leads: what decays there otherwise than
+    here counts among them. ``work`` and ``out`` hold what belongs to x, before and after.
+    """
+    J0, J1, P1, M, k, n, decays = work[0], work[2], work[3], work[4], work[6], x.size, False
+    for i in range(n):
+        W[5, i] = J0[i, i] if J0[i, i] * span < (-1.0 if i >= sizes[9] else -least) else 0.0
+        decays = decays or W[5, i] != 0.0
+    if not decays:
+        return np.inf
+    fastest = _left(J0, W, ratio, M)
+    _weigh(span, W)
+    k[1, 0], k[2, 0] = out[n], out[n + 1]
+    for i in range(n):
+        k[0, i] = out[i]
+        z[i] = x[i] + W[2, i] * out[i]
+    _linearized(whole, sizes, z, out, mode, s, J1, P1)
+    fastest = max(fastest, _left(J1, W, ratio, M))
+    out[n], out[n + 1] = k[1, 0], k[2, 0]
+    for i in range(n):
+        z[i], out[i] = x[i], k[0, i]
+    return fastest
+
+
+@inner
+def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, decays):
     """Integrate x over ``span`` seconds in ``count`` substeps with the input held; returns (mode, s).
 
-    ``out`` must hold what belongs to x (and ``work`` J and P there, if ``with_s``).
+    ``out`` must hold what belongs to x (and ``work`` J and P there, if ``with_s``). W[5] (n): rates of single
+    states that are integrated exactly, if anything ``decays``.
     """
     n, switched, coordinate = sizes[0], sizes[5], sizes[6]
     J0, P0, J1, P1, M, R, k, before = work
@@ -218,7 +311,10 @@ def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_
             k[0, i] = out[i]
         if switched and mode == 0:
             s0 = _slope(head, sizes, z, out, mode, s)
-        _rk4(head, sizes, z, out, x, k, h, mode, s)
+        if decays:
+            _exponential(head, sizes, z, out, x, k, h, mode, s, W)
+        else:
+            _rk4(head, sizes, z, out, x, k, h, mode, s)
         s1 = _slope(head, sizes, z, out, mode, s)
         event = False
         if switched and events < 50:
@@ -232,7 +328,10 @@ def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_
                 event = True
                 events += 1
                 h *= theta
-                _rk4(head, sizes, z, out, x, k, h, mode, s)
+                if decays:
+                    _exponential(head, sizes, z, out, x, k, h, mode, s, W)
+                else:
+                    _rk4(head, sizes, z, out, x, k, h, mode, s)
                 if mode != 0:
                     _slope(head, sizes, z, out, mode, s)
                     if out[n + 1] != 0.0:
@@ -245,7 +344,7 @@ def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_
                         z[coordinate] = 0.0
         if with_s:
             _linearized(whole, sizes, z, out, mode, s, J1, P1)
-            _carry(S, J0, P0, J1, P1, h, M, R)
+            _carry(S, J0, P0, J1, P1, h, M, R, W)
         elif event:
             _slope(head, sizes, z, out, mode, s)
         left -= h
@@ -348,11 +447,11 @@ def _aware(out, at, e, noise, P, K, row):
 
 
 @inner
-def _spread(first, last, h, process, P, none, M, R):
+def _spread(first, last, h, process, P, none, M, R, W):
     """Carry the covariance P (n, n) over h by the trapezoidal rule, and add the variances ``process`` (n)."""
     n = P.shape[0]
     for _ in range(2):
-        _carry(P, first, none, last, none, h, M, R)
+        _carry(P, first, none, last, none, h, M, R, W)
         for i in range(n):
             for j in range(i):
                 P[i, j], P[j, i] = P[j, i], P[i, j]
@@ -404,14 +503,15 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
 
     ``sizes``: n, m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is
-    the switching surface (-1), whether derivatives are wanted, least number of substeps between samples. ``u`` (T, m)
-    held from ``delay`` s after its sample on (before it, if negative), ``y`` (T, ny) with NaN for missing, ``gains``
-    (G, n, ny): those of the first G samples, the last one for all others. X (T, n) gets the state before the
-    correction, if it is not empty. ``lags`` (ny, 3): by how much every channel is seen late in s, the state that it
-    shows, and the index of its lag among the sensitivities (-1); empty if none is late. ``belief`` (3, n): variances
-    that a step adds to the states and that they start with, from which an extended Kalman filter corrects them all,
-    with the variances ``noise`` (ny), but nowhere where ``gains`` are 0; 2 in its last row: an own position that makes
-    contact, over whose uncertainty derivatives are averaged. (3, 0): all are corrected by ``gains``.
+    the switching surface (-1), whether derivatives are wanted, least number of substeps between samples, index of the
+    first state that is an effect's own. ``u`` (T, m) held from ``delay`` s after its sample on (before it, if
+    negative), ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny): those of the first G samples, the last one for
+    all others. X (T, n) gets the state before the correction, if it is not empty. ``lags`` (ny, 3): by how much every
+    channel is seen late in s, the state that it shows, and the index of its lag among the sensitivities (-1); empty if
+    none is late. ``belief`` (3, n): variances that a step adds to the states and that they start with, from which an
+    extended Kalman filter corrects them all, with the variances ``noise`` (ny), but nowhere where ``gains`` are 0; 2 in
+    its last row: an own position that makes contact, over whose uncertainty derivatives are averaged. (3, 0): all are
+    corrected by ``gains``.
     Returns how many samples were followed before the run left all bounds.
     """
     n, m, ny, count = sizes[0], sizes[1], sizes[2], sizes[3]
@@ -427,7 +527,18 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
     past = (np.zeros((late, 4, n)), np.zeros((kept, 2, n, count)), np.zeros(count))
     P = np.diag(belief[1]) if belief.shape[1] else matrix.copy()
     kalman = (P, np.zeros((n, ny)), matrix.copy(), matrix.copy(), matrix.copy())
-    memory = (z, np.zeros(n_out), x, wide.copy(), jacobians, np.zeros((ny, count)), past, kalman, ratio)
+    memory = (
+        z,
+        np.zeros(n_out),
+        x,
+        wide.copy(),
+        jacobians,
+        np.zeros((ny, count)),
+        past,
+        kalman,
+        ratio,
+        np.zeros((6, n)),
+    )
     return _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D, X, memory)
 
 
@@ -439,7 +550,7 @@ def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, nois
     at_h = 2 * n + 3
     at_hx = at_h + ny + n * n + n * count + n + count + n
     at_hp = at_hx + ny * n
-    z, out, x, S, work, d, (past, past_s, row), (P, K, first, none, square), ratio = memory
+    z, out, x, S, work, d, (past, past_s, row), (P, K, first, none, square), ratio, W = memory
     J0, P0, J1, M = work[0], work[1], work[2], work[4]
     late, aware = lags.shape[0] > 0, belief.shape[1] > 0
     mode, s, active = 1, 1.0, 0
@@ -526,10 +637,19 @@ def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, nois
                 _copy_rows(J0, first)
                 if _averaged(whole, sizes, z, out, x, mode, s, belief, P, first, P0, J1):
                     _linearized(whole, sizes, z, out, mode, s, J0, P0)
-            reach = (end - begin) * _fastest(J0, ratio) / REACH
-            substeps = int(np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF))
-            substeps = min(MOST, max(sizes[8], substeps))
-            mode, s = _advance(head, whole, sizes, z, out, x, end - begin, substeps, mode, s, S, work, with_s)
+            span, decays = end - begin, False
+            reach = span * _fastest(J0, ratio) / REACH
+            wanted = np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF)
+            substeps = int(min(MOST, max(sizes[8], wanted)))
+            if wanted > FEW and not aware:
+                rest = span * _split(whole, sizes, z, out, x, span, mode, s, work, ratio, LOST, W) / REACH
+                decays = rest < substeps - 1
+                if decays and not W[5, : sizes[9]].any():
+                    substeps = int(max(LEAST, sizes[8], np.ceil(rest)))
+            if not decays:
+                for i in range(n):
+                    W[5, i] = 0.0
+            mode, s = _advance(head, whole, sizes, z, out, x, span, substeps, mode, s, S, work, with_s, W, decays)
             for i in range(n):
                 if not abs(x[i]) < 1e6 * scale[i]:
                     return k + 1
@@ -544,7 +664,7 @@ def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, nois
                         z[i] = x[i]
                     _linearized(whole, sizes, z, out, mode, s, J0, P0)
                     _averaged(whole, sizes, z, out, x, mode, s, belief, P, J0, P0, J1)
-                    _spread(first, J0, end - t[k], belief[0], P, none, M, square)
+                    _spread(first, J0, end - t[k], belief[0], P, none, M, square, W)
                 break
             begin = end
             for i in range(n):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, further, likelihood
+from signlin_ros.diagnosis.judge import residues
 from signlin_ros.diagnosis.narrow import Each, deepened, narrowed, tuned
 from signlin_ros.diagnosis.problem import Gains, Problem, added_keys
 from signlin_ros.diagnosis.scan import periodic_starts
@@ -31,13 +32,18 @@ LATE = (1.5, 5.0)
 """Delays of a sensor that a fit starts from, in samples."""
 FRONT = 4
 """How many of the best singles are taken for what they contain."""
-MOST_STARTS = 6
-"""Starts that are descended from: those most likely after two steps."""
+MOST_STARTS, MOST_BRED = 6, 2
+"""Starts that are descended from: those most likely after some steps; of an effect with many local minima all are, on
+some stretches, and the best with all samples.
+"""
 CONSISTENT = (2.0, 4.0)
 """Largest residual, in multiples of white noise, of a model that is followed by a filter which takes it to be right:
 with own states that the filter corrects, and without."""
 SERIOUS = 0.25
-"""Share of the best candidate's gain at the middle gain that makes another one worth a thorough fit."""
+"""Share of the best candidate's gain at the middle gain that makes another one worth a thorough fit, as long as any
+is"""
+MUCH, BEHIND = 1000.0, 200.0
+"""much at all; and by how much less another one may gain where the best leaves nothing but noise."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +253,9 @@ def _bred(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
     if len(starts) > MOST_STARTS:
         starts = narrowed(problem.short, first, starts, trial.added[0], middle, each)
     candidates = [extended(problem, None, trial, start) for start in starts]
-    found = [f for f in each(lambda c: fit(problem, c, middle, None, 10), candidates) if f]
+    brief = [f for f in each(lambda c: fit(problem.short, c, middle, None, 6), candidates) if f]
+    best = sorted(brief, key=cost_of)[:MOST_BRED]
+    found = [f for f in each(lambda f: fit(problem, f.candidate, middle, f.theta, 10), best) if f]
     kept = [f for one in each(lambda f: trusted(problem, [f]), found) for f in one]
     return [(f, f) for f in sorted(kept, key=cost_of)]
 
@@ -361,8 +369,9 @@ def _settled(problem: Problem, trial: Trial, found: Fit, each: Each) -> Fit:
 def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Executor) -> list[Ranked]:
     """Return every trial alone on the base model, fitted, best evidence first.
 
-    Only those that explain a fair part of what the best explains at the middle gain are fitted thoroughly at the low.
-    Rugged effects start from a few points; see `searched`.
+    Only those that explain a fair part of what the best explains at the middle gain are fitted thoroughly at the low;
+    where that leaves nothing but noise, those that explain nearly all of it. Rugged effects start from a few
+    points; see `searched`.
     """
     trials = [replace(t, starts=t.starts[:3]) if EFFECTS[t.effect].rugged else t for t in trials]
     climbed = _climbed(problem, trials, run)
@@ -370,12 +379,20 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     middle = fit(problem, base.fit.candidate, problem.levels[1], None, 10)
     reference = middle.cost if middle else np.inf
     gains = [reference - c[0][1].cost if c else -np.inf for c in climbed]
-    limit = min(SERIOUS * max(gains, default=0.0), 1e9)
+    most = max(gains, default=0.0)
+    limit = min(SERIOUS * most, 1e9)
+    if most >= MUCH and _leaves_noise(problem, climbed[int(np.argmax(gains))][0][1]):
+        limit = most - BEHIND
     mild = [EFFECTS[t.effect].rugged for t in trials]
-    serious = [(g > limit or max(gains) < 1000.0) and not m for g, m in zip(gains, mild, strict=True)]
+    serious = [(g > limit or most < MUCH) and not m for g, m in zip(gains, mild, strict=True)]
     work = [(t, c, s) for t, c, s in zip(trials, climbed, serious, strict=True) if c]
     found = run.map(lambda w: _descend(problem, *w), work)
     return sorted((r for r in found if r is not None), key=_evidence)
+
+
+def _leaves_noise(problem: Problem, f: Fit) -> bool:
+    """Tell whether a fit leaves nothing but noise."""
+    return not any(one.structured for one in residues(f.innovations, problem.noise))
 
 
 def deeper(problem: Problem, r: Ranked, each: Each) -> Ranked:

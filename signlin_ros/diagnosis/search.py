@@ -415,11 +415,21 @@ def _evidence(r: Ranked) -> float:
     return r.evidence
 
 
+def _values(r: Ranked, effect: str) -> dict[str, float]:
+    """Return the fitted parameters of an effect that was added last under its name; none for one of a sensor."""
+    model, label = r.fit.fitted(), r.fit.candidate.label
+    keys = [k for k in label if k in model.effects and model.effects[k].type == effect]
+    return dict(model.effects[keys[-1]].parameters) if keys else {}
+
+
 def _simple(singles: Sequence[Ranked]) -> list[Ranked]:
-    """Return the effects that explain a good part of what the best explains, those of few parameters first."""
+    """Return the effects that explain a good part of what the best explains, those of few parameters first; none that
+    has parts, which are tried on top of each other.
+    """
     best = singles[0].evidence if singles else 0.0
     worst = max((r.evidence for r in singles), default=0.0)
-    good = [r for r in singles if worst - r.evidence > 0.4 * (worst - best) and not r.sensors]
+    whole = [r for r in singles if not (r.sensors or EFFECTS[r.label].parts(_values(r, r.label)))]
+    good = [r for r in whole if worst - r.evidence > 0.4 * (worst - best)]
     return sorted(good, key=lambda r: (len(r.fit.theta), r.evidence))
 
 
@@ -607,7 +617,7 @@ class _Search:
         if best is None or not best.effects or best.sensors:
             return []
         effect = EFFECTS[best.effects[-1]]
-        whole = effect.parts(self._values(best, effect.name))
+        whole = effect.parts(_values(best, effect.name))
         sets = [{n: p for n, p in s.items() if n not in best.effects} for s in whole if set(s) <= set(self.known)]
         before = without(self.problem, best, effect.name) if sets else None
         if before is None:
@@ -720,20 +730,13 @@ class _Search:
     def _plainer(self, r: Ranked) -> Ranked:
         """Return a set of several effects with those replaced that are nothing but simpler ones, for their values."""
         for effect in r.effects if len(r.effects) > 1 else ():
-            simpler = EFFECTS[effect].simpler(self._values(r, effect))
+            simpler = EFFECTS[effect].simpler(_values(r, effect))
             for name, start in simpler.items():
                 before = without(self.problem, r, effect) if name in self.known and name not in r.effects else None
                 found = self._together(before, [(self.known[name], start)]) if before else None
                 if found and found.evidence < r.evidence:
                     return self._plainer(found)
         return r
-
-    @staticmethod
-    def _values(r: Ranked, effect: str) -> dict[str, float]:
-        """Return the fitted parameters of an effect that was added last under its name; none for one of a sensor."""
-        model, label = r.fit.fitted(), r.fit.candidate.label
-        keys = [k for k in label if k in model.effects and model.effects[k].type == effect]
-        return dict(model.effects[keys[-1]].parameters) if keys else {}
 
     def _reached(self, r: Ranked, path: list[Step]) -> None:
         """Fit the base model again from where a set of effects led its parameters, where it has effects of its own.
