@@ -32,10 +32,8 @@ LATE = (1.5, 5.0)
 """Delays of a sensor that a fit starts from, in samples."""
 FRONT = 4
 """How many of the best singles are taken for what they contain."""
-MOST_STARTS, MOST_BRED = 6, 2
-"""Starts that are descended from: those most likely after some steps; of an effect with many local minima all are, on
-some stretches, and the best with all samples.
-"""
+MOST_STARTS = 6
+"""Starts that are descended from: those most likely after two steps."""
 CONSISTENT = (2.0, 4.0)
 """Largest residual, in multiples of white noise, of a model that is followed by a filter which takes it to be right:
 with own states that the filter corrects, and without."""
@@ -253,9 +251,7 @@ def _bred(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
     if len(starts) > MOST_STARTS:
         starts = narrowed(problem.short, first, starts, trial.added[0], middle, each)
     candidates = [extended(problem, None, trial, start) for start in starts]
-    brief = [f for f in each(lambda c: fit(problem.short, c, middle, None, 6), candidates) if f]
-    best = sorted(brief, key=cost_of)[:MOST_BRED]
-    found = [f for f in each(lambda f: fit(problem, f.candidate, middle, f.theta, 10), best) if f]
+    found = [f for f in each(lambda c: fit(problem, c, middle, None, 10), candidates) if f]
     kept = [f for one in each(lambda f: trusted(problem, [f]), found) for f in one]
     return [(f, f) for f in sorted(kept, key=cost_of)]
 
