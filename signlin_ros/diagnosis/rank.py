@@ -285,13 +285,32 @@ def _pair_cost(pair: tuple[Fit, Fit]) -> float:
 
 
 def _warmer(
-    problem: Problem, trials: Sequence[Trial], climbed: list[list[tuple[Fit, Fit]]], run: Executor
+    problem: Problem, trials: Sequence[Trial], climbed: list[list[tuple[Fit, Fit]]], near: float, run: Executor
 ) -> list[list[tuple[Fit, Fit]]]:
-    """Let effects that extend another one (a subclass of its class) also start from where that one arrived."""
-    fits = {t.effect: c[0][1] for t, c in zip(trials, climbed, strict=True) if c and t.added}
+    """Let effects that extend another one (a subclass of its class) also start from where that one arrived, if its cost
+    is below ``near``.
+    """
+    fits = {t.effect: c[0][1] for t, c in zip(trials, climbed, strict=True) if t.added and _reached(c) < near}
     again = [_warm(trial, fits) for trial in trials]
     more = _climbed(problem, again, run)
     return [sorted([*old, *new], key=_pair_cost) for old, new in zip(climbed, more, strict=True)]
+
+
+def _reached(climbed: Sequence[tuple[Fit, Fit]]) -> float:
+    """Return the least objective at the middle gain, infinite if there is none."""
+    return climbed[0][1].cost if climbed else np.inf
+
+
+def _near(problem: Problem, reference: float, climbed: Sequence[Sequence[tuple[Fit, Fit]]]) -> float:
+    """Return the objective at the middle gain below which an effect may still be what is missing: if the best one gains
+    much on the base model's ``reference`` and leaves nothing but noise, not far above it; else infinite.
+    """
+    best = min(climbed, key=_reached, default=())
+    if not best or not reference - _reached(best) >= MUCH:
+        return np.inf
+    if any(one.structured for one in residues(best[0][1].innovations, problem.noise)):
+        return np.inf
+    return _reached(best) + BEHIND
 
 
 def _warm(trial: Trial, fits: Mapping[str, Fit]) -> Trial:
@@ -370,25 +389,16 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     points; see `searched`.
     """
     trials = [replace(t, starts=t.starts[:3]) if EFFECTS[t.effect].rugged else t for t in trials]
-    climbed = _climbed(problem, trials, run)
-    climbed = _warmer(problem, trials, climbed, run)
     middle = fit(problem, base.fit.candidate, problem.levels[1], None, 10)
     reference = middle.cost if middle else np.inf
-    gains = [reference - c[0][1].cost if c else -np.inf for c in climbed]
-    most = max(gains, default=0.0)
-    limit = min(SERIOUS * most, 1e9)
-    if most >= MUCH and _leaves_noise(problem, climbed[int(np.argmax(gains))][0][1]):
-        limit = most - BEHIND
-    mild = [EFFECTS[t.effect].rugged for t in trials]
-    serious = [(g > limit or most < MUCH) and not m for g, m in zip(gains, mild, strict=True)]
+    climbed = _climbed(problem, trials, run)
+    climbed = _warmer(problem, trials, climbed, _near(problem, reference, climbed), run)
+    near, most = _near(problem, reference, climbed), reference - min(map(_reached, climbed), default=reference)
+    fair = min(near, reference - min(SERIOUS * most, 1e9)) if most >= MUCH else np.inf
+    serious = [_reached(c) < fair and not EFFECTS[t.effect].rugged for t, c in zip(trials, climbed, strict=True)]
     work = [(t, c, s) for t, c, s in zip(trials, climbed, serious, strict=True) if c]
     found = run.map(lambda w: _descend(problem, *w), work)
     return sorted((r for r in found if r is not None), key=_evidence)
-
-
-def _leaves_noise(problem: Problem, f: Fit) -> bool:
-    """Tell whether a fit leaves nothing but noise."""
-    return not any(one.structured for one in residues(f.innovations, problem.noise))
 
 
 def deeper(problem: Problem, r: Ranked, each: Each) -> Ranked:
