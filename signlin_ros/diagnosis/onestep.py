@@ -26,8 +26,10 @@ from signlin_ros.sensors import Sensor
 Array = NDArray[np.float64]
 Sensors = dict[str, Sensor]
 
-SUBSTEP, MOST = 0.5, 30
-"""Largest product of a substep and the fastest rate; most substeps between two samples."""
+SUBSTEP, MOST, STABLE, BOUND = 0.5, 30, 2.0, 2000
+"""Largest product of a substep and the fastest rate, in up to so many substeps between two samples; beyond, that for
+which a step is stable, in up to so many: what is so fast is over within a sample.
+"""
 LEAST = 3
 HOLE = 3.0
 """Over steps of more than this many median steps nothing is said."""
@@ -337,7 +339,8 @@ def _beyond(motion: Motion, goal: Target, s: Segment, start: Array, end: Array) 
 def _stepped(problem: Problem, model: Model, X: Array, u: Array, steps: Array, rates: Array) -> Array:
     """Return the states (T, n) a step later, with Runge and Kutta's method in substeps."""
     fastest = float(np.max(rates, initial=0.0)) * float(np.median(steps))
-    count = int(np.clip(np.ceil(fastest / SUBSTEP), LEAST, MOST))
+    fine, stable = np.clip(np.ceil(fastest / SUBSTEP), LEAST, MOST), np.ceil(min(fastest / STABLE, BOUND))
+    count = int(max(fine, stable))
     h, n, x = (steps / count)[:, None], X.shape[1], X
     for _ in range(count):
         k1 = _rates(problem, model, x, u)[:, :n]

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 DOUBLINGS = 14
 """The Riccati equation is followed over 2^14 samples: what is not observable never settles."""
+LARGE = 8.0
+"""Norm of a matrix beyond which nothing is left of its smallest parts in its exponential."""
 
 
 @dataclass(frozen=True)
@@ -172,16 +174,23 @@ def discrete(A: Array, intensity: Array, dt: float) -> tuple[Array, Array, Array
     """Return, over dt, the transition (n, n), the covariance (n, n) of white noise of these intensities (n,), and the
     mean transition (n, n): what a constant rate adds to the state, divided by dt.
 
-    [Van Loan, IEEE Trans. Automatic Control 23 (1978) 395]
+    [Van Loan, IEEE Trans. Automatic Control 23 (1978) 395]; what is over within dt makes that matrix huge, so it is
+    taken over a part of dt, which is doubled until it is dt.
     """
     n = A.shape[0]
+    doublings = int(np.ceil(np.log2(max(np.linalg.norm(A, 1) * dt / LARGE, 1.0))))
+    part = dt / 2**doublings
     block = np.zeros((2 * n, 2 * n))
     block[:n, :n], block[:n, n:], block[n:, n:] = -A, np.diag(intensity), A.T
-    exponential = expm(block * dt)
-    transition = exponential[n:, n:].T
+    exponential = expm(block * part)
     held = np.zeros((2 * n, 2 * n))
     held[:n, :n], held[:n, n:] = A, np.eye(n)
-    return transition, transition @ exponential[:n, n:], np.asarray(expm(held * dt)[:n, n:] / dt)
+    transition, total = exponential[n:, n:].T, expm(held * part)[:n, n:]
+    noise = transition @ exponential[:n, n:]
+    for _ in range(doublings):
+        noise, total = noise + transition @ noise @ transition.T, total + transition @ total
+        transition = transition @ transition
+    return transition, noise, np.asarray(total / dt)
 
 
 def predicted_covariance(A: Array, C: Array, Q: Array, R: Array) -> Array:
