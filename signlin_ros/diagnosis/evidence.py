@@ -14,9 +14,9 @@ from scipy.ndimage import uniform_filter1d
 
 from signlin_ros.diagnosis.coordinates import Place, place_of
 from signlin_ros.diagnosis.curves import Band, band, memory
+from signlin_ros.diagnosis.findings import Findings
 from signlin_ros.diagnosis.onestep import Motion, Target, lacking, motion_of, smoothed, target, target_at
 from signlin_ros.diagnosis.rank import Ranked
-from signlin_ros.diagnosis.search import Findings
 
 Array = NDArray[np.float64]
 

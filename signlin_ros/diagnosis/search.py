@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
 
+from signlin_ros.diagnosis.adding import Adding
 from signlin_ros.diagnosis.data import measured_channels
-from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, further, likelihood, tidied
-from signlin_ros.diagnosis.judge import Residue, gain_in_blocks, gain_on, residues, whiteness
+from signlin_ros.diagnosis.findings import Findings, Step, driven_by_noise, judged, structured
+from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, tidied
+from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residues
 from signlin_ros.diagnosis.problem import (
     Gains,
     Problem,
@@ -32,7 +33,6 @@ from signlin_ros.diagnosis.rank import (
     applicable,
     assess,
     compete,
-    cost_of,
     deeper,
     descend,
     evidence,
@@ -41,9 +41,9 @@ from signlin_ros.diagnosis.rank import (
     ranked,
     searched,
     simplified,
-    trusted,
     without,
 )
+from signlin_ros.diagnosis.refusals import plausible, refusal
 from signlin_ros.diagnosis.timing import CLEARLY, WAYS, better_hold
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError, SimulationError
@@ -74,30 +74,6 @@ SHARE, PART = 0.05, 0.2
 structure remains, it must also be that share of what the base model lacks, or `PART` of what the last step left."""
 SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
-ROUNDED = 0.6
-"""A residual smaller than this share of the step in which a channel is shown is its rounding."""
-DRAWS, SENSITIVE = 4, 0.1
-"""Draws of uncertain parameters, and the share of what is left that they must make where motion is chaotic."""
-AWAKE = 1.35
-"""What an observer may leave, in multiples of the noise, where it follows a state that is moved at random: the noise,
-by how much its gain follows that, and steps of an encoder."""
-NEEDED = 30.0
-"""A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
-NOTHING, NEEDLESS = 1e-6, 0.1
-"""What a parameter is held at, as a share of its value, to see whether it is needed, and the share of an effect's gain
-that one must make without which it is another effect."""
-REAL = 3.0
-"""Standard errors by which an added effect must differ from nothing."""
-SLIGHT = 1e-3
-"""Share of the driving force, or of the largest input, beneath which an effect is not worth a name."""
-WIDE = 6
-"""How many of those that can be added to a set are looked at more closely; with states of their own all are."""
-SLOW = 10
-"""Steps that those with states get for that, whose shape takes longer to be found; others two."""
-MOST_FINISHED = 4
-"""How many of these are fitted out."""
-MOST_IMPOSED = 12
-"""The same where motion is imposed: no observer helps there to find the shape of a hysteresis in a few steps."""
 BEAM = 4
 """How many singles are tried with a second effect where no single is enough."""
 DEPTH = 3
@@ -108,141 +84,6 @@ BLOCK = 0.25
 """Length of the blocks in s by which errors on unseen data are compared."""
 
 Progress = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class Step:
-    """A model on the way from the base to the proposal: what it is, and its innovations on unseen data.
-
-    ``unseen``: at the gain of its fit. ``gain``: fall of -2 log likelihood against the step
-    before (singles: the base), ``certainty`` in standard errors, ``share``: of the squared innovations.
-    """
-
-    ranked: Ranked
-    unseen: tuple[Array, ...]
-    gain: float = 0.0
-    certainty: float = 0.0
-    share: float = 0.0
-
-
-@dataclass(frozen=True)
-class Beside:
-    """What an effect takes away beside others, as a share of the squared errors that these leave (their geometric mean
-    over channels).
-    """
-
-    others: tuple[str, ...]
-    share: float
-
-
-@dataclass(frozen=True)
-class Findings:
-    """Everything that a search found.
-
-    ``steps``: base, then one more effect each. ``singles``: every effect alone, best first, with its innovations on
-    unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal;
-    ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged;
-    ``followed``: the same at the middle gain. ``beside``: what effects promised beside others, on the data that was
-    fitted to. ``declined``: why effects that lower the error were refused. ``beyond_doubt``: whether the last step
-    lowers the error on unseen data so; one that was asked for may not.
-    """
-
-    problem: Problem
-    unseen: Problem
-    filter: Filter
-    steps: tuple[Step, ...]
-    singles: tuple[Step, ...]
-    pairs: tuple[Ranked, ...]
-    outside: tuple[str, ...]
-    left: tuple[Residue, ...]
-    held_out: tuple[tuple[Array, ...], tuple[Array, ...]]
-    followed: tuple[tuple[Array, ...], tuple[Array, ...]]
-    beside: Mapping[str, Sequence[Beside]]
-    declined: Mapping[str, str]
-    beyond_doubt: bool = True
-
-    @property
-    def final(self) -> Step:
-        """The proposed model."""
-        return self.steps[-1]
-
-    @functools.cached_property
-    def structured(self) -> bool:
-        """Whether the residual of the proposed model shows structure that is no noise."""
-        return structured(self.problem, self.final.ranked, self.filter)
-
-    @functools.cached_property
-    def driven_by_noise(self) -> bool:
-        """Whether that structure is what noise in the input leaves."""
-        return self.structured and driven_by_noise(self.problem, self.final.ranked)
-
-    @functools.cached_property
-    def unseen_noise(self) -> Array:
-        """Standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure."""
-        left = residues(self.held_out[1], self.problem.noise)
-        return np.array([r.noise if r.structure < 0.5 else s.noise for r, s in zip(left, self.left, strict=True)])
-
-    @property
-    def unaccounted(self) -> bool:
-        """Whether structure is left that is not what noise in the input leaves."""
-        return self.structured and not self.driven_by_noise
-
-
-def judged(problem: Problem, r: Ranked) -> Fit:
-    """Return the fit by whose residual a model is judged: that at the lowest gain, where most shows of what is missing.
-
-    Where the motion is so sensitive there that noise and the uncertainty of the parameters alone make what is left
-    (chaos under cogging, contacts), it is the one of highest likelihood.
-    """
-    low, c = r.low, r.fit.candidate
-    if low is r.fit or low.cost - r.fit.cost <= NEEDED:
-        return low
-    reference = follow_records(problem, c, r.fit.theta, low.gains, False)
-    if reference is None:
-        return low
-    floor = np.nanmean(np.concatenate(r.fit.innovations) ** 2, axis=0)
-    left = np.nanmean(np.concatenate(reference[0]) ** 2, axis=0) - floor
-    w, V = np.linalg.eigh(np.linalg.pinv(r.fit.hessian, hermitian=True))
-    root = V * np.sqrt(np.maximum(w, 0.0))
-    spread = np.zeros_like(left)
-    draw = np.random.default_rng(0).standard_normal
-    for _ in range(DRAWS):
-        theta = np.clip(r.fit.theta + root @ draw(w.size), *c.bounds)
-        noise = [draw(s.y.shape) * np.sqrt(floor) for s in problem.segments]
-        noisy = tuple(replace(s, y=s.y + n) for s, n in zip(problem.segments, noise, strict=True))
-        moved = follow_records(problem, c, theta, low.gains, False, noisy)
-        if moved is None:
-            return r.fit
-        change = [a - b - n for a, b, n in zip(moved[0], reference[0], noise, strict=True)]
-        spread += np.nanmean(np.concatenate(change) ** 2, axis=0) / DRAWS
-    matters = left > SHARE * floor
-    return r.fit if matters.any() and bool((spread > SENSITIVE * left)[matters].all()) else low
-
-
-def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:
-    """Tell whether the residual of a fitted model shows structure that is no noise of the filter's colour."""
-    at = judged(problem, r)
-    if at.cost - r.fit.cost > NEEDED or any(one.structured for one in residues(at.innovations, problem.noise)):
-        return True
-    whitened = [filter.apply(e) for e in at.innovations]
-    rounding = np.nanstd(np.concatenate(at.innovations), axis=0) < ROUNDED * problem.quanta
-    return not all(whiteness([e[:, c] for e in whitened], steps=bool(rounding[c])).white for c in range(rounding.size))
-
-
-def driven_by_noise(problem: Problem, r: Ranked) -> bool:
-    """Tell whether what a model leaves is what noise in the input leaves: it is gone at the highest gain.
-
-    Noise in the input moves the state at random: an observer that is wide awake follows that, and only the noise of the
-    sensors is left. A force that the model lacks is no white noise, and shows at any gain.
-    """
-    c = r.fit.candidate
-    if problem.scale.imposed or c.filtered:
-        return False
-    found = fit(problem, c, problem.levels[0], r.fit.theta, 10)
-    if found is None or any(one.structured for one in residues(found.innovations, problem.noise)):
-        return False
-    left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
-    return bool((left < AWAKE * problem.noise).all())
 
 
 def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
@@ -341,59 +182,6 @@ def _silent(what: str, done: float) -> None:
     return
 
 
-def plausible(problem: Problem, r: Ranked) -> bool:
-    """Tell whether the parameters of all that was added are those of the effects, not of what they imitate."""
-    model = r.fit.fitted()
-    added = [use for key, use in model.effects.items() if key not in problem.base.effects]
-    return all(find_effect(use.type, "effects").plausible(use.parameters) for use in added)
-
-
-def _is_essential(model: Model, parameter: str) -> bool:
-    """Tell whether a parameter of a model, ``key.name``, is essential to its effect."""
-    key, _, name = parameter.partition(".")
-    return key in model.effects and name in find_effect(model.effects[key].type, "effects").essential
-
-
-def needless(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
-    """Return an effect that was added to ``before``, and a parameter essential to it that the fit hardly needs.
-
-    What an effect gains may be what a filter gains that corrects its own states, whatever the effect.
-    """
-    f, known = r.fit, {k.name for k in before.fit.candidate.coordinates}
-    c, added = f.candidate, [i for i, k in enumerate(f.candidate.coordinates) if k.name not in known]
-    essential = [i for i in added if _is_essential(c.model, c.coordinates[i].name)]
-    start = fit(problem, before.fit.candidate, f.gains, before.fit.theta, 2, f.filter) if essential else None
-    for i in essential:
-        k = c.coordinates[i]
-        none = k.theta(NOTHING * k.value(float(f.theta[i])))
-        held = tuple(replace(k, low=none, high=none) if j == i else o for j, o in enumerate(c.coordinates))
-        theta = np.where(np.arange(f.theta.size) == i, none, f.theta)
-        found = fit(problem, replace(c, coordinates=held), f.gains, theta, 10, f.filter)
-        gained = start.cost - f.cost if start else np.inf
-        if found and found.cost - f.cost < max(NEEDED, NEEDLESS * gained):
-            key, _, name = k.name.partition(".")
-            return c.model.effects[key].type, name
-    return None
-
-
-def negligible(problem: Problem, r: Ranked, before: Ranked) -> str:
-    """Return an effect added to ``before`` whose forces (or what it takes from the input) are beneath notice, whatever
-    their significance: in so fine a fit it stands in for the shape of a sensor's noise, or for a filter's; or "".
-    """
-    values, model = r.fit.parameters(), r.fit.candidate.model
-    for key in r.fit.candidate.label:
-        use = model.effects.get(key)
-        if use is None or use.type in before.effects:
-            continue
-        pars = find_effect(use.type, "effects").pars()
-        units = {n: p.unit for n, p in pars.items() if f"{key}.{n}" in values and p.unit[:1] in ("F", "U")}
-        level = {n for n, unit in units.items() if unit in ("F", "U")} or set(units)
-        sizes = [abs(values[f"{key}.{n}"]) / problem.scale.of(units[n]) for n in level]
-        if sizes and max(sizes) < SLIGHT:
-            return use.type
-    return ""
-
-
 def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
     """Return the trials of one effect; raise `InputError` if it cannot be added."""
     find_effect(name, "effect")
@@ -433,19 +221,6 @@ def _simple(singles: Sequence[Ranked]) -> list[Ranked]:
     return sorted(good, key=lambda r: (len(r.fit.theta), r.evidence))
 
 
-_Screened = tuple[float, Ranked, Trial, Fit]
-"""What a trial promises on top of what was fitted, less being better; both; and its fit so far."""
-
-
-def _screening(s: _Screened) -> float:
-    return s[0]
-
-
-def _going_on(tried: Sequence[_Screened]) -> list[_Screened]:
-    """Return which of the trials on top of one set, best first, are looked at more closely."""
-    return [s for i, s in enumerate(tried) if i < WIDE or EFFECTS[s[2].effect].states]
-
-
 def _between(before: Ranked, options: Sequence[Ranked], after: Ranked) -> list[Ranked]:
     """Return the options, but for those with faults of sensors, that add a part of what one set adds to another."""
     return [r for r in options if set(before.effects) < set(r.effects) < set(after.effects) and not r.sensors]
@@ -455,8 +230,8 @@ class _Search:
     def __init__(self, problem: Problem, unseen: Problem, run: Executor, progress: Progress, depth: int) -> None:
         self.problem, self.unseen, self.executor, self.progress, self.depth = problem, unseen, run, progress, depth
         self.filter = Filter(np.zeros(len(problem.channels)))
+        self.adding = Adding(problem, run)
         self.pairs: list[Ranked] = []
-        self.beside: dict[str, list[Beside]] = {}
         self.declined: dict[str, str] = {}
         self.known: dict[str, Trial] = {}
 
@@ -484,7 +259,7 @@ class _Search:
             tuple(residues(at.innovations, self.problem.noise)),
             self._both(path, at.gains),
             self._both(path, self.problem.levels[1]),
-            self.beside,
+            self.adding.beside,
             self.declined,
             not only or self._best_step(path[:1], [path[-1].ranked]) is not None,
         )
@@ -662,19 +437,10 @@ class _Search:
 
     def _refused(self, r: Ranked, last: Ranked) -> bool:
         """Tell whether what a set adds is not what it is called, and note why."""
-        if not plausible(self.problem, r):
-            return True
-        if not self._real(r, last):
-            self.declined[r.label] = f"its parameters do not differ from nothing by {REAL:g} standard errors"
-            return True
-        slight = negligible(self.problem, r, last)
-        if slight:
-            self.declined[slight] = f"it would be less than {100 * SLIGHT:g} % of what drives"
-            return True
-        spare = needless(self.problem, r, last)
-        if spare:
-            self.declined[spare[0]] = f"without its {spare[1]} it explains nearly as much"
-        return spare is not None
+        found = refusal(self.problem, r, last)
+        if found and found[1]:
+            self.declined[found[0]] = found[1]
+        return found is not None
 
     def _unbent(self, path: list[Step], step: Step) -> bool:
         """Tell whether a step frees known parameters that were bent to imitate it, and does no harm on unseen data: the
@@ -763,25 +529,6 @@ class _Search:
         first = min(near, key=lambda r: (free_parameters(self.problem, r.fit), r.evidence))
         return [first, *(r for r in options if r is not first)]
 
-    def _real(self, r: Ranked, before: Ranked) -> bool:
-        """Tell whether the amplitudes of what was added differ together from nothing, by `REAL` standard errors.
-
-        A parameter that acts in steps, as a delay in whole samples, has no standard error: its evidence decides alone.
-        """
-        known = {c.name for c in before.fit.candidate.coordinates}
-        covariance = np.linalg.pinv(r.fit.hessian, hermitian=True)
-        coordinates = r.fit.candidate.coordinates
-        added = [i for i, c in enumerate(coordinates) if c.name not in known]
-        gains = [i for i in added if coordinates[i].name.startswith("sensor_gain.")]
-        if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
-            return False  # no sensor is that wrong: it stands in for something else
-        free = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
-        steps = r.fit.candidate.equations.delaying if self.problem.scale.imposed else frozenset()
-        amplitudes = [i for i in free if r.fit.hessian[i, i] > 0.0 and coordinates[i].name not in steps]
-        a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]
-        wald = float(a @ np.linalg.pinv(spread, hermitian=True) @ a)
-        return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))
-
     def _enough(self, r: Ranked) -> bool:
         return not structured(self.problem, r, self.filter)
 
@@ -796,83 +543,14 @@ class _Search:
         starts = [now] if now.effects else []
         if len(now.effects) <= 1 and not (self._enough(now) and _prior(now.fit) <= STRAINED):
             starts += [r for r in _simple(singles) if r.effects != now.effects][: BEAM - len(starts)]
-        found = self._extend(starts, trials)
+        found = self.adding.best(starts, trials, self.filter)
         if found and len(starts) > 1 and len(found[0].effects) == 2:
             done = {r.effects for r in starts}
             halves = [s for s in singles if len(s.effects) == 1 and s.effects[0] in found[0].effects]
-            found = sorted(found + self._extend([h for h in halves if h.effects not in done], trials), key=_evidence)
+            more = self.adding.best([h for h in halves if h.effects not in done], trials, self.filter)
+            found = sorted(found + more, key=_evidence)
         self.pairs += found
         return found
-
-    def _extend(self, starts: Sequence[Ranked], trials: list[Trial]) -> list[Ranked]:
-        """Return the best of all trials on top of the starts, fitted out, best first."""
-        jobs = [
-            (before, t)
-            for i, before in enumerate(starts)
-            for t in trials
-            if t.effect not in before.effects and (i == 0 or not t.sensors)
-        ]
-        enough = bool(starts) and self._enough(starts[0])
-        tried = [r for r in self.executor.map(lambda j: self._tried(j[0], j[1], enough), jobs) if r is not None]
-        tried.sort(key=_screening)
-        going_on = [s for before in starts for s in _going_on([s for s in tried if s[1] is before])]
-        screened = sorted((s for s in self.executor.map(self._screened, going_on) if s is not None), key=_screening)
-        self._remember(starts, [*tried, *screened])
-        most = MOST_IMPOSED if self.problem.scale.imposed else MOST_FINISHED
-        front, rest = screened[:2], screened[2:most]
-        finished = self._all_finished(front)
-        if finished and self._enough(finished[0]):
-            rest = [s for s in rest if s[0] < front[0][0] + STRONG]
-        return sorted(finished + self._all_finished(rest), key=_evidence)
-
-    def _remember(self, starts: Sequence[Ranked], screened: Sequence[_Screened]) -> None:
-        """Note what every effect takes away beside others."""
-        for before in starts:
-            mine = [(s[2].effect, s[3]) for s in screened if s[1] is before]
-            left = (
-                likelihood(self.problem.short, before.fit.candidate, before.fit.theta, mine[0][1].gains)
-                if mine
-                else 0.0
-            )
-            for name, f in mine:
-                share = 1.0 - float(np.exp(min(f.cost - left, 0.0) / f.count.sum()))
-                self.beside.setdefault(name, []).append(Beside(before.effects, share))
-
-    def _all_finished(self, screened: Sequence[_Screened]) -> list[Ranked]:
-        """Return trials fitted out, best first."""
-        found = self.executor.map(lambda s: self._finished(*s[1:]), screened)
-        return sorted((r for r in found if r is not None), key=_evidence)
-
-    def _tried(self, before: Ranked, trial: Trial, enough: bool) -> _Screened | None:
-        """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
-        gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
-        known, found = before.fit.parameters(), []
-        few = None if self.problem.scale.imposed else 1 if enough else 3  # of an imposed motion none leads to another
-        if EFFECTS[trial.effect].resonant and not enough:
-            few = None
-        for start in trial.starts[:few]:
-            c = extended(self.problem, before, trial, start)
-            found.append(fit(self.problem.short, c, gains, c.start(known), 2))
-        best = min((f for f in found if f), key=cost_of, default=None)
-        return self._promise(before, trial, best)
-
-    def _screened(self, tried: _Screened) -> _Screened | None:
-        """Return a trial after some further steps; None if it diverges where it is not followed by a filter."""
-        _, before, trial, first = tried
-        return self._promise(
-            before, trial, further(self.problem.short, first, SLOW if EFFECTS[trial.effect].states else 2)
-        )
-
-    def _promise(self, before: Ranked, trial: Trial, f: Fit | None) -> _Screened | None:
-        """Return a trial with what it promises, followed as far as that is to be trusted."""
-        best = next(iter(trusted(self.problem.short, [f])), None) if f else None
-        return (
-            None if best is None else (evidence(self.problem.short, best, len(before.effects) + 1), before, trial, best)
-        )
-
-    def _finished(self, before: Ranked, trial: Trial, start: Fit) -> Ranked | None:
-        fits = descend(self.problem, start.candidate, start.theta, self.problem.levels, 10, self.filter)
-        return ranked(self.problem, (*before.effects, trial.effect), (*before.sensors, *trial.sensors), fits)
 
     # ------------------------------------------------------------ unseen data
 
@@ -917,4 +595,4 @@ class _Search:
         return list(self.executor.map(lambda r: self._compared(path[0], r), singles))
 
 
-__all__ = ["Findings", "Step", "search"]
+__all__ = ["held_out", "prepared", "search"]

@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import arriving, as_list
+from signlin_ros.diagnosis.findings import Findings, Step
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records
 from signlin_ros.diagnosis.judge import correlations
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
 from signlin_ros.diagnosis.rank import free_parameters
+from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
-from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SURE, TIE, Findings, Progress, Step, plausible, search
+from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SURE, TIE, Progress, search
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model

@@ -1,0 +1,128 @@
+"""One effect more on top of what was fitted: every trial for a few steps, the promising ones for more, the best fitted
+out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from signlin_ros.diagnosis.findings import Beside, structured
+from signlin_ros.diagnosis.fit import Filter, Fit, fit, further, likelihood
+from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.rank import Ranked, Trial, cost_of, descend, evidence, extended, ranked, trusted
+from signlin_ros.effects import EFFECTS
+
+WIDE = 6
+"""How many of those that can be added to a set are looked at more closely; with states of their own all are."""
+SLOW = 10
+"""Steps that those with states get for that, whose shape takes longer to be found; others two."""
+MOST_FINISHED = 4
+"""How many of these are fitted out."""
+MOST_IMPOSED = 12
+"""The same where motion is imposed: no observer helps there to find the shape of a hysteresis in a few steps."""
+CLOSE = 30.0
+"""Difference in what they promise to the best one, if that is enough, within which others are fitted out."""
+
+
+@dataclass(frozen=True)
+class _Promise:
+    """A trial on top of what was fitted before, with its fit so far and the evidence of that, less being better."""
+
+    evidence: float
+    before: Ranked
+    trial: Trial
+    fit: Fit
+
+
+def _evidence(found: Ranked | _Promise) -> float:
+    return found.evidence
+
+
+class Adding:
+    """Adds one effect to what was fitted. ``beside``: what those tried took away beside others, by their names."""
+
+    def __init__(self, problem: Problem, run: Executor) -> None:
+        self.problem, self.executor = problem, run
+        self.beside: dict[str, list[Beside]] = {}
+
+    def best(self, starts: Sequence[Ranked], trials: Sequence[Trial], filter: Filter) -> list[Ranked]:
+        """Return the best of all trials on top of the starts, fitted out in noise of a colour, best first.
+
+        Faults of sensors are tried on the first start only.
+        """
+        jobs = [
+            (before, t)
+            for i, before in enumerate(starts)
+            for t in trials
+            if t.effect not in before.effects and (i == 0 or not t.sensors)
+        ]
+        enough = bool(starts) and not structured(self.problem, starts[0], filter)
+        tried = [r for r in self.executor.map(lambda j: self._tried(j[0], j[1], enough), jobs) if r]
+        tried.sort(key=_evidence)
+        going_on = [p for before in starts for p in _going_on([p for p in tried if p.before is before])]
+        promising = sorted((p for p in self.executor.map(self._further, going_on) if p), key=_evidence)
+        self._remember(starts, [*tried, *promising])
+        most = MOST_IMPOSED if self.problem.scale.imposed else MOST_FINISHED
+        front, rest = promising[:2], promising[2:most]
+        finished = self._finished(front, filter)
+        if finished and not structured(self.problem, finished[0], filter):
+            rest = [p for p in rest if p.evidence < front[0].evidence + CLOSE]
+        return sorted(finished + self._finished(rest, filter), key=_evidence)
+
+    def _tried(self, before: Ranked, trial: Trial, enough: bool) -> _Promise | None:
+        """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
+        gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
+        known, found = before.fit.parameters(), []
+        few = None if self.problem.scale.imposed else 1 if enough else 3  # of an imposed motion none leads to another
+        if EFFECTS[trial.effect].resonant and not enough:
+            few = None
+        for start in trial.starts[:few]:
+            c = extended(self.problem, before, trial, start)
+            found.append(fit(self.problem.short, c, gains, c.start(known), 2))
+        best = min((f for f in found if f), key=cost_of, default=None)
+        return self._promise(before, trial, best)
+
+    def _further(self, p: _Promise) -> _Promise | None:
+        """Return a trial after some further steps; None if it diverges where it is not followed by a filter."""
+        steps = SLOW if EFFECTS[p.trial.effect].states else 2
+        return self._promise(p.before, p.trial, further(self.problem.short, p.fit, steps))
+
+    def _promise(self, before: Ranked, trial: Trial, f: Fit | None) -> _Promise | None:
+        """Return a trial with what it promises, followed as far as that is to be trusted."""
+        best = next(iter(trusted(self.problem.short, [f])), None) if f else None
+        if best is None:
+            return None
+        return _Promise(evidence(self.problem.short, best, len(before.effects) + 1), before, trial, best)
+
+    def _finished(self, promising: Sequence[_Promise], filter: Filter) -> list[Ranked]:
+        """Return trials fitted out, best first."""
+
+        def finished(p: _Promise) -> Ranked | None:
+            fits = descend(self.problem, p.fit.candidate, p.fit.theta, self.problem.levels, 10, filter)
+            effects, sensors = (*p.before.effects, p.trial.effect), (*p.before.sensors, *p.trial.sensors)
+            return ranked(self.problem, effects, sensors, fits)
+
+        return sorted((r for r in self.executor.map(finished, promising) if r is not None), key=_evidence)
+
+    def _remember(self, starts: Sequence[Ranked], promising: Sequence[_Promise]) -> None:
+        """Note what every effect takes away beside others."""
+        for before in starts:
+            mine = [p for p in promising if p.before is before]
+            if not mine:
+                continue
+            left = likelihood(self.problem.short, before.fit.candidate, before.fit.theta, mine[0].fit.gains)
+            for p in mine:
+                share = 1.0 - float(np.exp(min(p.fit.cost - left, 0.0) / p.fit.count.sum()))
+                self.beside.setdefault(p.trial.effect, []).append(Beside(before.effects, share))
+
+
+def _going_on(tried: Sequence[_Promise]) -> list[_Promise]:
+    """Return which of the trials on top of one set, best first, are looked at more closely."""
+    return [p for i, p in enumerate(tried) if i < WIDE or EFFECTS[p.trial.effect].states]
+
+
+__all__ = ["Adding"]

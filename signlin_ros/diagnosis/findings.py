@@ -1,0 +1,167 @@
+"""What a search found, and whether what a model leaves is more than noise."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.fit import Filter, Fit, fit, follow_records
+from signlin_ros.diagnosis.judge import Residue, residues, whiteness
+from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.rank import Ranked
+
+Array = NDArray[np.float64]
+
+ROUNDED = 0.6
+"""A residual smaller than this share of the step in which a channel is shown is its rounding."""
+DRAWS, SENSITIVE = 4, 0.1
+"""Draws of uncertain parameters, and the share of what is left that they must make where motion is chaotic."""
+MATTERS = 0.05
+"""Share of the noise, in squares, that what is left must make in a channel for that."""
+AWAKE = 1.35
+"""What an observer may leave, in multiples of the noise, where it follows a state that is moved at random: the noise,
+by how much its gain follows that, and steps of an encoder."""
+NEEDED = 30.0
+"""A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A model on the way from the base to the proposal: what it is, and its innovations on unseen data.
+
+    ``unseen``: at the gain of its fit. ``gain``: fall of -2 log likelihood against the step
+    before (singles: the base), ``certainty`` in standard errors, ``share``: of the squared innovations.
+    """
+
+    ranked: Ranked
+    unseen: tuple[Array, ...]
+    gain: float = 0.0
+    certainty: float = 0.0
+    share: float = 0.0
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What an effect takes away beside others, as a share of the squared errors that these leave (their geometric mean
+    over channels).
+    """
+
+    others: tuple[str, ...]
+    share: float
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Everything that a search found.
+
+    ``steps``: base, then one more effect each. ``singles``: every effect alone, best first, with its innovations on
+    unseen data. ``pairs``: what was tried on top of each single. ``left``: the residual of the proposal;
+    ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged;
+    ``followed``: the same at the middle gain. ``beside``: what effects promised beside others, on the data that was
+    fitted to. ``declined``: why effects that lower the error were refused. ``beyond_doubt``: whether the last step
+    lowers the error on unseen data so; one that was asked for may not.
+    """
+
+    problem: Problem
+    unseen: Problem
+    filter: Filter
+    steps: tuple[Step, ...]
+    singles: tuple[Step, ...]
+    pairs: tuple[Ranked, ...]
+    outside: tuple[str, ...]
+    left: tuple[Residue, ...]
+    held_out: tuple[tuple[Array, ...], tuple[Array, ...]]
+    followed: tuple[tuple[Array, ...], tuple[Array, ...]]
+    beside: Mapping[str, Sequence[Beside]]
+    declined: Mapping[str, str]
+    beyond_doubt: bool = True
+
+    @property
+    def final(self) -> Step:
+        """The proposed model."""
+        return self.steps[-1]
+
+    @functools.cached_property
+    def structured(self) -> bool:
+        """Whether the residual of the proposed model shows structure that is no noise."""
+        return structured(self.problem, self.final.ranked, self.filter)
+
+    @functools.cached_property
+    def driven_by_noise(self) -> bool:
+        """Whether that structure is what noise in the input leaves."""
+        return self.structured and driven_by_noise(self.problem, self.final.ranked)
+
+    @functools.cached_property
+    def unseen_noise(self) -> Array:
+        """Standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure."""
+        left = residues(self.held_out[1], self.problem.noise)
+        return np.array([r.noise if r.structure < 0.5 else s.noise for r, s in zip(left, self.left, strict=True)])
+
+    @property
+    def unaccounted(self) -> bool:
+        """Whether structure is left that is not what noise in the input leaves."""
+        return self.structured and not self.driven_by_noise
+
+
+def judged(problem: Problem, r: Ranked) -> Fit:
+    """Return the fit by whose residual a model is judged: that at the lowest gain, where most shows of what is missing.
+
+    Where the motion is so sensitive there that noise and the uncertainty of the parameters alone make what is left
+    (chaos under cogging, contacts), it is the one of highest likelihood.
+    """
+    low, c = r.low, r.fit.candidate
+    if low is r.fit or low.cost - r.fit.cost <= NEEDED:
+        return low
+    reference = follow_records(problem, c, r.fit.theta, low.gains, False)
+    if reference is None:
+        return low
+    floor = np.nanmean(np.concatenate(r.fit.innovations) ** 2, axis=0)
+    left = np.nanmean(np.concatenate(reference[0]) ** 2, axis=0) - floor
+    w, V = np.linalg.eigh(np.linalg.pinv(r.fit.hessian, hermitian=True))
+    root = V * np.sqrt(np.maximum(w, 0.0))
+    spread = np.zeros_like(left)
+    draw = np.random.default_rng(0).standard_normal
+    for _ in range(DRAWS):
+        theta = np.clip(r.fit.theta + root @ draw(w.size), *c.bounds)
+        noise = [draw(s.y.shape) * np.sqrt(floor) for s in problem.segments]
+        noisy = tuple(replace(s, y=s.y + n) for s, n in zip(problem.segments, noise, strict=True))
+        moved = follow_records(problem, c, theta, low.gains, False, noisy)
+        if moved is None:
+            return r.fit
+        change = [a - b - n for a, b, n in zip(moved[0], reference[0], noise, strict=True)]
+        spread += np.nanmean(np.concatenate(change) ** 2, axis=0) / DRAWS
+    matters = left > MATTERS * floor
+    return r.fit if matters.any() and bool((spread > SENSITIVE * left)[matters].all()) else low
+
+
+def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:
+    """Tell whether the residual of a fitted model shows structure that is no noise of the filter's colour."""
+    at = judged(problem, r)
+    if at.cost - r.fit.cost > NEEDED or any(one.structured for one in residues(at.innovations, problem.noise)):
+        return True
+    whitened = [filter.apply(e) for e in at.innovations]
+    rounding = np.nanstd(np.concatenate(at.innovations), axis=0) < ROUNDED * problem.quanta
+    return not all(whiteness([e[:, c] for e in whitened], steps=bool(rounding[c])).white for c in range(rounding.size))
+
+
+def driven_by_noise(problem: Problem, r: Ranked) -> bool:
+    """Tell whether what a model leaves is what noise in the input leaves: it is gone at the highest gain.
+
+    Noise in the input moves the state at random: an observer that is wide awake follows that, and only the noise of the
+    sensors is left. A force that the model lacks is no white noise, and shows at any gain.
+    """
+    c = r.fit.candidate
+    if problem.scale.imposed or c.filtered:
+        return False
+    found = fit(problem, c, problem.levels[0], r.fit.theta, 10)
+    if found is None or any(one.structured for one in residues(found.innovations, problem.noise)):
+        return False
+    left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
+    return bool((left < AWAKE * problem.noise).all())
+
+
+__all__ = ["NEEDED", "Beside", "Findings", "Step", "driven_by_noise", "judged", "structured"]

@@ -1,0 +1,112 @@
+"""Why an effect is not what is missing, however much it lowers the error."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from signlin_ros.diagnosis.findings import NEEDED
+from signlin_ros.diagnosis.fit import fit
+from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.rank import Ranked
+from signlin_ros.effects import find_effect
+from signlin_ros.model import Model
+
+NOTHING, NEEDLESS = 1e-6, 0.1
+"""What a parameter is held at, as a share of its value, to see whether it is needed, and the share of an effect's gain
+that one must make without which it is another effect."""
+REAL = 3.0
+"""Standard errors by which an added effect must differ from nothing."""
+SLIGHT = 1e-3
+"""Share of the driving force, or of the largest input, beneath which an effect is not worth a name."""
+
+
+def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
+    """Return which effect added to ``before`` is not what it is called, and why ("" if its parameters say so)."""
+    if not plausible(problem, r):
+        return r.label, ""
+    if not _real(problem, r, before):
+        return r.label, f"its parameters do not differ from nothing by {REAL:g} standard errors"
+    slight = _negligible(problem, r, before)
+    if slight:
+        return slight, f"it would be less than {100 * SLIGHT:g} % of what drives"
+    spare = _needless(problem, r, before)
+    return spare and (spare[0], f"without its {spare[1]} it explains nearly as much")
+
+
+def plausible(problem: Problem, r: Ranked) -> bool:
+    """Tell whether the parameters of all that was added are those of the effects, not of what they imitate."""
+    model = r.fit.fitted()
+    added = [use for key, use in model.effects.items() if key not in problem.base.effects]
+    return all(find_effect(use.type, "effects").plausible(use.parameters) for use in added)
+
+
+def _is_essential(model: Model, parameter: str) -> bool:
+    """Tell whether a parameter of a model, ``key.name``, is essential to its effect."""
+    key, _, name = parameter.partition(".")
+    return key in model.effects and name in find_effect(model.effects[key].type, "effects").essential
+
+
+def _needless(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
+    """Return an effect that was added to ``before``, and a parameter essential to it that the fit hardly needs.
+
+    What an effect gains may be what a filter gains that corrects its own states, whatever the effect.
+    """
+    f, known = r.fit, {k.name for k in before.fit.candidate.coordinates}
+    c, added = f.candidate, [i for i, k in enumerate(f.candidate.coordinates) if k.name not in known]
+    essential = [i for i in added if _is_essential(c.model, c.coordinates[i].name)]
+    start = fit(problem, before.fit.candidate, f.gains, before.fit.theta, 2, f.filter) if essential else None
+    for i in essential:
+        k = c.coordinates[i]
+        none = k.theta(NOTHING * k.value(float(f.theta[i])))
+        held = tuple(replace(k, low=none, high=none) if j == i else o for j, o in enumerate(c.coordinates))
+        theta = np.where(np.arange(f.theta.size) == i, none, f.theta)
+        found = fit(problem, replace(c, coordinates=held), f.gains, theta, 10, f.filter)
+        gained = start.cost - f.cost if start else np.inf
+        if found and found.cost - f.cost < max(NEEDED, NEEDLESS * gained):
+            key, _, name = k.name.partition(".")
+            return c.model.effects[key].type, name
+    return None
+
+
+def _negligible(problem: Problem, r: Ranked, before: Ranked) -> str:
+    """Return an effect added to ``before`` whose forces (or what it takes from the input) are beneath notice, whatever
+    their significance: in so fine a fit it stands in for the shape of a sensor's noise, or for a filter's; or "".
+    """
+    values, model = r.fit.parameters(), r.fit.candidate.model
+    for key in r.fit.candidate.label:
+        use = model.effects.get(key)
+        if use is None or use.type in before.effects:
+            continue
+        pars = find_effect(use.type, "effects").pars()
+        units = {n: p.unit for n, p in pars.items() if f"{key}.{n}" in values and p.unit[:1] in ("F", "U")}
+        level = {n for n, unit in units.items() if unit in ("F", "U")} or set(units)
+        sizes = [abs(values[f"{key}.{n}"]) / problem.scale.of(units[n]) for n in level]
+        if sizes and max(sizes) < SLIGHT:
+            return use.type
+    return ""
+
+
+def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:
+    """Tell whether the amplitudes of what was added differ together from nothing, by `REAL` standard errors.
+
+    A parameter that acts in steps, as a delay in whole samples, has no standard error: its evidence decides alone.
+    """
+    known = {c.name for c in before.fit.candidate.coordinates}
+    covariance = np.linalg.pinv(r.fit.hessian, hermitian=True)
+    coordinates = r.fit.candidate.coordinates
+    added = [i for i, c in enumerate(coordinates) if c.name not in known]
+    gains = [i for i in added if coordinates[i].name.startswith("sensor_gain.")]
+    if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
+        return False  # no sensor is that wrong: it stands in for something else
+    free = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
+    steps = r.fit.candidate.equations.delaying if problem.scale.imposed else frozenset()
+    amplitudes = [i for i in free if r.fit.hessian[i, i] > 0.0 and coordinates[i].name not in steps]
+    a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]
+    wald = float(a @ np.linalg.pinv(spread, hermitian=True) @ a)
+    return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))
+
+
+__all__ = ["plausible", "refusal"]
