@@ -42,7 +42,13 @@ class BoucWenHysteresis(Effect):
 
     @classmethod
     def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
-        """Return loops of the width and the first slope of Dahl's; with n = 1 and gamma = 0 they are the same."""
+        """Return loops of the width and the first slope of Dahl's, which are the same with n = 1 and gamma = 0; and
+        such of which a spring is the part that stays elastic, having yielded early.
+        """
+        if simple == "linear_stiffness" and p["k"] > 0:
+            elastic = [{"alpha": alpha, "k": p["k"] / alpha} for alpha in (0.05, 0.3)]
+            loops = [{"beta": beta, "gamma": beta / 2, "n": n} for beta in (1.0, 6.0) for n in (1.0, 2.0)]
+            return [{**part, **loop} for part in elastic for loop in loops]
         if simple != "dahl_presliding" or min(p["F_c"], p["sigma"]) <= 0:
             return []
         loop = {"D": p["F_c"] / p["sigma"], "lambda": 1.0, "beta": 0.9, "gamma": 0.1}

@@ -22,6 +22,7 @@ from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate as our_simulation
 
 SMALL = Drive(MOTOR, {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}, 5.0, 4.0)
+STRONG = Drive(MOTOR, {"R_a": 0.38, "L_a": 0.0013, "K_t": 0.52, "K_m": 0.52, "B": 0.105, "J": 0.066}, 45.0, 3.0)
 BENCH = Drive(MASS, {"m": 1.0, "c": 0.8, "k": 40.0}, 9.0, 6.3)
 AXIS = Drive(MASS, {"m": 95.0, "c": 200.0, "k": 0.0}, 80.0, 2.0)
 FS, DURATION = 200.0, 16.0
@@ -83,6 +84,21 @@ def test_a_hysteresis_is_not_called_friction_without_memory(tmp_path):
     assert found.verdict == "missing"
     assert proposed(found) & WITH_MEMORY
     assert status(found, "coulomb_friction") == status(found, "stribeck_friction") == "rejected"
+
+
+def test_a_loop_that_yields_early_is_not_called_a_spring_with_friction(tmp_path):
+    loop = {"alpha": 0.026, "D": 0.52, "lambda": 1.0, "beta": 0.4, "gamma": 0.33, "n": 1.0, "k": 11.0}
+    given = recorded(
+        tmp_path,
+        STRONG,
+        {"bouc_wen_hysteresis": loop},
+        exc=("sweep", "multisine"),
+        only=("speed", "position"),
+        level=0.02,
+    )
+    found = diagnose(*given)
+    assert proposed(found) == {"bouc_wen_hysteresis"}
+    assert found.ladder[-1].validation.over_noise < 1.03
 
 
 def test_a_stribeck_curve_is_not_called_coulomb(tmp_path):
