@@ -13,7 +13,7 @@ import numpy as np
 from signlin_ros.diagnosis.findings import Beside, structured
 from signlin_ros.diagnosis.fit import Filter, Fit, fit, further, likelihood
 from signlin_ros.diagnosis.problem import Problem
-from signlin_ros.diagnosis.rank import Ranked, Trial, cost_of, descend, evidence, extended, ranked, trusted
+from signlin_ros.diagnosis.rank import Ranked, Trial, cost_of, descend, evidence, evidence_of, extended, ranked, trusted
 from signlin_ros.effects import EFFECTS
 
 WIDE = 6
@@ -38,10 +38,6 @@ class _Promise:
     fit: Fit
 
 
-def _evidence(found: Ranked | _Promise) -> float:
-    return found.evidence
-
-
 class Adding:
     """Adds one effect to what was fitted. ``beside``: what those tried took away beside others, by their names."""
 
@@ -62,16 +58,16 @@ class Adding:
         ]
         enough = bool(starts) and not structured(self.problem, starts[0], filter)
         tried = [r for r in self.executor.map(lambda j: self._tried(j[0], j[1], enough), jobs) if r]
-        tried.sort(key=_evidence)
+        tried.sort(key=evidence_of)
         going_on = [p for before in starts for p in _going_on([p for p in tried if p.before is before])]
-        promising = sorted((p for p in self.executor.map(self._further, going_on) if p), key=_evidence)
+        promising = sorted((p for p in self.executor.map(self._further, going_on) if p), key=evidence_of)
         self._remember(starts, [*tried, *promising])
         most = MOST_IMPOSED if self.problem.scale.imposed else MOST_FINISHED
         front, rest = promising[:2], promising[2:most]
         finished = self._finished(front, filter)
         if finished and not structured(self.problem, finished[0], filter):
             rest = [p for p in rest if p.evidence < front[0].evidence + CLOSE]
-        return sorted(finished + self._finished(rest, filter), key=_evidence)
+        return sorted(finished + self._finished(rest, filter), key=evidence_of)
 
     def _tried(self, before: Ranked, trial: Trial, enough: bool) -> _Promise | None:
         """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
@@ -106,7 +102,7 @@ class Adding:
             effects, sensors = (*p.before.effects, p.trial.effect), (*p.before.sensors, *p.trial.sensors)
             return ranked(self.problem, effects, sensors, fits)
 
-        return sorted((r for r in self.executor.map(finished, promising) if r is not None), key=_evidence)
+        return sorted((r for r in self.executor.map(finished, promising) if r is not None), key=evidence_of)
 
     def _remember(self, starts: Sequence[Ranked], promising: Sequence[_Promise]) -> None:
         """Note what every effect takes away beside others."""

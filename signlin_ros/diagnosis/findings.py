@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import Filter, Fit, fit, follow_records
-from signlin_ros.diagnosis.judge import Residue, residues, whiteness
+from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.rank import Ranked
 
@@ -141,7 +141,7 @@ def judged(problem: Problem, r: Ranked) -> Fit:
 def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:
     """Tell whether the residual of a fitted model shows structure that is no noise of the filter's colour."""
     at = judged(problem, r)
-    if at.cost - r.fit.cost > NEEDED or any(one.structured for one in residues(at.innovations, problem.noise)):
+    if at.cost - r.fit.cost > NEEDED or any_structure(at.innovations, problem.noise):
         return True
     whitened = [filter.apply(e) for e in at.innovations]
     rounding = np.nanstd(np.concatenate(at.innovations), axis=0) < ROUNDED * problem.quanta
@@ -158,7 +158,7 @@ def driven_by_noise(problem: Problem, r: Ranked) -> bool:
     if problem.scale.imposed or c.filtered:
         return False
     found = fit(problem, c, problem.levels[0], r.fit.theta, 10)
-    if found is None or any(one.structured for one in residues(found.innovations, problem.noise)):
+    if found is None or any_structure(found.innovations, problem.noise):
         return False
     left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
     return bool((left < AWAKE * problem.noise).all())

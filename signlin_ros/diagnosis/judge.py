@@ -120,6 +120,11 @@ def residues(innovations: Sequence[Array], white: Array | None = None) -> list[R
     ]
 
 
+def any_structure(innovations: Sequence[Array], white: Array) -> bool:
+    """Tell whether any channel of innovations (T, ny) shows structure; see `residues`."""
+    return any(one.structured for one in residues(innovations, white))
+
+
 def _without_colour(r: Residue, most: float, white: float) -> Residue:
     """Return a residue with structure in place of colour, at most so much of it, where it is beyond ``white`` noise."""
     if white >= 1.0:
@@ -219,4 +224,4 @@ def gain_on(before: Sequence[Array], after: Sequence[Array], block: int) -> tupl
     return gain, float(blocks.sum()) / error if error > 0 else 0.0, float(np.mean(1.0 - second / first))
 
 
-__all__ = ["Residue", "Whiteness", "gain_in_blocks", "gain_on", "residues", "together", "whiteness"]
+__all__ = ["Residue", "Whiteness", "any_structure", "gain_in_blocks", "gain_on", "residues", "together", "whiteness"]

@@ -7,13 +7,14 @@ import itertools
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, further, likelihood
-from signlin_ros.diagnosis.judge import residues
+from signlin_ros.diagnosis.judge import any_structure
 from signlin_ros.diagnosis.narrow import Each, deepened, narrowed, tuned
 from signlin_ros.diagnosis.problem import Gains, Problem, added_keys
 from signlin_ros.diagnosis.scan import periodic_starts
@@ -308,7 +309,7 @@ def _near(problem: Problem, reference: float, climbed: Sequence[Sequence[tuple[F
     best = min(climbed, key=_reached, default=())
     if not best or not reference - _reached(best) >= MUCH:
         return np.inf
-    if any(one.structured for one in residues(best[0][1].innovations, problem.noise)):
+    if any_structure(best[0][1].innovations, problem.noise):
         return np.inf
     return _reached(best) + BEHIND
 
@@ -398,7 +399,7 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     serious = [_reached(c) < fair and not EFFECTS[t.effect].rugged for t, c in zip(trials, climbed, strict=True)]
     work = [(t, c, s) for t, c, s in zip(trials, climbed, serious, strict=True) if c]
     found = run.map(lambda w: _descend(problem, *w), work)
-    return sorted((r for r in found if r is not None), key=_evidence)
+    return sorted((r for r in found if r is not None), key=evidence_of)
 
 
 def deeper(problem: Problem, r: Ranked, each: Each) -> Ranked:
@@ -426,8 +427,7 @@ def simplified(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked
         wanted |= richer.simpler(values) if r.label in known else {}
         jobs += [(replace(known[n], starts=(p,)), r.fit) for n, p in wanted.items() if n in known]
     again = run.map(lambda job: _started(problem, *job), jobs)
-    best = {(r.effects, r.sensors): r for r in sorted((*found, *(r for r in again if r)), key=_evidence, reverse=True)}
-    return sorted(best.values(), key=_evidence)
+    return _best_of_each([*found, *(r for r in again if r)])
 
 
 def _started(problem: Problem, trial: Trial, richer: Fit) -> Ranked | None:
@@ -437,22 +437,33 @@ def _started(problem: Problem, trial: Trial, richer: Fit) -> Ranked | None:
     return ranked(problem, (trial.effect,), (), descend(problem, c, theta, problem.levels[1:], 10, None))
 
 
+def _best_of_each(found: Sequence[Ranked]) -> list[Ranked]:
+    """Return the best fit of every set of effects, best first."""
+    best = {(r.effects, r.sensors): r for r in sorted(found, key=evidence_of, reverse=True)}
+    return sorted(best.values(), key=evidence_of)
+
+
 def searched(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked], run: Executor) -> list[Ranked]:
     """Return what `compete` found, with rugged effects searched from all their starts."""
     if not found:
         return []
     rugged = [t for t in trials if EFFECTS[t.effect].rugged]
     climbed = _climbed(problem, rugged, run)
-    first, middle = min(found, key=_evidence).fit, problem.levels[1]
+    first, middle = min(found, key=evidence_of).fit, problem.levels[1]
     limit = likelihood(problem, first.candidate, first.theta, middle) + CLOSE
     pairs = [(t, c) for t, c in zip(rugged, climbed, strict=True) if c and c[0][1].cost < limit]
     again = [_descend(problem, *pair, True, run.map) for pair in pairs]
-    best = {(r.effects, r.sensors): r for r in sorted((*found, *(r for r in again if r)), key=_evidence, reverse=True)}
-    return sorted(best.values(), key=_evidence)
+    return _best_of_each([*found, *(r for r in again if r)])
 
 
-def _evidence(r: Ranked) -> float:
-    return r.evidence
+class _Weighed(Protocol):
+    @property
+    def evidence(self) -> float: ...
+
+
+def evidence_of(found: _Weighed) -> float:
+    """Return the evidence of what was fitted, less being better."""
+    return found.evidence
 
 
 __all__ = [
@@ -464,6 +475,7 @@ __all__ = [
     "cost_of",
     "deeper",
     "descend",
+    "evidence_of",
     "free_parameters",
     "ranked",
     "searched",

@@ -36,6 +36,7 @@ from signlin_ros.diagnosis.rank import (
     deeper,
     descend,
     evidence,
+    evidence_of,
     extended,
     free_parameters,
     ranked,
@@ -199,10 +200,6 @@ def _prior(f: Fit) -> float:
     return float(sum(((x - c.prior) / c.spread) ** 2 for c, x in pairs))
 
 
-def _evidence(r: Ranked) -> float:
-    return r.evidence
-
-
 def _values(r: Ranked, effect: str) -> dict[str, float]:
     """Return the fitted parameters of an effect that was added last under its name; none for one of a sensor."""
     model, label = r.fit.fitted(), r.fit.candidate.label
@@ -279,11 +276,11 @@ class _Search:
     def _singles(self, base: Ranked, trials: list[Trial]) -> list[Ranked]:
         """Return every effect alone, best first; searched as thoroughly as is needed for one that is enough."""
         singles = compete(self.problem, base, trials, self.executor)
-        if not (self.filter.rho.any() or self._enough(min([base, *singles], key=_evidence))):
+        if not (self.filter.rho.any() or self._enough(min([base, *singles], key=evidence_of))):
             singles = searched(self.problem, trials, singles, self.executor)
-            if not self._enough(min([base, *singles], key=_evidence)):
+            if not self._enough(min([base, *singles], key=evidence_of)):
                 front = [deeper(self.problem, r, self.executor.map) for r in singles[:2]]
-                singles = sorted([*front, *singles[2:]], key=_evidence)
+                singles = sorted([*front, *singles[2:]], key=evidence_of)
         return simplified(self.problem, trials, singles, self.executor)
 
     # ------------------------------------------------------------ noise
@@ -306,7 +303,7 @@ class _Search:
         Coloured noise is borrowed by flexible models as long as it is taken for white; and what is missing looks like
         coloured noise.
         """
-        good = [base, *sorted(singles, key=_evidence)[:FRONT]]
+        good = [base, *sorted(singles, key=evidence_of)[:FRONT]]
         colours = [self._colour(r) for r in good]
         if any(c.rho.any() for c in colours):
             found = [self._in_colour(r, c) for r, c in zip(good, colours, strict=True)]
@@ -314,7 +311,7 @@ class _Search:
         if not self.filter.rho.any():
             return base, singles
         refitted = self.executor.map(self._again, singles)
-        return self._polished(base), sorted(refitted, key=_evidence)
+        return self._polished(base), sorted(refitted, key=evidence_of)
 
     def _again(self, r: Ranked, steps: int = 4, far: float = FAR) -> Ranked:
         """Fit a set of effects again at the lowest gain with the present filter."""
@@ -351,24 +348,27 @@ class _Search:
             whole = step if half is not step else whole
             step = half
             if step is not None:
-                kept = [p for p in path if set(p.ranked.effects) < set(step.ranked.effects)]
-                path = [*kept, step if kept[-1] is path[-1] else self._compared(kept[-1], step.ranked)]
+                path = self._onto(path, step, path[-1])
             elif depth > 0 or (self._enough(path[0].ranked) and _prior(path[0].ranked.fit) <= STRAINED):
                 break
             self.progress("more effects", 0.3 + 0.15 * depth)
             if depth + 1 < self.depth or step is None:
                 options = self._more(path[-1].ranked, singles, trials)
         if whole is not None and path[-1].ranked.evidence >= whole.ranked.evidence + TIE:
-            kept = [p for p in path if set(p.ranked.effects) < set(whole.ranked.effects)]
-            path = [*kept, whole if len(kept) == 1 else self._compared(kept[-1], whole.ranked)]
+            path = self._onto(path, whole, path[0])
         return self._by_rungs(path, singles)
+
+    def _onto(self, path: list[Step], step: Step, before: Step) -> list[Step]:
+        """Return a path that ends in a step, with those before it that are part of it; it came from ``before``."""
+        kept = [p for p in path if set(p.ranked.effects) < set(step.ranked.effects)]
+        return [*kept, step if kept[-1] is before else self._compared(kept[-1], step.ranked)]
 
     def _by_rungs(self, path: list[Step], singles: list[Ranked]) -> list[Step]:
         """Return a path from the base to two effects at once with the better of the two alone in between."""
         if len(path) != 2 or len(path[1].ranked.effects) != 2:
             return path
         alone = _between(path[0].ranked, singles, path[1].ranked)
-        first = min(alone, key=_evidence, default=path[0].ranked)
+        first = min(alone, key=evidence_of, default=path[0].ranked)
         if first.evidence >= path[0].ranked.evidence:
             return path
         rung = self._compared(path[0], self._polished(first))
@@ -388,7 +388,7 @@ class _Search:
         """Return the best option with the effect that was added last in its parts: one that is rich stands in for
         several simple ones.
         """
-        best = min(options, key=_evidence, default=None)
+        best = min(options, key=evidence_of, default=None)
         if best is None or not best.effects or best.sensors:
             return []
         effect = EFFECTS[best.effects[-1]]
@@ -422,7 +422,7 @@ class _Search:
 
     def _best_step(self, path: list[Step], options: list[Ranked]) -> Step | None:
         """Return the best option that lowers the error on unseen data beyond doubt, or None."""
-        for option in self._simplest_first(sorted(options, key=_evidence))[:3]:
+        for option in self._simplest_first(sorted(options, key=evidence_of))[:3]:
             if option.evidence >= path[-1].ranked.evidence - (TIE if len(path) > 1 else 0.0):
                 return None
             r = self._plainer(self._pruned(option, path))
@@ -483,7 +483,7 @@ class _Search:
         """
         while len(r.effects) > 1:
             fewer = [f for f in self.executor.map(functools.partial(without, self.problem, r), r.effects) if f]
-            best = min(fewer, key=_evidence, default=r)
+            best = min(fewer, key=evidence_of, default=r)
             for f in fewer:
                 better = f.effects == path[-1].ranked.effects and f.evidence < path[-1].ranked.evidence
                 if better and plausible(self.problem, f):
@@ -548,7 +548,7 @@ class _Search:
             done = {r.effects for r in starts}
             halves = [s for s in singles if len(s.effects) == 1 and s.effects[0] in found[0].effects]
             more = self.adding.best([h for h in halves if h.effects not in done], trials, self.filter)
-            found = sorted(found + more, key=_evidence)
+            found = sorted(found + more, key=evidence_of)
         self.pairs += found
         return found
 
@@ -591,7 +591,7 @@ class _Search:
         """Return every single effect compared with the base; a proposal of one may have come from a pair."""
         final = path[-1].ranked
         if len(final.effects) == 1:
-            singles = sorted([final, *(r for r in singles if r.effects != final.effects)], key=_evidence)
+            singles = sorted([final, *(r for r in singles if r.effects != final.effects)], key=evidence_of)
         return list(self.executor.map(lambda r: self._compared(path[0], r), singles))
 
 
