@@ -48,9 +48,9 @@ class Equations:
         """Names of the parameters by which the input is late."""
         return frozenset(n for n, part in zip(self.parameters, self.delay, strict=True) if part)
 
-    def flags(self, with_s: bool) -> tuple[int, ...]:
-        """Return the sizes that `signlin_ros.diagnosis.follow.follow` takes."""
-        return (*self.sizes, int(with_s), self.substeps, self.own)
+    def flags(self, with_s: bool, substeps: int = 0) -> tuple[int, ...]:
+        """Return the sizes that `signlin_ros.diagnosis.follow.follow` takes; ``substeps``: no fewer than that."""
+        return (*self.sizes, int(with_s), max(substeps, self.substeps), self.own)
 
 
 def sensor_names(channels: tuple[str, ...]) -> tuple[str, ...]:

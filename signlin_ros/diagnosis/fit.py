@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.equations import Equations, equations
-from signlin_ros.diagnosis.follow import follow
-from signlin_ros.diagnosis.problem import Gains, Problem, Segment, _twin
+from signlin_ros.diagnosis.follow import MOST, follow
+from signlin_ros.diagnosis.problem import WANDER, Gains, Problem, Segment, _twin
 from signlin_ros.effects import find_effect
 from signlin_ros.model import Model
 from signlin_ros.par import Par
@@ -37,11 +37,12 @@ SECANTS, SETTLED = 8, 1e-3
 """Most secants, and the share of the squared errors below which another one gains nothing."""
 GAIN = 0.7
 """Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
-APART, WANDER = 0.3, 0.05
-"""How uncertain the start of a load is that floats, as a part of an excursion and of the velocity (RMS), and the part
-of that by which it may wander in a second."""
+APART = 0.3
+"""How uncertain the start of a load is that floats, as a part of an excursion and of the velocity (RMS)."""
 NEAR = 3.0
 """Largest change of the logarithm of a floating load's inertia: one much larger stands still, and is a spring."""
+TURN, FASTER = 0.8, 1.5
+"""Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
 
@@ -75,7 +76,8 @@ class Coordinate:
 class Candidate:
     """A model to be fitted: its free parameters as coordinates, its values elsewhere.
 
-    ``alert``: whether an extended Kalman filter follows it where its motion is sensitive.
+    ``alert``: whether an extended Kalman filter follows it where its motion is sensitive; ``wander``: by which part of
+    the velocity (RMS) that of a floating load may wander in a second, as the filter takes it.
     """
 
     model: Model
@@ -84,6 +86,7 @@ class Candidate:
     values: dict[str, float]
     label: tuple[str, ...] = ()
     alert: bool = True
+    wander: float = WANDER
 
     @functools.cached_property
     def angular(self) -> bool:
@@ -217,8 +220,8 @@ def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordin
         par, full = pars[name], f"{key}.{name}"
         if name in effect.held or par.structural or full not in model.trace.parameters:
             continue
-        if par.positive:
-            reach = NEAR if effect.floating else 12.0
+        if par.positive or (effect.floating and par.low >= 0.0 and value > 0.0):
+            reach = NEAR if par.positive and effect.floating else 12.0
             result.append(Coordinate(full, True, value, -reach, reach, 0.0, SHAPE))
         else:
             unit = 1.0 if name in effect.periodic[:1] else problem.scale.of(par.unit)  # an order comes from a scan
@@ -245,7 +248,7 @@ def candidate(
     known = {**_known_sensors(problem), **(sensors or {})}
     for name in eq.parameters[len(values) :]:
         values[name] = known.get(name, 1.0 if name.startswith("sensor_gain") else 0.0)
-    return Candidate(model, eq, tuple(coordinates), values, added + tuple(sensors or ()))
+    return Candidate(model, eq, tuple(coordinates), values, added + tuple(sensors or ()), wander=problem.wander)
 
 
 def _known_sensors(problem: Problem) -> dict[str, float]:
@@ -288,7 +291,8 @@ def follow_records(
     """Return innovations (T, ny), their derivatives (T, ny, np) and states (T, n) for every record; None if it
     diverges.
 
-    While a delayed input is still that from before the record, which nobody knows, the observer stays wide awake.
+    While a delayed input is still that from before the record, which nobody knows, the observer stays wide awake, and
+    what it leaves counts as noise.
     """
     p, eq = c.p(theta), c.equations
     ny, count = eq.sizes[2], eq.sizes[3]
@@ -305,20 +309,21 @@ def follow_records(
     shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
     rows = gains.rows(c.model.states) / np.array(shown)
     rows[:, [name in c.floating for name in c.model.states]] = 0.0  # corrected by the Kalman filter, or not at all
-    belief, variances = _belief(problem, c, gains), problem.noise**2
+    belief, variances = _belief(problem, c, gains, dict(zip(problem.channels, shown, strict=True))), problem.noise**2
     errors, derivatives, states = [], [], []
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
         rest = (p, scale, delay - s.early, lags, belief, variances)
         x0 = _start(problem, c, s, (rows, *rest)) - _led_back(problem, c, s, delay)
-        unknown = ceil(delay / problem.scale.step) if s.whole else 0
+        unknown = ceil(delay / problem.scale.step) + 1 if s.whole and delay > 0.0 else 0
         held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
-        arguments = (eq.flags(with_s), s.t, s.u, s.y, held, x0, *rest)
+        arguments = (eq.flags(with_s, _turns(problem, c, p)), s.t, s.u, s.y, held, x0, *rest)
         if follow(eq.head, eq.whole, *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
             return None
-        weights = np.concatenate([np.full((unknown, ny), np.sqrt(0.5)), gains.weights])[: s.t.size]
+        weights = np.concatenate([np.zeros((unknown, ny)), gains.weights])[: s.t.size]
         E[: weights.shape[0]] *= weights
+        E[:unknown] += np.where(np.isfinite(E[:unknown]), problem.noise, 0.0)
         if with_s:
             D *= slopes
             D[: weights.shape[0]] *= weights[:, :, None]
@@ -338,20 +343,37 @@ def _led_back(problem: Problem, c: Candidate, s: Segment, delay: float) -> Array
     return back
 
 
-def _belief(problem: Problem, c: Candidate, gains: Gains) -> Array:
-    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not."""
+def _turns(problem: Problem, c: Candidate, p: Array) -> int:
+    """Return the substeps that periodic forces ask for: the phase of each must not turn by more than `TURN` in one."""
+    turned = 0.0
+    for key, use in c.model.effects.items():
+        for name in find_effect(use.type, "effects").periodic[:1]:
+            order = p[c.equations.parameters.index(f"{key}.{name}")]
+            turned = max(turned, abs(order) * FASTER * problem.scale.velocity * problem.scale.step)
+    return ceil(min(turned / TURN, MOST))
+
+
+def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, float]) -> Array:
+    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not.
+
+    What a sensor shows larger than it is (``shown``: its gain, by channel) moves less than it seems to: else a gain
+    would fit the filter, not the motion.
+    """
     names, floating, scale = c.model.states, c.floating, problem.scale
     if not c.filtered or not gains.spread.size:
         return np.zeros((3, 0))
     apart = {"position": scale.excursion, "velocity": scale.velocity}
-    found = np.ones((3, len(names)))
+    plant, found = problem.base.plant, np.ones((3, len(names)))
+    motion = next((shown[n] for n in (plant.position, plant.velocity) if n in shown), 1.0)
     for i, name in enumerate(names):
+        larger = shown.get(name, motion if name in (plant.position, plant.velocity) or name in floating else 1.0) ** 2
         if name in gains.names:
-            found[:2, i] = gains.spread[:, gains.names.index(name)]
+            found[:2, i] = gains.spread[:, gains.names.index(name)] / larger
             continue
         own = name.rpartition(".")[2]
         size = APART * apart.get(own, 0.0) if name in floating else 0.0
-        found[:, i] = WANDER**2 * size**2 * scale.step, size**2, 2.0 if own == "position" else 1.0
+        added, first = c.wander**2 * size**2 * scale.step, size**2
+        found[:, i] = added / larger, first / larger, 2.0 if own == "position" else 1.0
     return found
 
 
@@ -371,7 +393,7 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
 
     def errors(x: Array) -> tuple[Array, Array]:
         E, X = np.zeros((size, y.shape[1])), np.zeros((size, x.size))
-        arguments: tuple[Any, ...] = (eq.flags(False), t, u, y, rows, x, *others)
+        arguments: tuple[Any, ...] = (eq.flags(False, _turns(problem, c, others[0])), t, u, y, rows, x, *others)
         if cast("Any", follow)(eq.head, eq.whole, *arguments, E, np.zeros((0, y.shape[1], eq.sizes[3])), X) < size:
             E[:] = np.inf
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X

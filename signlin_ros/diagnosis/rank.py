@@ -37,7 +37,9 @@ MOST_STARTS = 6
 """Starts that are descended from: those most likely after two steps."""
 CONSISTENT = (2.0, 4.0)
 """Largest residual, in multiples of white noise, of a model that is followed by a filter which takes it to be right:
-with own states that the filter corrects, and without."""
+with own states that the filter corrects, at the lowest gain, and else."""
+WANDERS, WORTHWHILE = (0.2, 0.05, 0.02, 0.01, 0.005), 0.02
+"""By how much a floating load may wander, and what another one must gain in -2 log likelihood for every measurement."""
 SERIOUS = 0.25
 """Share of the best candidate's gain at the middle gain that makes another one worth a thorough fit, as long as any
 is"""
@@ -87,7 +89,8 @@ def ranked(problem: Problem, effects: tuple[str, ...], sensors: tuple[str, ...],
 
 def consistent(problem: Problem, f: Fit) -> bool:
     """Tell whether most of what a fit leaves is of the size of the noise, as a Kalman filter for it takes it to be."""
-    left, most = np.concatenate(f.innovations), CONSISTENT[0] if f.candidate.floating else CONSISTENT[1]
+    strict = f.candidate.floating and f.gains is problem.levels[-1]
+    left, most = np.concatenate(f.innovations), CONSISTENT[0] if strict else CONSISTENT[1]
     return bool((np.nanmedian(np.abs(left), axis=0) < most * norm.ppf(0.75) * problem.noise).all())
 
 
@@ -101,6 +104,33 @@ def trusted(problem: Problem, fits: Sequence[Fit]) -> Sequence[Fit]:
     last = fits[-1]
     plain = replace(last.candidate, alert=False)
     return descend(problem, plain, last.theta, [f.gains for f in fits], 4, last.filter)
+
+
+def roughness(f: Fit) -> float:
+    """Return what does not count in -2 log likelihood: where a load floats, by how much the filter's own working
+    differs from one local minimum to the next.
+    """
+    floats = f.candidate.filtered and f.candidate.floating
+    return WORTHWHILE * float(f.count.sum()) if floats else 0.0
+
+
+def calmed(problem: Problem, f: Fit, steps: int = 10) -> Fit:
+    """Return a fit of a model with a load that floats, with as much wandering as makes it most likely; others as they
+    are.
+
+    With too much, the filter borrows from the load's motion what its parameters lack; with too little, it is sure of
+    what it has lost.
+    """
+    if not roughness(f):
+        return f
+    first, now, enough = f, f.candidate.wander, roughness(f)
+    for choice in ([w for w in WANDERS if w < now], [w for w in WANDERS[::-1] if w > now]):
+        for wander in choice if f is first else ():
+            again = fit(problem, replace(f.candidate, wander=wander), f.gains, f.theta, steps, f.filter)
+            if again is None or f.cost - again.cost < enough:
+                break
+            f = again
+    return f
 
 
 def descend(
@@ -187,7 +217,7 @@ def extended(problem: Problem, before: Ranked | None, trial: Trial, start: dict[
     for key in trial.added:
         model = model.with_effect(trial.effect, key=key, **start)
     c = candidate(problem, model, added + trial.added, {**sensors, **trial.sensors})
-    return _from_nominal(problem, c)
+    return replace(_from_nominal(problem, c), wander=before.fit.candidate.wander if before else c.wander)
 
 
 def _from_nominal(problem: Problem, c: Candidate) -> Candidate:
@@ -274,7 +304,7 @@ def without(problem: Problem, r: Ranked, effect: str) -> Ranked | None:
     values = r.fit.parameters()
     sensors = {n: values[n] for n in r.sensors if n.partition(".")[0] != effect}
     added = tuple(e for e in r.fit.candidate.label if e in model.effects)
-    c = candidate(problem, model, added, sensors)
+    c = replace(candidate(problem, model, added, sensors), wander=r.fit.candidate.wander)
     low = problem.levels[-1]
     levels = [r.fit.gains, low] if r.fit.gains is not low else [low]
     fits = descend(problem, c, None, levels, 10, r.low.filter)
@@ -363,8 +393,8 @@ def _descend(
         levels = problem.levels[2:] if serious else problem.levels[-1:]
         upper = _settled(problem, trial, middle, each) if serious else middle
         lower = descend(problem, upper.candidate, upper.theta, levels, 10 if serious else 2, None)
-        if serious and lower:
-            lower[-1] = _settled(problem, trial, lower[-1], each)
+        if lower:
+            lower[-1] = calmed(problem, _settled(problem, trial, lower[-1], each) if serious else lower[-1])
         found = ranked(problem, (trial.effect,), tuple(trial.sensors), [high, upper, *lower])
         if found and (best is None or found.evidence < best.evidence):
             best = found
@@ -471,6 +501,7 @@ __all__ = [
     "Trial",
     "applicable",
     "assess",
+    "calmed",
     "compete",
     "cost_of",
     "deeper",
@@ -478,6 +509,7 @@ __all__ = [
     "evidence_of",
     "free_parameters",
     "ranked",
+    "roughness",
     "searched",
     "simplified",
     "trusted",

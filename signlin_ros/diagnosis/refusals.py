@@ -22,6 +22,9 @@ REAL = 3.0
 SLIGHT = 1e-3
 """Share of the driving force, or of the largest input, beneath which an effect is not worth a name."""
 
+BRIEF = 0.1
+"""Part of the time between two samples beneath which a delay is not worth a name."""
+
 
 def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
     """Return which effect added to ``before`` is not what it is called, and why ("" if its parameters say so)."""
@@ -32,6 +35,8 @@ def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | No
     slight = _negligible(problem, r, before)
     if slight:
         return slight, f"it would be less than {100 * SLIGHT:g} % of what drives"
+    if _instant(problem, r, before):
+        return r.label, f"it would be less than {BRIEF:g} of the time between two samples"
     spare = _needless(problem, r, before)
     return spare and (spare[0], f"without its {spare[1]} it explains nearly as much")
 
@@ -87,6 +92,15 @@ def _negligible(problem: Problem, r: Ranked, before: Ranked) -> str:
         if sizes and max(sizes) < SLIGHT:
             return use.type
     return ""
+
+
+def _instant(problem: Problem, r: Ranked, before: Ranked) -> bool:
+    """Tell whether the effect that was added last is a delay that nobody would notice."""
+    units = {par.unit for par in find_effect(r.label, "effects").pars().values()}
+    if units != {"s"} or r.label in before.effects:
+        return False
+    delays = [v for n, v in r.fit.parameters().items() if n.partition(".")[0] == r.label]
+    return max(delays, default=np.inf) < BRIEF * problem.scale.step
 
 
 def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:

@@ -9,19 +9,23 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
+from scipy.linalg import expm
+from scipy.signal import fftconvolve, savgol_filter
 
 from signlin_ros.diagnosis.data import travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.fit import candidate, follow_records
+from signlin_ros.diagnosis.fit import candidate, fit, follow_records
 from signlin_ros.diagnosis.missing import per_force
-from signlin_ros.diagnosis.problem import Gains, Problem, Segment, first_look
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment, first_look, linear_base
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
-FASTEST = 1.5
-"""Largest N v dt that is looked for, v being the RMS velocity: faster ones are not resolved by the samples."""
+FASTEST = 4.0
+"""Largest N v dt that is looked for, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
+
+SLOWEST, TRACE = 0.8, 5.0
+"""Smallest N v dt of a fast one, and for how many time constants of the observer it leaves a trace."""
 
 
 def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
@@ -48,20 +52,70 @@ def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array,
     return np.concatenate(positions), np.concatenate(velocities), np.concatenate(residuals)
 
 
+def _matched(problem: Problem, model: Model, highest: float, count: int) -> list[tuple[float, float, float]]:
+    """Return (N, A / inertia, phi) of fast periodic forces: those that turn by about a radian and more in a sample.
+
+    An observer is too slow for them, but it leaves a trace of each: what it leaves is filtered with its own response to
+    a force that acts between two samples (a matched filter), and the amplitudes are those whose response fits best.
+    Positions are those of a high and of a lower gain: the ones are noisier, the others off by what the model lacks.
+    """
+    c, (high, lower) = candidate(problem, model, ()), problem.levels[:2]
+    base = fit(problem, c, lower, None, 4)
+    runs = [follow_records(problem, c, c.start() if base is None else base.theta, one, False) for one in (high, lower)]
+    response, starts = _response(problem, model, high), []
+    for run in runs:
+        if runs[0] is None or run is None:
+            break
+        left = [np.nan_to_num(e / problem.noise) for e in runs[0][0]]
+        places = [_halfway(model, s.t, X) for X, s in zip(run[2], problem.segments, strict=True)]
+        whole = [fftconvolve(e, response[::-1], axes=0).sum(axis=1)[len(response) :][: len(e) - 1] for e in left]
+        q, rest = np.concatenate(places), np.concatenate([e[1:].ravel() for e in left])
+        for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, SLOWEST / FASTEST * highest):
+            waves = [np.exp(1j * order * one)[:, None] for one in places]
+            trace = np.concatenate([fftconvolve(w, response, axes=0)[: len(w)].ravel() for w in waves])
+            sine, cosine = np.linalg.lstsq(np.column_stack([trace.imag, trace.real]), rest, rcond=None)[0]
+            starts.append((order, float(np.hypot(sine, cosine)), float(np.arctan2(-cosine, -sine))))
+    return starts
+
+
+def _halfway(model: Model, t: Array, X: Array) -> Array:
+    """Return the position (T - 1,) between every two samples of states (T, n)."""
+    plant, names = model.plant, model.states
+    known = plant.position in names
+    q = X[:, names.index(plant.position)] if known else travelled(t, X[:, names.index(plant.velocity)])
+    return np.asarray((q[1:] + q[:-1]) / 2)
+
+
+def _response(problem: Problem, model: Model, gains: Gains) -> Array:
+    """Return what an observer of the bare plant leaves (M, ny), in units of the noise, in the samples after one between
+    which a unit of acceleration was missing.
+    """
+    states, A, _, C = linear_base(model, problem.channels)
+    push = np.zeros((len(states), 1))
+    push[states.index(model.plant.velocity)] = 1.0
+    n, dt = len(states), problem.scale.step
+    whole = expm(np.block([[A, push], [np.zeros((1, n + 1))]]) * dt)
+    onward, x = whole[:n, :n] @ (np.eye(n) - gains.rows(states)[-1] @ C), whole[:n, n]
+    powers = [x]
+    for _ in range(int(np.ceil(TRACE * gains.tau / dt))):
+        powers.append(onward @ powers[-1])
+    return np.asarray(np.array(powers) @ C.T / problem.noise)
+
+
 def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, Array, Array]:
-    """Return position, velocity and the acceleration by which an observer corrects the base model, each (T,)."""
+    """Return position, velocity and the acceleration by which an observer corrects the base model, each (T,).
+
+    What it corrects at a sample was missing since the one before: positions are those in between.
+    """
     c, plant = candidate(problem, model, ()), model.plant
     found = follow_records(problem, c, c.start(), gains, False)
     if found is None:
         return np.zeros(2), np.zeros(2), np.zeros(2)
     at = model.states.index(plant.velocity)
     row = gains.rows(model.states)[-1, at] / problem.scale.step
-    a = np.concatenate([np.nan_to_num(e) @ row for e in found[0]])
-    v = np.concatenate([X[:, at] for X in found[2]])
-    if plant.position in model.states:
-        return np.concatenate([X[:, model.states.index(plant.position)] for X in found[2]]), v, a
-    steps = zip(problem.segments, found[2], strict=True)
-    return np.concatenate([np.cumsum(X[:, at]) * np.median(np.diff(s.t)) for s, X in steps]), v, a
+    q = [_halfway(model, s.t, X) for X, s in zip(found[2], problem.segments, strict=True)]
+    v = np.concatenate([X[1:, at] for X in found[2]])
+    return np.concatenate(q), v, np.concatenate([np.nan_to_num(e[1:]) @ row for e in found[0]])
 
 
 def _filled(values: Array) -> Array:
@@ -99,10 +153,11 @@ def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tupl
         for order in _orders(q, v, a, highest, count - 1):
             N, A, phase = _start(q, a, order, inertia)
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
-    return starts
+    fast = _matched(problem, model, highest, count // 2)
+    return starts + [(N, A * inertia, phase) for N, A, phase in fast]
 
 
-def _orders(q: Array, v: Array, a: Array, highest: float, count: int) -> list[float]:
+def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lowest: float = 0.2) -> list[float]:
     """Return the orders of the highest peaks of the spectrum of a (T,) over q (T,)."""
     features = np.column_stack([np.ones_like(v), v, np.sign(v), v * np.abs(v)])
     a = a - features @ np.linalg.lstsq(features, a, rcond=None)[0]
@@ -115,7 +170,7 @@ def _orders(q: Array, v: Array, a: Array, highest: float, count: int) -> list[fl
     size = 2 ** int(np.ceil(np.log2(4 * bins)))
     spectrum = np.fft.rfft(np.bincount(place, weights=a, minlength=bins), size)
     orders = 2 * np.pi * np.arange(spectrum.size) * bins / (span * size)
-    power = np.where((orders > 4.0 / span) & (orders > 0.2) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
+    power = np.where((orders > 4.0 / span) & (orders > lowest) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
     found: list[float] = []
     while len(found) < count and power.max() > 0:
         found.append(float(orders[int(np.argmax(power))]))

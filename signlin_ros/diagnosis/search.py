@@ -32,6 +32,7 @@ from signlin_ros.diagnosis.rank import (
     Trial,
     applicable,
     assess,
+    calmed,
     compete,
     deeper,
     descend,
@@ -40,6 +41,7 @@ from signlin_ros.diagnosis.rank import (
     extended,
     free_parameters,
     ranked,
+    roughness,
     searched,
     simplified,
     without,
@@ -268,6 +270,11 @@ class _Search:
             raise SimulationError(
                 f"{self.problem.base.source}: the model diverges on these records{_too_slow(self.problem)}"
             )
+        calm = calmed(self.problem, base.fit).candidate.wander
+        if calm < self.problem.wander:
+            self.problem = replace(self.problem, wander=calm)
+            self.adding = Adding(self.problem, self.executor)
+            base = assess(self.problem, None) or base
         white, self.filter = self.filter, self._colour(base)
         if self.filter.rho.any() and not self._enough(self._polished(base)):
             self.filter = white
@@ -428,7 +435,8 @@ class _Search:
             r = self._plainer(self._pruned(option, path))
             self._reached(r, path)
             last = path[-1].ranked
-            if r.effects == last.effects or r.evidence >= last.evidence or self._refused(r, last):
+            least = roughness(last.fit) if set(last.effects) < set(r.effects) else 0.0
+            if r.effects == last.effects or r.evidence >= last.evidence - least or self._refused(r, last):
                 continue
             step = self._compared(path[-1], r)
             if self._unbent(path, step) or self._beyond_doubt(path, step):

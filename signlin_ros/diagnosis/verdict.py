@@ -17,7 +17,6 @@ from signlin_ros.diagnosis.findings import Findings, Step
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records
 from signlin_ros.diagnosis.judge import correlations
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
-from signlin_ros.diagnosis.rank import free_parameters
 from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
@@ -441,8 +440,6 @@ def _rivals(f: Findings, effect: str) -> list[str]:
     for r in options:
         if set(r.effects) >= others and len(r.effects) == len(final.effects) and effect not in r.effects:
             new = (set(r.effects) - others).pop()
-            if free_parameters(f.problem, r.fit) > free_parameters(f.problem, final.fit):
-                continue
             if abs(r.evidence - final.evidence) < TIE and new not in found:
                 found.append(new)
     values, cls = {n: p.value for n, p in _added_parameters(f, final, effect).items()}, find_effect(effect, "effects")

@@ -9,12 +9,12 @@ from signlin_ros.effects.compliant_load import FASTEST, SLOWEST, CompliantLoad
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
-STARTS = 128
+STARTS = 216
 LIGHTEST, HEAVIEST = 0.08, 0.7
 """Inertias that a fit starts from, as parts of force over acceleration,"""
 LEAST_DAMPING, MOST_DAMPING = 0.02, 0.3
 """relative damping in contact,"""
-SMALLEST, LARGEST = 0.03, 0.8
+SMALLEST, LARGEST = 0.003, 0.8
 """and half widths of the play, in multiples of velocity² over acceleration (RMS)."""
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis.fit import candidate, fit, follow_records
+from signlin_ros.diagnosis.fit import _belief, candidate, fit, follow_records
 from signlin_ros.diagnosis.problem import _first_slope, prepare
 from signlin_ros.diagnosis.rank import consistent, trusted
 from signlin_ros.diagnosis.verdict import diagnose
@@ -67,6 +67,27 @@ def test_play_is_named_on_a_record_that_starts_in_motion(tmp_path):
     found = diagnose(*recorded(tmp_path, BENCH, PLAY, skip=300))
     assert found.verdict == "missing"
     assert proposed(found) == {"backlash"}
+
+
+def test_a_play_much_smaller_than_the_travel_is_named_through_a_fine_encoder(tmp_path):
+    play = {"gap": 0.01, "k": 40.0, "c": 0.02, "J": 0.0015}
+    how = {"exc": ("multisine", "slow"), "off": 1.0, "only": ("current", "position")}
+    found = diagnose(*recorded(tmp_path, SMALL, {"backlash": play}, level=np.array([0.02, 0.02, 1e-5]), **how))
+    assert proposed(found) == {"backlash"}
+    fitted = next(e.parameters for e in found.ranking if e.effect == "backlash")
+    for name in ("gap", "k", "J"):
+        assert fitted[name].value == pytest.approx(play[name], rel=0.1)
+
+
+def test_a_gain_of_a_sensor_does_not_tune_the_filter(tmp_path):
+    problem = problem_of(tmp_path, SMALL, PLAY, off=1.0, only=("current", "position"))
+    plain = with_effect(problem, "backlash", **PLAY["backlash"])
+    twice = candidate(problem, plain.model, ("backlash",), {"sensor_gain.position": 2.0})
+    shown = {"current": 1.0, "position": 2.0}
+    motion = [plain.model.states.index(n) for n in ("speed", "position", "backlash.position", "backlash.velocity")]
+    first = _belief(problem, plain, problem.levels[-1], dict.fromkeys(shown, 1.0))
+    second = _belief(problem, twice, problem.levels[-1], shown)
+    assert second[:2, motion] == pytest.approx(first[:2, motion] / 4)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -9,6 +9,7 @@ from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.verdict import diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
+from tests.diagnosis.test_traps import SMALL, proposed, recorded
 
 FINE, STEP = 40, 0.005
 M, C, K = 2.0, 8.0, 800.0
@@ -72,3 +73,15 @@ def test_a_file_that_says_when_its_input_acts_is_believed():
     found = diagnose(model, record(1, "centred"), record(2, "centred"))
     assert found.verdict != "adequate"
     assert not any("input_hold" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("skip", [0, 300], ids=["from rest", "in motion"])
+def test_a_delay_is_not_biased_by_the_input_from_before_the_record(tmp_path, skip):
+    late = 0.019
+    found = diagnose(
+        *recorded(tmp_path, SMALL, {"input_delay": {"T": late}}, exc=("multisine", "multisine"), skip=skip)
+    )
+    assert proposed(found) == {"input_delay"}
+    delay = next(e.parameters["T"] for e in found.ranking if e.effect == "input_delay")
+    assert abs(delay.value - late) < 4 * delay.std
+    assert found.parameters["L_a"].value == pytest.approx(SMALL.true["L_a"], rel=0.1)

@@ -101,6 +101,14 @@ def test_a_loop_that_yields_early_is_not_called_a_spring_with_friction(tmp_path)
     assert found.ladder[-1].validation.over_noise < 1.03
 
 
+def test_cogging_that_turns_by_a_radian_between_samples_is_named(tmp_path):
+    force = {"A": 0.05, "N": 10.0, "phi": 0.5}
+    found = diagnose(*recorded(tmp_path, SMALL, {"cogging_torque": force}, exc=("slow", "slow")))
+    assert proposed(found) == {"cogging_torque"}
+    order = next(e.parameters["N"] for e in found.ranking if e.effect == "cogging_torque")
+    assert abs(order.value - force["N"]) < 0.02
+
+
 def test_a_stribeck_curve_is_not_called_coulomb(tmp_path):
     curve = {"mu": 0.015, "excess": 0.02, "v_s": 2.0}
     found = diagnose(*recorded(tmp_path, SMALL, {"stribeck_friction": curve}, exc=("slow", "multisine")))
