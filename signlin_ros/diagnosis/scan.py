@@ -24,8 +24,9 @@ Array = NDArray[np.float64]
 FASTEST = 4.0
 """Largest N v dt that is looked for, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
 
-SLOWEST, TRACE = 0.8, 5.0
-"""Smallest N v dt of a fast one, and for how many time constants of the observer it leaves a trace."""
+SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
+"""Smallest N v dt of a fast one, for how many time constants of the observer it leaves a trace, and what that must take
+from the squares, in means of these: noise takes less at any of a thousand orders."""
 
 
 def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
@@ -73,8 +74,10 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
         for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, SLOWEST / FASTEST * highest):
             waves = [np.exp(1j * order * one)[:, None] for one in places]
             trace = np.concatenate([fftconvolve(w, response, axes=0)[: len(w)].ravel() for w in waves])
-            sine, cosine = np.linalg.lstsq(np.column_stack([trace.imag, trace.real]), rest, rcond=None)[0]
-            starts.append((order, float(np.hypot(sine, cosine)), float(np.arctan2(-cosine, -sine))))
+            basis = np.column_stack([trace.imag, trace.real])
+            sine, cosine = np.linalg.lstsq(basis, rest, rcond=None)[0]
+            if np.sum((basis @ (sine, cosine)) ** 2) > SEEN * np.mean(rest**2):
+                starts.append((order, float(np.hypot(sine, cosine)), float(np.arctan2(-cosine, -sine))))
     return starts
 
 
