@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.equations import Equations, equations
 from signlin_ros.diagnosis.follow import MOST, follow
-from signlin_ros.diagnosis.problem import WANDER, Gains, Problem, Segment, _twin
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment, _twin
 from signlin_ros.effects import find_effect
 from signlin_ros.model import Model
 from signlin_ros.par import Par
@@ -37,8 +37,9 @@ SECANTS, SETTLED = 8, 1e-3
 """Most secants, and the share of the squared errors below which another one gains nothing."""
 GAIN = 0.7
 """Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
-APART = 0.3
-"""How uncertain the start of a load is that floats, as a part of an excursion and of the velocity (RMS)."""
+APART, WANDER = 0.3, 0.05
+"""How uncertain the start of a load is that floats, as a part of an excursion and of the velocity (RMS), and the part
+of that by which it may wander in a second, to begin with."""
 NEAR = 3.0
 """Largest change of the logarithm of a floating load's inertia: one much larger stands still, and is a spring."""
 TURN, FASTER = 0.8, 1.5
@@ -248,7 +249,7 @@ def candidate(
     known = {**_known_sensors(problem), **(sensors or {})}
     for name in eq.parameters[len(values) :]:
         values[name] = known.get(name, 1.0 if name.startswith("sensor_gain") else 0.0)
-    return Candidate(model, eq, tuple(coordinates), values, added + tuple(sensors or ()), wander=problem.wander)
+    return Candidate(model, eq, tuple(coordinates), values, added + tuple(sensors or ()))
 
 
 def _known_sensors(problem: Problem) -> dict[str, float]:

@@ -33,8 +33,6 @@ EVEN = 0.5
 """A channel is shown in steps if more than this share of the distances between its values are the same."""
 FEWEST, LONG, CHUNKS = 2000, 6000, 4
 """Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches."""
-WANDER = 0.05
-"""By which part of the velocity (RMS) that of a floating load may wander in a second, to begin with."""
 SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 
@@ -96,7 +94,7 @@ class Problem:
     ``base``: the model as given (a motor whose position is measured has it as a state). ``noise`` (ny): standard
     deviation of white noise on each channel, from fourth differences. ``levels``: gains from high to low.
     ``x_scale``: size of every state by name. ``units``: of what is measured, as the records have them. ``quanta``
-    (ny): the steps in which it is shown, 0 for none. ``wander``: see `signlin_ros.diagnosis.fit.Candidate`.
+    (ny): the steps in which it is shown, 0 for none.
     """
 
     base: Model
@@ -110,7 +108,6 @@ class Problem:
     units: dict[str, str] = field(default_factory=dict)
     quanta: Array = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
-    wander: float = WANDER
 
     @functools.cached_property
     def short(self) -> Problem:

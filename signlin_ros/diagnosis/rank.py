@@ -393,8 +393,10 @@ def _descend(
         levels = problem.levels[2:] if serious else problem.levels[-1:]
         upper = _settled(problem, trial, middle, each) if serious else middle
         lower = descend(problem, upper.candidate, upper.theta, levels, 10 if serious else 2, None)
-        if lower:
-            lower[-1] = calmed(problem, _settled(problem, trial, lower[-1], each) if serious else lower[-1])
+        if serious and lower:
+            lower[-1] = _settled(problem, trial, lower[-1], each)
+        if lower and EFFECTS[trial.effect].floating:
+            lower[-1] = calmed(problem, lower[-1])
         found = ranked(problem, (trial.effect,), tuple(trial.sensors), [high, upper, *lower])
         if found and (best is None or found.evidence < best.evidence):
             best = found

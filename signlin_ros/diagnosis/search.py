@@ -32,7 +32,6 @@ from signlin_ros.diagnosis.rank import (
     Trial,
     applicable,
     assess,
-    calmed,
     compete,
     deeper,
     descend,
@@ -270,11 +269,6 @@ class _Search:
             raise SimulationError(
                 f"{self.problem.base.source}: the model diverges on these records{_too_slow(self.problem)}"
             )
-        calm = calmed(self.problem, base.fit).candidate.wander
-        if calm < self.problem.wander:
-            self.problem = replace(self.problem, wander=calm)
-            self.adding = Adding(self.problem, self.executor)
-            base = assess(self.problem, None) or base
         white, self.filter = self.filter, self._colour(base)
         if self.filter.rho.any() and not self._enough(self._polished(base)):
             self.filter = white
