@@ -87,10 +87,13 @@ def ranked(problem: Problem, effects: tuple[str, ...], sensors: tuple[str, ...],
     return Ranked(effects, sensors, best, fits[-1], evidence(problem, best, len(effects)))
 
 
-def consistent(problem: Problem, f: Fit) -> bool:
-    """Tell whether most of what a fit leaves is of the size of the noise, as a Kalman filter for it takes it to be."""
-    strict = f.candidate.floating and f.gains is problem.levels[-1]
-    left, most = np.concatenate(f.innovations), CONSISTENT[0] if strict else CONSISTENT[1]
+def consistent(problem: Problem, f: Fit, strict: bool = False) -> bool:
+    """Tell whether most of what a fit leaves is of the size of the noise, as a Kalman filter for it takes it to be.
+
+    ``strict``: as at the lowest gain.
+    """
+    close = f.candidate.floating and (strict or f.gains is problem.levels[-1])
+    left, most = np.concatenate(f.innovations), CONSISTENT[0] if close else CONSISTENT[1]
     return bool((np.nanmedian(np.abs(left), axis=0) < most * norm.ppf(0.75) * problem.noise).all())
 
 
@@ -332,6 +335,11 @@ def _reached(climbed: Sequence[tuple[Fit, Fit]]) -> float:
     return climbed[0][1].cost if climbed else np.inf
 
 
+def _told(problem: Problem, climbed: Sequence[Sequence[tuple[Fit, Fit]]]) -> list[Sequence[tuple[Fit, Fit]]]:
+    """Return what was climbed to, without loads that float and leave more than noise: a filter can explain anything."""
+    return [c for c in climbed if not c or not roughness(c[0][1]) or consistent(problem, c[0][1], True)]
+
+
 def _near(problem: Problem, reference: float, climbed: Sequence[Sequence[tuple[Fit, Fit]]]) -> float:
     """Return the objective at the middle gain below which an effect may still be what is missing: if the best one gains
     much on the base model's ``reference`` and leaves nothing but noise, not far above it; else infinite.
@@ -425,8 +433,9 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     middle = fit(problem, base.fit.candidate, problem.levels[1], None, 10)
     reference = middle.cost if middle else np.inf
     climbed = _climbed(problem, trials, run)
-    climbed = _warmer(problem, trials, climbed, _near(problem, reference, climbed), run)
-    near, most = _near(problem, reference, climbed), reference - min(map(_reached, climbed), default=reference)
+    climbed = _warmer(problem, trials, climbed, _near(problem, reference, _told(problem, climbed)), run)
+    told = _told(problem, climbed)
+    near, most = _near(problem, reference, told), reference - min(map(_reached, told), default=reference)
     fair = min(near, reference - min(SERIOUS * most, 1e9)) if most >= MUCH else np.inf
     serious = [_reached(c) < fair and not EFFECTS[t.effect].rugged for t, c in zip(trials, climbed, strict=True)]
     work = [(t, c, s) for t, c, s in zip(trials, climbed, serious, strict=True) if c]

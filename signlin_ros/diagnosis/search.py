@@ -278,11 +278,25 @@ class _Search:
         """Return every effect alone, best first; searched as thoroughly as is needed for one that is enough."""
         singles = compete(self.problem, base, trials, self.executor)
         if not (self.filter.rho.any() or self._enough(min([base, *singles], key=evidence_of))):
-            singles = searched(self.problem, trials, singles, self.executor)
+            singles = [self._unborrowed(base, r) for r in searched(self.problem, trials, singles, self.executor)]
+            singles = sorted(singles, key=evidence_of)
             if not self._enough(min([base, *singles], key=evidence_of)):
                 front = [deeper(self.problem, r, self.executor.map) for r in singles[:2]]
                 singles = sorted([*front, *singles[2:]], key=evidence_of)
         return simplified(self.problem, trials, singles, self.executor)
+
+    def _unborrowed(self, base: Ranked, r: Ranked) -> Ranked:
+        """Return a load that floats as the common observer follows it, where it is not what it is called: what is left
+        of a filter that corrects it says nothing of the noise, nor of how good others are.
+        """
+        found = refusal(self.problem, r, base) if roughness(r.fit) else None
+        if not found:
+            return r
+        if found[1]:
+            self.declined[found[0]] = found[1]
+        plain = replace(r.low.candidate, alert=False)
+        fits = descend(self.problem, plain, r.low.theta, self.problem.levels, 4, None)
+        return ranked(self.problem, r.effects, r.sensors, fits) or r
 
     # ------------------------------------------------------------ noise
 
