@@ -104,9 +104,12 @@ def trusted(problem: Problem, fits: Sequence[Fit]) -> Sequence[Fit]:
     """
     if not fits or not fits[-1].candidate.filtered or consistent(problem, fits[-1]):
         return fits
-    last = fits[-1]
-    plain = replace(last.candidate, alert=False)
-    return descend(problem, plain, last.theta, [f.gains for f in fits], 4, last.filter)
+    return unfiltered(problem, fits[-1], [f.gains for f in fits])
+
+
+def unfiltered(problem: Problem, f: Fit, levels: Sequence[Gains]) -> list[Fit]:
+    """Return fits of a model as the common observer follows it, from where its fit under a Kalman filter arrived."""
+    return descend(problem, replace(f.candidate, alert=False), f.theta, levels, 4, f.filter)
 
 
 def roughness(f: Fit) -> float:
@@ -117,19 +120,19 @@ def roughness(f: Fit) -> float:
     return WORTHWHILE * float(f.count.sum()) if floats else 0.0
 
 
-def calmed(problem: Problem, f: Fit, steps: int = 10) -> Fit:
+def calmed(problem: Problem, f: Fit) -> Fit:
     """Return a fit of a model with a load that floats, with as much wandering as makes it most likely; others as they
     are.
 
     With too much, the filter borrows from the load's motion what its parameters lack; with too little, it is sure of
     what it has lost.
     """
-    if not roughness(f):
-        return f
     first, now, enough = f, f.candidate.wander, roughness(f)
+    if not enough:
+        return f
     for choice in ([w for w in WANDERS if w < now], [w for w in WANDERS[::-1] if w > now]):
         for wander in choice if f is first else ():
-            again = fit(problem, replace(f.candidate, wander=wander), f.gains, f.theta, steps, f.filter)
+            again = fit(problem, replace(f.candidate, wander=wander), f.gains, f.theta, 10, f.filter)
             if again is None or f.cost - again.cost < enough:
                 break
             f = again
@@ -524,5 +527,6 @@ __all__ = [
     "searched",
     "simplified",
     "trusted",
+    "unfiltered",
     "without",
 ]

@@ -43,6 +43,7 @@ from signlin_ros.diagnosis.rank import (
     roughness,
     searched,
     simplified,
+    unfiltered,
     without,
 )
 from signlin_ros.diagnosis.refusals import plausible, refusal
@@ -294,8 +295,7 @@ class _Search:
             return r
         if found[1]:
             self.declined[found[0]] = found[1]
-        plain = replace(r.low.candidate, alert=False)
-        fits = descend(self.problem, plain, r.low.theta, self.problem.levels, 4, None)
+        fits = unfiltered(self.problem, r.low, self.problem.levels)
         return ranked(self.problem, r.effects, r.sensors, fits) or r
 
     # ------------------------------------------------------------ noise
