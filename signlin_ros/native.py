@@ -18,7 +18,7 @@ import os
 import secrets
 import struct
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +72,8 @@ def _literal(value: float) -> str:
     return f"0x{struct.unpack('>Q', struct.pack('>d', value))[0]:016X}"
 
 
-class _Writer:
-    """Writes one tape as the body of a function of two pointers."""
+class Writer:
+    """Writes tapes as the body of a function, of two pointers by default."""
 
     def __init__(self, tape: Tape) -> None:
         self.tape = tape
@@ -82,7 +82,8 @@ class _Writer:
         self.count = 0
         self.slots: dict[int, str] = {tape.n_in + i: _literal(float(v)) for i, v in enumerate(tape.constants)}
 
-    def _new(self, text: str) -> str:
+    def new(self, text: str) -> str:
+        """Write one instruction; returns the name of its result."""
         self.count += 1
         self.lines.append(f"  %v{self.count} = {text}")
         return f"%v{self.count}"
@@ -90,16 +91,16 @@ class _Writer:
     def _call(self, name: str, *arguments: str) -> str:
         kinds = ", ".join(["double"] * len(arguments))
         self.declared.add(f"declare double @{name}({kinds})")
-        return self._new(f"call double @{name}({', '.join(f'double {a}' for a in arguments)})")
+        return self.new(f"call double @{name}({', '.join(f'double {a}' for a in arguments)})")
 
     def _flag(self, kind: str, a: str, b: str) -> str:
-        return self._new(f"fcmp {kind} double {a}, {b}")
+        return self.new(f"fcmp {kind} double {a}, {b}")
 
     def _number(self, flag: str) -> str:
-        return self._new(f"uitofp i1 {flag} to double")
+        return self.new(f"uitofp i1 {flag} to double")
 
     def _choice(self, kind: str, a: str, b: str, yes: str, no: str) -> str:
-        return self._new(f"select i1 {self._flag(kind, a, b)}, double {yes}, double {no}")
+        return self.new(f"select i1 {self._flag(kind, a, b)}, double {yes}, double {no}")
 
     def _truth(self, op: int, a: str, b: str) -> str:
         zero = _literal(0.0)
@@ -107,14 +108,14 @@ class _Writer:
         if op == ca.OP_NOT:
             return self._number(self._flag("oeq", a, zero))
         if op == ca.OP_IF_ELSE_ZERO:
-            return self._new(f"select i1 {first}, double {b}, double {zero}")
+            return self.new(f"select i1 {first}, double {b}, double {zero}")
         word = "and" if op == ca.OP_AND else "or"
-        return self._number(self._new(f"{word} i1 {first}, {self._flag('une', b, zero)}"))
+        return self._number(self.new(f"{word} i1 {first}, {self._flag('une', b, zero)}"))
 
     def value(self, op: int, a: str, b: str) -> str:
         """Write one operation; returns the name of its result."""
         if op in _PLAIN:
-            return self._new(f"{_PLAIN[op]} double {a}, {b}")
+            return self.new(f"{_PLAIN[op]} double {a}, {b}")
         if op in _COMPARE:
             return self._number(self._flag(_COMPARE[op], a, b))
         if op in _INTRINSIC:
@@ -127,11 +128,11 @@ class _Writer:
         if op == ca.OP_ASSIGN:
             return a
         if op == ca.OP_NEG:
-            return self._new(f"fneg double {a}")
+            return self.new(f"fneg double {a}")
         if op in (ca.OP_SQ, ca.OP_TWICE):
-            return self._new(f"{'fmul' if op == ca.OP_SQ else 'fadd'} double {a}, {a}")
+            return self.new(f"{'fmul' if op == ca.OP_SQ else 'fadd'} double {a}, {a}")
         if op == ca.OP_INV:
-            return self._new(f"fdiv double {_literal(1.0)}, {a}")
+            return self.new(f"fdiv double {_literal(1.0)}, {a}")
         if op in (ca.OP_FMIN, ca.OP_FMAX):  # like NumPy, nan if either is
             return self._choice("olt" if op == ca.OP_FMIN else "ogt", a, b, a, self._choice("uno", a, a, a, b))
         if op == ca.OP_SIGN:  # 0 and nan remain what they are
@@ -143,9 +144,29 @@ class _Writer:
 
     def _slot(self, index: int) -> str:
         if index not in self.slots:
-            place = self._new(f"getelementptr double, double* %in, i64 {index}")
-            self.slots[index] = self._new(f"load double, double* {place}")
+            place = self.new(f"getelementptr double, double* %in, i64 {index}")
+            self.slots[index] = self.new(f"load double, double* {place}")
         return self.slots[index]
+
+    def results(self, inputs: Mapping[int, str], wanted: Sequence[int]) -> list[str]:
+        """Write what it takes to know the outputs ``wanted`` where some inputs have values of their own; returns them.
+
+        What does not depend on those inputs is written once.
+        """
+        tape, base = self.tape, self.tape.n_in + self.tape.constants.size
+        own = dict(inputs)
+        needed, stack = set[int](), [int(tape.picks[i]) for i in wanted]
+        while stack:
+            slot = stack.pop()
+            if slot >= base and slot not in needed:
+                needed.add(slot)
+                stack += [int(tape.a[slot - base]), int(tape.b[slot - base])]
+        for slot in sorted(needed - self.slots.keys()):
+            k = slot - base
+            a, b = int(tape.a[k]), int(tape.b[k])
+            value = self.value(int(tape.op[k]), own.get(a) or self._slot(a), own.get(b) or self._slot(b))
+            (own if a in own or b in own else self.slots)[slot] = value
+        return [own.get(slot) or self._slot(slot) for slot in (int(tape.picks[i]) for i in wanted)]
 
     def text(self, name: str, steps: int, outputs: int) -> str:
         """Return the function ``name`` that runs the first ``steps`` instructions and stores ``outputs`` results."""
@@ -154,7 +175,7 @@ class _Writer:
             self.slots[base + k] = self.value(int(tape.op[k]), self._slot(int(tape.a[k])), self._slot(int(tape.b[k])))
         for i in range(outputs):
             value = self._slot(int(tape.picks[i]))
-            place = self._new(f"getelementptr double, double* %out, i64 {i}")
+            place = self.new(f"getelementptr double, double* %out, i64 {i}")
             self.lines.append(f"  store double {value}, double* {place}")
         body = "\n".join(self.lines)
         return f"define void @{name}(double* noalias %in, double* noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
@@ -232,8 +253,8 @@ _lock = threading.Lock()
 _addresses: dict[str, tuple[int, ...]] = {}
 
 
-def _translated(text: str, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Return the addresses of the functions ``@tape_<name>`` of a text; from any thread."""
+def translated(text: str, names: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the addresses of the functions ``@tape_<name>`` of a text in LLVM's language; from any thread."""
     with _lock:
         engine, target = _engine()
         digest = hashlib.sha256(f"{target}\n{text}".encode()).hexdigest()[:32]
@@ -254,15 +275,16 @@ def native(tape: Tape) -> tuple[int, int]:
     parts = []
     declared: set[str] = set()
     for name, (steps, outputs) in ends.items():
-        writer = _Writer(tape)
+        writer = Writer(tape)
         parts.append(writer.text(f"tape_{name}", steps, outputs))
         declared |= writer.declared
-    addresses = _translated("\n".join([*sorted(declared), *parts]), tuple(ends))
+    addresses = translated("\n".join([*sorted(declared), *parts]), tuple(ends))
     return addresses[0], addresses[-1]
 
 
 _POINTER = ir.DoubleType().as_pointer()
 _FUNCTION = ir.FunctionType(ir.VoidType(), [_POINTER, _POINTER])
+_AMONG = ir.FunctionType(ir.VoidType(), [_POINTER] * 4)
 
 
 def _check(*arrays: Any) -> None:
@@ -301,8 +323,24 @@ def _call_within(typing_context: Any, address: Any, work: Any, first_input: Any,
     return signature, generate
 
 
+def _call_among(typing_context: Any, address: Any, first: Any, last: Any, at: Any, S: Any, step: Any) -> Any:
+    _check(first, last, S, step)
+    signature = types.void(types.intp, first, last, types.intp, S, step)
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        target = builder.inttoptr(arguments[0], _AMONG.as_pointer())
+        data = {i: _data(context, builder, sig.args[i], arguments[i]) for i in (1, 2, 4, 5)}
+        data[2] = builder.gep(data[2], [arguments[3]])
+        builder.call(target, list(data.values()))
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
 call: Any = intrinsic(_call)
 """``call(address, inputs, results)`` calls native code, from a compiled function, with two arrays of float64."""
+call_among: Any = intrinsic(_call_among)
+"""``call_among(address, a, b, i, c, d)``: the same with four arrays, of which the second counts from ``b[i]`` on."""
 call_within: Any = intrinsic(_call_within)
 """``call_within(address, work, i, k)``: the same with inputs from ``work[i]`` on and results from ``work[k]`` on."""
 
@@ -328,4 +366,4 @@ def _call_once(address, inputs, results):
     call(address, inputs, results)
 
 
-__all__ = ["call", "call_within", "caller", "compiled", "inner", "native"]
+__all__ = ["call", "call_among", "call_within", "caller", "compiled", "inner", "native", "translated"]

@@ -4,37 +4,53 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.steps import DECLARED, carrier, pace, padded, runge_kutta
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Surface
-from signlin_ros.native import native
+from signlin_ros.native import native, translated
 from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]
+Pattern = NDArray[np.bool_]
 KINKED = 3
 """Least number of substeps where a kink is crossed inside a step, which lowers the order."""
 STEEP = 1e4
 """Where a model has several switching surfaces, all but the first are smoothed to tanh(STEEP g / scale)."""
 
 
+class Places(NamedTuple):
+    """Where the channels h (ny), dh/dx (ny, n), d(dg/dt)/dx (n) and dF/dx (n, n) begin."""
+
+    h: int
+    h_x: int
+    rate_x: int
+    J: int
+
+
 @dataclass(frozen=True)
 class Equations:
     """Machine code of a structure for given measured channels and given free parameters.
 
-    ``parameters``: names of everything in p: the model's own in the trace's order, then ``sensor_gain.<channel>``,
-    ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel. ``free``: those with sensitivities.
-    ``substeps``: least number between two samples. ``own``: index of the first state that is an effect's.
-    ``delay @ p``: by how much the input is late in s. ``keep``: the tape, for points one by one.
+    ``code``: addresses of what `signlin_ros.diagnosis.follow` calls: F and the surface alone; everything; the fastest
+    rate; a step in which the surface is left alone, one in which it is stuck to; one of the sensitivities. ``brief``:
+    the same for following without these, where everything ends with dF/dx. ``patterns``: where dF/dx and dF/dp may
+    differ from 0. ``parameters``: names of everything in p: the model's own in the trace's order, then
+    ``sensor_gain.<channel>``, ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel. ``free``:
+    those with sensitivities. ``substeps``: least number between two samples. ``own``: index of the first state that is
+    an effect's. ``delay @ p``: by how much the input is late in s. ``keep``: the tape of what is known without
+    sensitivities, for points one by one.
     """
 
-    head: int
-    whole: int
+    code: tuple[int, ...]
+    brief: tuple[int, ...]
+    patterns: tuple[Pattern, Pattern]
     sizes: tuple[int, ...]
     substeps: int
     own: int
@@ -48,9 +64,30 @@ class Equations:
         """Names of the parameters by which the input is late."""
         return frozenset(n for n, part in zip(self.parameters, self.delay, strict=True) if part)
 
+    @functools.cached_property
+    def _spread(self) -> int:
+        """Address of a step of a covariance."""
+        J, n = self.patterns[0], self.sizes[0]
+        text = carrier("tape_spread", J, np.zeros((n, padded(n)), dtype=bool))
+        return translated("\n".join([*DECLARED, text]), ("spread",))[0]
+
+    def calls(self, with_s: bool, aware: bool = False) -> tuple[int, ...]:
+        """Return the addresses that `signlin_ros.diagnosis.follow.follow` takes; ``aware``: with a Kalman filter."""
+        return (*(self.code if with_s else self.brief), self._spread if aware else 0)
+
     def flags(self, with_s: bool, substeps: int = 0) -> tuple[int, ...]:
         """Return the sizes that `signlin_ros.diagnosis.follow.follow` takes; ``substeps``: no fewer than that."""
-        return (*self.sizes, int(with_s), max(substeps, self.substeps), self.own)
+        n, m, ny, count, *rest = self.sizes
+        places = self.places
+        count = count if with_s else 0
+        return (n, m, ny, count, *rest, int(with_s), max(substeps, self.substeps), self.own, places.J, padded(count))
+
+    @property
+    def places(self) -> Places:
+        """Where in everything what is known without sensitivities begins."""
+        n, _, ny, *_ = self.sizes
+        h = 2 * n + 3
+        return Places(h, h + ny, h + ny + ny * n, h + ny + ny * n + n)
 
 
 def sensor_names(channels: tuple[str, ...]) -> tuple[str, ...]:
@@ -98,26 +135,37 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     h = gains * shown + offsets
     # A kink's sign is constant on either side, so derivatives are taken before it is put in.
     rate = ca.mtimes(ca.jacobian(g, t.x), t.f)
+    n, count = t.x.numel(), len(free)
+    none = padded(count) - count
+    F_s, rate_x = ca.jacobian(t.f, s), ca.jacobian(rate, t.x)
+    J, P, rate_p = ca.jacobian(t.f, t.x), ca.jacobian(t.f, wanted), ca.jacobian(rate, wanted)
     blocks = [
         t.f,
         g,
         rate,
-        ca.densify(ca.jacobian(t.f, s)),
+        F_s,
         ca.jacobian(rate, s),
         h,
-        _row_major(ca.jacobian(t.f, t.x)),
-        _row_major(ca.jacobian(t.f, wanted)),
-        _row_major(ca.jacobian(rate, t.x)),
-        _row_major(ca.jacobian(rate, wanted)),
-        _row_major(ca.jacobian(g, t.x)),
         _row_major(ca.jacobian(h, t.x)),
-        _row_major(ca.jacobian(h, wanted)),
+        _row_major(rate_x),
+        _row_major(J),
     ]
-    flat = _substituted(ca.densify(ca.vertcat(*blocks)), symbols, values)
-    function = ca.Function("follow", [t.x, t.u, p, s], [ca.densify(ca.cse(flat))])
-    n = t.x.numel()
-    tape = Tape.of(function, 2 * n + 3)
-    whole, head = native(tape)
+    more = [
+        _row_major(ca.horzcat(P, ca.SX(n, none))),
+        _row_major(ca.horzcat(rate_p, ca.SX(1, none))),
+        _row_major(ca.jacobian(g, t.x)),
+        _row_major(ca.horzcat(ca.jacobian(h, wanted), ca.SX(len(channels), none))),
+    ]
+
+    def tape(blocks: list[ca.SX], head: int | None = None) -> Tape:
+        flat = _substituted(ca.densify(ca.vertcat(*blocks)), symbols, values)
+        return Tape.of(ca.Function("follow", [t.x, t.u, p, s], [ca.densify(ca.cse(flat))]), head)
+
+    known = tape(blocks, 2 * n + 3)
+    body, head = native(known)
+    whole, _ = native(tape(blocks + more)) if free else (body, head)
+    patterns = _pattern(J, F_s, rate_x), _pattern(P, F_s, rate_p)
+    *steps, carry = _steps(*patterns, known, located is not None)
     delay = _delay(t, p)
     i_delay = next((i for i, name in enumerate(free) if delay[names.index(name)] != 0.0), -1)
     coordinate = -1
@@ -126,7 +174,30 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     sizes = (n, t.u.numel(), len(channels), len(free), i_delay, int(located is not None), coordinate)
     own = next((i for i, name in enumerate(t.states) if "." in name), n)
     kinked = any(bool(ca.which_depends(v.g, t.x, 1, False)[0]) for v in t.surfaces if v is not located)
-    return Equations(head, whole, sizes, KINKED if kinked else 1, own, names, free, delay, tape)
+    code, brief = (head, whole, *steps, carry), (head, body, *steps, 0)
+    return Equations(code, brief, patterns, sizes, KINKED if kinked else 1, own, names, free, delay, known)
+
+
+def _pattern(matrix: ca.SX, F_s: ca.SX, rate: ca.SX) -> Pattern:
+    """Return where a derivative of F may differ from 0, and where it may if the surface is stuck to."""
+    found, led, by = (np.array(ca.DM(m.sparsity(), 1).full(), dtype=bool) for m in (matrix, F_s, rate))
+    return np.asarray(found | (led & by))
+
+
+def _steps(J: Pattern, P: Pattern, tape: Tape, switched: bool) -> tuple[int, int, int, int]:
+    """Return the addresses of the fastest rate, of a free and a stuck step, and of one of sensitivities (0: none)."""
+    n, count = P.shape
+    wide = np.zeros((n, padded(count)), dtype=bool)
+    wide[:, :count] = P
+    parts, declared = {"pace": pace("tape_pace", J)}, set[str]()
+    for name, stuck in (("free", False), ("stuck", True)) if switched else (("free", False),):
+        parts[name], calls = runge_kutta(f"tape_{name}", tape, n, stuck)
+        declared |= calls
+    if count:
+        parts["carry"] = carrier("tape_carry", J, wide)
+    lines = [*DECLARED, *sorted(declared - set(DECLARED)), *parts.values()]
+    found = dict(zip(parts, translated("\n".join(lines), tuple(parts)), strict=True))
+    return found["pace"], found["free"], found.get("stuck", 0), found.get("carry", 0)
 
 
 def neutral_sensors(count: int) -> Array:

@@ -320,7 +320,7 @@ def follow_records(
         unknown = ceil(delay / problem.scale.step) + 1 if s.whole and delay > 0.0 else 0
         held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
         arguments = (eq.flags(with_s, _turns(problem, c, p)), s.t, s.u, s.y, held, x0, *rest)
-        if follow(eq.head, eq.whole, *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
+        if follow(eq.calls(with_s, c.filtered), *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
             return None
         weights = np.concatenate([np.zeros((unknown, ny)), gains.weights])[: s.t.size]
         E[: weights.shape[0]] *= weights
@@ -395,7 +395,8 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
     def errors(x: Array) -> tuple[Array, Array]:
         E, X = np.zeros((size, y.shape[1])), np.zeros((size, x.size))
         arguments: tuple[Any, ...] = (eq.flags(False, _turns(problem, c, others[0])), t, u, y, rows, x, *others)
-        if cast("Any", follow)(eq.head, eq.whole, *arguments, E, np.zeros((0, y.shape[1], eq.sizes[3])), X) < size:
+        arguments = (eq.calls(False, c.filtered), *arguments, E, np.zeros((0, y.shape[1], eq.sizes[3])), X)
+        if cast("Any", follow)(*arguments) < size:
             E[:] = np.inf
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
 

@@ -7,8 +7,10 @@ of e to the parameters follow the same path: trapezoidal rule between events, ju
 [Leine and Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, ch. 7].
 
 What a model's machine code (`signlin_ros.diagnosis.equations`) returns at (x, u, p, s), in this order:
-F (n), g, dg/dt, dF/ds (n), d(dg/dt)/ds, then h (ny), dF/dx (n, n), dF/dp (n, np), d(dg/dt)/dx (n), d(dg/dt)/dp (np),
-dg/dx (n), dh/dx (ny, n), dh/dp (ny, np).
+F (n), g, dg/dt, dF/ds (n), d(dg/dt)/ds, then h (ny), dh/dx (ny, n), d(dg/dt)/dx (n), dF/dx (n, n), then, for
+sensitivities, dF/dp (n, w), d(dg/dt)/dp (w), dg/dx (n), dh/dp (ny, w), where w >= np are the columns of a matrix with
+one for each of np parameters and others of 0.
+``code`` are the addresses of F and the surface alone, of everything, and of `signlin_ros.diagnosis.steps`'s functions.
 """
 
 # Numba infers the types in here; mypy cannot see through its decorators.
@@ -18,7 +20,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from signlin_ros.native import call, compiled, inner
+from signlin_ros.diagnosis.steps import LANES
+from signlin_ros.native import call, call_among, compiled, inner
 
 MOST = 20
 """Most substeps between two samples."""
@@ -56,18 +59,13 @@ def _slope(address, sizes, z, out, mode, s):
 
 
 @inner
-def _rk4(head, sizes, z, out, x, k, h, mode, s):
+def _rk4(code, sizes, z, x, k, h, mode, s, step):
     """Step from x (slope in k[0]) by h; the new state is left in z."""
-    n = x.size
-    for stage in range(1, 4):
-        part = h if stage == 3 else 0.5 * h
-        for i in range(n):
-            z[i] = x[i] + part * k[stage - 1, i]
-        _slope(head, sizes, z, out, mode, s)
-        for i in range(n):
-            k[stage, i] = out[i]
-    for i in range(n):
-        z[i] = x[i] + h / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
+    step[0, 0] = h
+    if sizes[5] and mode != 0:
+        z[z.size - 1] = s
+    stuck = mode == 0 and sizes[5] != 0
+    call_among(code[4] if stuck else code[3], z, x, 0, k, step)
     if mode == 0 and sizes[6] >= 0:
         z[sizes[6]] = 0.0
 
@@ -152,76 +150,51 @@ def _choose(head, sizes, z, out):
 
 
 @inner
-def _linearized(whole, sizes, z, out, mode, s, J, P):
-    """Fill J (n, n) and P (n, np), the derivatives of F in force at z, and leave F itself in out."""
-    n, ny, count = sizes[0], sizes[2], sizes[3]
-    stuck = _slope(whole, sizes, z, out, mode, s)
+def _linearized(code, sizes, z, out, mode, s):
+    """Leave in out the derivatives of F in force at z, and F itself."""
+    stuck = _slope(code[1], sizes, z, out, mode, s)
     if mode == 0 and sizes[5]:
         z[z.size - 1] = stuck
-        call(whole, z, out)
-    at = 2 * n + 3 + ny
-    for i in range(n):
-        for j in range(n):
-            J[i, j] = out[at + i * n + j]
-    at += n * n
-    for i in range(n):
-        for j in range(count):
-            P[i, j] = out[at + i * count + j]
-    if mode == 0 and sizes[5]:
-        at += n * count
+        call(code[1], z, out)
+        n, ny, at, width = sizes[0], sizes[2], sizes[10], sizes[11]
+        at_x, at_p = 2 * n + 3 + ny + ny * n, at + n * n + n * width
         coupling = out[2 * n + 2]
         for i in range(n):
             gain = out[n + 2 + i] / coupling
             if gain != 0.0:
                 for j in range(n):
-                    J[i, j] -= gain * out[at + j]
-                for j in range(count):
-                    P[i, j] -= gain * out[at + n + j]
+                    out[at + i * n + j] -= gain * out[at_x + j]
+                for j in range(width):
+                    out[at + n * n + i * width + j] -= gain * out[at_p + j]
         out[n + 1] = 0.0
     return stuck
 
 
 @inner
-def _carry(S, J0, P0, J1, P1, h, M, R, W):
-    """Carry the sensitivities S (n, np) over h by the trapezoidal rule; in place.
-
-    Those of states with rates W[5] of their own by Euler's implicit rule: within h they have come to rest.
-    """
-    n, count = S.shape
-    for i in range(n):
-        early, late = (0.0, h) if W[5, i] != 0.0 else (0.5 * h, 0.5 * h)
-        for j in range(n):
-            M[i, j] = (1.0 if i == j else 0.0) - late * J1[i, j]
-        for c in range(count):
-            R[i, c] = S[i, c] + early * P0[i, c] + late * P1[i, c]
-        for j in range(n):
-            factor = early * J0[i, j]
-            if factor != 0.0:
-                for c in range(count):
-                    R[i, c] += factor * S[j, c]
-    for k in range(n):
-        for i in range(k + 1, n):
-            factor = -M[i, k] / M[k, k]
-            if factor != 0.0:
-                for j in range(k + 1, n):
-                    M[i, j] += factor * M[k, j]
-                for c in range(count):
-                    R[i, c] += factor * R[k, c]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            factor = M[i, j]
-            if factor != 0.0:
-                for c in range(count):
-                    R[i, c] -= factor * S[j, c]
-        inverse = 1.0 / M[i, i]
-        for c in range(count):
-            S[i, c] = inverse * R[i, c]
+def _kept(sizes, out, kept):
+    """Copy the derivatives of F (n, n) and (n, w) from out."""
+    at = sizes[10]
+    for i in range(kept.size):
+        kept[i] = out[at + i]
 
 
 @inner
-def _jump(sizes, out, before, S, at_g):
+def _carry(address, sizes, kept, out, h, S, step, W):
+    """Carry the sensitivities S (n, w) over h by the trapezoidal rule; in place.
+
+    Those of states with rates W[5] of their own by Euler's implicit rule: within h they have come to rest.
+    """
+    for i in range(sizes[0]):
+        step[0, i] = 0.0 if W[5, i] != 0.0 else 0.5 * h
+        step[1, i] = h - step[0, i]
+    call_among(address, kept, out, sizes[10], S, step)
+
+
+@inner
+def _jump(sizes, out, before, S):
     """Saltation: out holds F after the event, ``before`` F before it; dt* = -(dg/dx S) / (dg/dt before)."""
-    n, count = sizes[0], sizes[3]
+    n, count, width = sizes[0], sizes[3], sizes[11]
+    at_g = sizes[10] + n * n + n * width + width
     rate = 0.0
     for i in range(n):
         rate += out[at_g + i] * before[i]
@@ -255,38 +228,42 @@ def _fastest(J, ratio):
 
 
 @inner
-def _left(J, W, ratio, M):
-    """Estimate the fastest rate of J (n, n) without the decay W[5] (n) of single states."""
+def _left(source, at, W, ratio, M):
+    """Estimate the fastest rate of J (n, n), which stands in ``source`` from ``at`` on, without the decay W[5] (n) of
+    single states.
+    """
     n = W.shape[1]
     for i in range(n):
         for j in range(n):
-            M[i, j] = J[i, j]
+            M[i, j] = source[at + i * n + j]
         M[i, i] -= W[5, i]
     return _fastest(M, ratio)
 
 
 @inner
-def _split(whole, sizes, z, out, x, span, mode, s, work, ratio, least, W):
+def _split(code, sizes, z, out, x, span, mode, s, work, ratio, least, W):
     """Fill W[5] (n) with the rates of the states that come to rest within ``span`` seconds by themselves: the effects'
     own ones, and those of the plant that decay by e^-least at least.
 
     Returns the fastest of all other rates that J has, at x and where the motion leads: what decays there otherwise than
-    here counts among them. ``work`` and ``out`` hold what belongs to x, before and after.
+    here counts among them. ``work`` and ``out`` hold what belongs to x, before and (but for derivatives in ``out``)
+    after.
     """
-    J0, J1, P1, M, k, n, decays = work[0], work[2], work[3], work[4], work[6], x.size, False
+    kept, k, M, n, decays = work[0], work[1], work[4], x.size, False
     for i in range(n):
-        W[5, i] = J0[i, i] if J0[i, i] * span < (-1.0 if i >= sizes[9] else -least) else 0.0
+        rate = kept[i * n + i]
+        W[5, i] = rate if rate * span < (-1.0 if i >= sizes[9] else -least) else 0.0
         decays = decays or W[5, i] != 0.0
     if not decays:
         return np.inf
-    fastest = _left(J0, W, ratio, M)
+    fastest = _left(kept, 0, W, ratio, M)
     _weigh(span, W)
     k[1, 0], k[2, 0] = out[n], out[n + 1]
     for i in range(n):
         k[0, i] = out[i]
         z[i] = x[i] + W[2, i] * out[i]
-    _linearized(whole, sizes, z, out, mode, s, J1, P1)
-    fastest = max(fastest, _left(J1, W, ratio, M))
+    _linearized(code, sizes, z, out, mode, s)
+    fastest = max(fastest, _left(out, sizes[10], W, ratio, M))
     out[n], out[n + 1] = k[1, 0], k[2, 0]
     for i in range(n):
         z[i], out[i] = x[i], k[0, i]
@@ -294,18 +271,17 @@ def _split(whole, sizes, z, out, x, span, mode, s, work, ratio, least, W):
 
 
 @inner
-def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, decays):
+def _advance(code, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, decays):
     """Integrate x over ``span`` seconds in ``count`` substeps with the input held; returns (mode, s).
 
-    ``out`` must hold what belongs to x (and ``work`` J and P there, if ``with_s``). W[5] (n): rates of single
+    ``out`` must hold what belongs to x (and ``work`` the derivatives there, if ``with_s``). W[5] (n): rates of single
     states that are integrated exactly, if anything ``decays``.
     """
-    n, switched, coordinate = sizes[0], sizes[5], sizes[6]
-    J0, P0, J1, P1, M, R, k, before = work
-    at_g = 2 * n + 3 + sizes[2] + n * n + n * sizes[3] + n + sizes[3]
-    left, step, events = span, span / count, 0
+    n, switched, coordinate, head = sizes[0], sizes[5], sizes[6], code[0]
+    kept, k, before, step, _ = work
+    left, part, events = span, span / count, 0
     while left > 1e-13 * span:
-        h = left if left < 1.5 * step else step
+        h = left if left < 1.5 * part else part
         g0, r0, s0 = out[n], out[n + 1], s
         for i in range(n):
             k[0, i] = out[i]
@@ -314,7 +290,7 @@ def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_
         if decays:
             _exponential(head, sizes, z, out, x, k, h, mode, s, W)
         else:
-            _rk4(head, sizes, z, out, x, k, h, mode, s)
+            _rk4(code, sizes, z, x, k, h, mode, s, step)
         s1 = _slope(head, sizes, z, out, mode, s)
         event = False
         if switched and events < 50:
@@ -331,20 +307,20 @@ def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_
                 if decays:
                     _exponential(head, sizes, z, out, x, k, h, mode, s, W)
                 else:
-                    _rk4(head, sizes, z, out, x, k, h, mode, s)
+                    _rk4(code, sizes, z, x, k, h, mode, s, step)
                 if mode != 0:
                     _slope(head, sizes, z, out, mode, s)
                     if out[n + 1] != 0.0:
                         shift = -out[n] / out[n + 1]
-                        if abs(shift) < 0.1 * step:
+                        if abs(shift) < 0.1 * part:
                             for i in range(n):
                                 z[i] += shift * out[i]
                             h += shift
                     if coordinate >= 0:
                         z[coordinate] = 0.0
         if with_s:
-            _linearized(whole, sizes, z, out, mode, s, J1, P1)
-            _carry(S, J0, P0, J1, P1, h, M, R, W)
+            _linearized(code, sizes, z, out, mode, s)
+            _carry(code[5], sizes, kept, out, h, S, step, W)
         elif event:
             _slope(head, sizes, z, out, mode, s)
         left -= h
@@ -354,7 +330,7 @@ def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_
             if mode == 0:
                 mode, s = 1, (1.0 if s1 > 0.0 else -1.0)
                 if with_s:
-                    _linearized(whole, sizes, z, out, mode, s, J0, P0)
+                    _linearized(code, sizes, z, out, mode, s)
                 else:
                     _slope(head, sizes, z, out, mode, s)
             else:
@@ -362,18 +338,14 @@ def _advance(head, whole, sizes, z, out, x, span, count, mode, s, S, work, with_
                     before[i] = out[i]
                 mode, s = _choose(head, sizes, z, out)
                 if with_s:
-                    _linearized(whole, sizes, z, out, mode, s, J0, P0)
-                    _jump(sizes, out, before, S, at_g)
+                    _linearized(code, sizes, z, out, mode, s)
+                    _jump(sizes, out, before, S)
                 else:
                     _slope(head, sizes, z, out, mode, s)
                 if mode != 0:
                     out[n] = 0.0
-        elif with_s:
-            for i in range(n):
-                for j in range(n):
-                    J0[i, j] = J1[i, j]
-                for j in range(sizes[3]):
-                    P0[i, j] = P1[i, j]
+        if with_s:
+            _kept(sizes, out, kept)
         if not np.abs(x[0]) < 1e100:
             break
     return mode, s
@@ -447,11 +419,14 @@ def _aware(out, at, e, noise, P, K, row):
 
 
 @inner
-def _spread(first, last, h, process, P, none, M, R, W):
-    """Carry the covariance P (n, n) over h by the trapezoidal rule, and add the variances ``process`` (n)."""
+def _spread(address, sizes, first, last, h, process, P, step, W):
+    """Carry the covariance P (n, w) over h by the trapezoidal rule, and add the variances ``process`` (n).
+
+    ``first`` (n, n) and ``last`` hold dF/dx at both ends, the one alone and the other where ``out`` has it.
+    """
     n = P.shape[0]
     for _ in range(2):
-        _carry(P, first, none, last, none, h, M, R, W)
+        _carry(address, sizes, first, last, h, P, step, W)
         for i in range(n):
             for j in range(i):
                 P[i, j], P[j, i] = P[j, i], P[i, j]
@@ -462,24 +437,22 @@ def _spread(first, last, h, process, P, none, M, R, W):
 
 
 @inner
-def _averaged(whole, sizes, z, out, x, mode, s, belief, P, J, part, J1):
-    """Average J, which holds dF/dx at x, over how uncertain the own positions are, by Gauss and Hermite's rule of order
-    3. Returns whether there are any; ``out`` does not belong to x then.
+def _averaged(code, sizes, z, out, x, mode, s, belief, P, mean):
+    """Average ``mean`` (n n), which holds dF/dx at x, over how uncertain the own positions are, by Gauss and Hermite's
+    rule of order 3. Returns whether there are any; ``out`` does not belong to x then.
     """
-    n, moved = x.size, False
+    n, moved, at = x.size, False, sizes[10]
     for own in range(n):
         if belief[2, own] > 1.0:
             moved = True
             reach = np.sqrt(3.0 * max(P[own, own], 0.0))
-            for i in range(n):
-                for j in range(n):
-                    J[i, j] *= 2.0 / 3.0
+            for i in range(n * n):
+                mean[i] *= 2.0 / 3.0
             for sign in (-1.0, 1.0):
                 z[own] = x[own] + sign * reach
-                _linearized(whole, sizes, z, out, mode, s, J1, part)
-                for i in range(n):
-                    for j in range(n):
-                        J[i, j] += J1[i, j] / 6.0
+                _linearized(code, sizes, z, out, mode, s)
+                for i in range(n * n):
+                    mean[i] += out[at + i] / 6.0
             z[own] = x[own]
     return moved
 
@@ -499,12 +472,15 @@ def _copy_rows(source, to):
 
 
 @compiled
-def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X):
+def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X):
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
 
-    ``sizes``: n, m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is
-    the switching surface (-1), whether derivatives are wanted, least number of substeps between samples, index of the
-    first state that is an effect's own. ``u`` (T, m) held from ``delay`` s after its sample on (before it, if
+    ``code``: addresses of F and the surface alone, of everything, and of what `signlin_ros.diagnosis.steps` writes: the
+    fastest rate, a step free of the surface, one stuck to it, one of sensitivities, one of a covariance. ``sizes``: n,
+    m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is the switching
+    surface (-1), whether derivatives are wanted, least number of substeps between samples, index of the first state
+    that is an effect's own, where dF/dx begins, columns w for sensitivities.
+    ``u`` (T, m) held from ``delay`` s after its sample on (before it, if
     negative), ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny): those of the first G samples, the last one for
     all others. X (T, n) gets the state before the correction, if it is not empty. ``lags`` (ny, 3): by how much every
     channel is seen late in s, the state that it shows, and the index of its lag among the sensitivities (-1); empty if
@@ -514,44 +490,36 @@ def follow(head, whole, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief
     corrected by ``gains``.
     Returns how many samples were followed before the run left all bounds.
     """
-    n, m, ny, count = sizes[0], sizes[1], sizes[2], sizes[3]
-    n_out = 2 * n + 3 + ny + n * n + n * count + n + count + n + ny * n + ny * count
+    n, m, ny, count, at, width = sizes[0], sizes[1], sizes[2], sizes[3], sizes[10], sizes[11]
+    n_out = at + n * n + n * width + width + n + ny * width
     late, kept = t.size if lags.shape[0] > 0 else 0, t.size if lags.shape[0] > 0 and sizes[7] != 0 else 0
-    matrix, wide, ratio = np.zeros((n, n)), np.zeros((n, count)), np.zeros((n, n))
+    ratio = np.zeros((n, n))
     for i in range(n):
         for j in range(n):
             ratio[i, j] = scale[j] / scale[i]
     z, x = np.zeros(n + m + p.size + 1), x0.copy()
     z[n : n + m], z[n + m : n + m + p.size] = u[0], p
-    jacobians = (matrix, wide, matrix.copy(), wide.copy(), matrix.copy(), wide.copy(), np.zeros((4, n)), np.zeros(n))
+    work = (np.zeros(n * n + n * width), np.zeros((4, n)), np.zeros(n), np.zeros((2, n)), np.zeros((n, n)))
     past = (np.zeros((late, 4, n)), np.zeros((kept, 2, n, count)), np.zeros(count))
-    P = np.diag(belief[1]) if belief.shape[1] else matrix.copy()
-    kalman = (P, np.zeros((n, ny)), matrix.copy(), matrix.copy(), matrix.copy())
-    memory = (
-        z,
-        np.zeros(n_out),
-        x,
-        wide.copy(),
-        jacobians,
-        np.zeros((ny, count)),
-        past,
-        kalman,
-        ratio,
-        np.zeros((6, n)),
-    )
-    return _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D, X, memory)
+    P = np.zeros((n, -(-n // LANES) * LANES))
+    for i in range(n if belief.shape[1] else 0):
+        P[i, i] = belief[1, i]
+    kalman = (P, np.zeros((n, ny)), np.zeros(n * n), np.zeros(n * n))
+    memory = (z, np.zeros(n_out), x, np.zeros((n, width)), work, past, kalman, ratio, np.zeros((6, n)), np.zeros(1))
+    return _follow(code, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D, X, memory)
 
 
 @inner
-def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D, X, memory):
+def _follow(code, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D, X, memory):
     """Do what `follow` does, in the arrays of ``memory``."""
     n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     with_s, total = sizes[7] != 0, t.size
+    at, width = sizes[10], sizes[11]
     at_h = 2 * n + 3
-    at_hx = at_h + ny + n * n + n * count + n + count + n
-    at_hp = at_hx + ny * n
-    z, out, x, S, work, d, (past, past_s, row), (P, K, first, none, square), ratio, W = memory
-    J0, P0, J1, M = work[0], work[1], work[2], work[4]
+    at_hx = at_h + ny
+    at_hp = at + n * n + n * width + width + n
+    z, out, x, S, work, (past, past_s, row), (P, K, first, mean), ratio, W, fastest = memory
+    head, kept, before, step = code[0], work[0], work[2], work[3]
     late, aware = lags.shape[0] > 0, belief.shape[1] > 0
     mode, s, active = 1, 1.0, 0
     for k in range(total):
@@ -561,20 +529,20 @@ def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, nois
             if with_s and i_delay >= 0:
                 _slope(head, sizes, z, out, mode, s)
                 for i in range(n):
-                    work[7][i] = out[i]
+                    before[i] = out[i]
             active += 1
             for i in range(m):
                 z[n + i] = u[active, i]
             if with_s and i_delay >= 0:
                 _slope(head, sizes, z, out, mode, s)
                 for i in range(n):
-                    S[i, i_delay] += work[7][i] - out[i]
+                    S[i, i_delay] += before[i] - out[i]
         mode, s = _settle(head, sizes, z, out, mode, s, k == 0)
         if mode == 0:
             z[z.size - 1] = _slope(head, sizes, z, out, mode, s)
         else:
             z[z.size - 1] = s
-        call(whole, z, out)
+        call(code[1], z, out)
         if X.shape[0]:
             _copy(x, X[k])
         gain = gains[min(k, gains.shape[0] - 1)]
@@ -586,25 +554,24 @@ def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, nois
             E[k, c] = y[k, c] - out[at_h + c]
             if with_s:
                 for j in range(count):
-                    value = out[at_hp + c * count + j]
-                    for i in range(n):
-                        value += out[at_hx + c * n + i] * S[i, j]
-                    d[c, j] = -value
-                    D[k, c, j] = -value
+                    D[k, c, j] = -out[at_hp + c * width + j]
+                for i in range(n):
+                    slope = out[at_hx + c * n + i]
+                    if slope != 0.0:
+                        for j in range(count):
+                            D[k, c, j] -= slope * S[i, j]
             if late and k > 0 and lags[c, 0] + lags[c, 2] > -1.0:
                 i_state, i_lag = int(lags[c, 1]), int(lags[c, 2])
-                before, rate = _lagged(k, t, lags[c, 0], i_state, past, past_s, row, with_s)
+                was, rate = _lagged(k, t, lags[c, 0], i_state, past, past_s, row, with_s)
                 slope = out[at_hx + c * n + i_state]
-                E[k, c] += slope * (x[i_state] - before)
+                E[k, c] += slope * (x[i_state] - was)
                 if with_s:
                     for j in range(count):
                         D[k, c, j] += slope * (S[i_state, j] - row[j])
                     if i_lag >= 0:
                         D[k, c, i_lag] += slope * rate
-                    for j in range(count):
-                        d[c, j] = D[k, c, j]
         if awake:
-            _aware(out, at_hx, E[k], noise, P, K, work[7])
+            _aware(out, at_hx, E[k], noise, P, K, before)
             gain = K
         for c in range(ny):
             if E[k, c] == E[k, c]:
@@ -614,7 +581,7 @@ def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, nois
                         x[i] += gain[i, c] * E[k, c]
                         if with_s:
                             for j in range(count):
-                                S[i, j] += gain[i, c] * d[c, j]
+                                S[i, j] += gain[i, c] * D[k, c, j]
         if k + 1 == total:
             break
         for i in range(n):
@@ -632,24 +599,26 @@ def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, nois
             end = t[k + 1]
             if active + 1 < total and t[active + 1] + delay < end - 1e-12:
                 end = t[active + 1] + delay
-            _linearized(whole, sizes, z, out, mode, s, J0, P0)
+            _linearized(code, sizes, z, out, mode, s)
             if awake and begin == t[k]:
-                _copy_rows(J0, first)
-                if _averaged(whole, sizes, z, out, x, mode, s, belief, P, first, P0, J1):
-                    _linearized(whole, sizes, z, out, mode, s, J0, P0)
+                _kept(sizes, out, first)
+                if _averaged(code, sizes, z, out, x, mode, s, belief, P, first):
+                    _linearized(code, sizes, z, out, mode, s)
+            _kept(sizes, out, kept)
             span, decays = end - begin, False
-            reach = span * _fastest(J0, ratio) / REACH
+            call_among(code[2], kept, ratio, 0, fastest, step)
+            reach = span * np.sqrt(fastest[0]) / REACH
             wanted = np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF)
             substeps = int(min(MOST, max(sizes[8], wanted)))
             if wanted > FEW and not aware:
-                rest = span * _split(whole, sizes, z, out, x, span, mode, s, work, ratio, LOST, W) / REACH
+                rest = span * _split(code, sizes, z, out, x, span, mode, s, work, ratio, LOST, W) / REACH
                 decays = rest < substeps - 1
                 if decays and not W[5, : sizes[9]].any():
                     substeps = int(max(LEAST, sizes[8], np.ceil(rest)))
             if not decays:
                 for i in range(n):
                     W[5, i] = 0.0
-            mode, s = _advance(head, whole, sizes, z, out, x, span, substeps, mode, s, S, work, with_s, W, decays)
+            mode, s = _advance(code, sizes, z, out, x, span, substeps, mode, s, S, work, with_s, W, decays)
             for i in range(n):
                 if not abs(x[i]) < 1e6 * scale[i]:
                     return k + 1
@@ -662,14 +631,17 @@ def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, nois
                 if awake:
                     for i in range(n):
                         z[i] = x[i]
-                    _linearized(whole, sizes, z, out, mode, s, J0, P0)
-                    _averaged(whole, sizes, z, out, x, mode, s, belief, P, J0, P0, J1)
-                    _spread(first, J0, end - t[k], belief[0], P, none, M, square, W)
+                    _linearized(code, sizes, z, out, mode, s)
+                    _kept(sizes, out, mean)
+                    _averaged(code, sizes, z, out, x, mode, s, belief, P, mean)
+                    for i in range(n * n):
+                        out[at + i] = mean[i]
+                    _spread(code[6], sizes, first, out, end - t[k], belief[0], P, step, W)
                 break
             begin = end
             for i in range(n):
                 z[i] = x[i]
-                work[7][i] = out[i]
+                before[i] = out[i]
             active += 1
             for i in range(m):
                 z[n + i] = u[active, i]
@@ -677,34 +649,54 @@ def _follow(head, whole, sizes, t, u, y, gains, scale, delay, lags, belief, nois
             if with_s and i_delay >= 0:
                 _slope(head, sizes, z, out, mode, s)
                 for i in range(n):
-                    S[i, i_delay] += work[7][i] - out[i]
+                    S[i, i_delay] += before[i] - out[i]
     return total
 
 
 @compiled
-def kalman_gains(A, C, Q, R, P0, gains, variances):
+def kalman_gains(A, H, Q, noise, P0, gains, variances):
     """Fill ``gains`` (G, n, ny) with the gains of the Kalman filter from P0 on, and ``variances`` (G, ny) with those
     of the innovations; returns how many are needed.
+
+    A, Q and P0 (n, n); H (ny n): what the channels show, row by row; ``noise`` (ny): their variances.
     """
-    n, ny = A.shape[0], C.shape[0]
-    P = P0.copy()
+    n, ny = A.shape[0], noise.size
+    P, AP, K, row, e = P0.copy(), np.zeros((n, n)), np.zeros((n, ny)), np.zeros(n), np.zeros(ny)
     for k in range(gains.shape[0]):
-        PC = P @ C.T
-        S = C @ PC + R
-        K = np.ascontiguousarray(np.linalg.solve(S, PC.T).T)
-        for j in range(ny):
-            variances[k, j] = S[j, j]
-        gains[k] = K
-        P = A @ (P - K @ PC.T) @ A.T + Q
-        P = 0.5 * (P + P.T)
-        if k > 0:
-            moved = 0.0
-            for i in range(n):
-                for j in range(ny):
-                    moved = max(moved, abs(K[i, j] - gains[k - 1, i, j]) - 1e-4 * abs(K[i, j]))
-            if moved <= 0.0 and k > 5:
-                return k + 1
+        moved = _one_more(A, H, Q, noise, P, AP, K, row, e, gains, variances, k)
+        if k > 5 and moved <= 0.0:
+            return k + 1
     return gains.shape[0]
+
+
+@inner
+def _one_more(A, H, Q, noise, P, AP, K, row, e, gains, variances, k):
+    """Do step k of `kalman_gains`; returns by how much gains have moved, beyond a ten thousandth of them."""
+    n, ny = K.shape
+    for c in range(ny):
+        variances[k, c] = noise[c]
+        for i in range(n):
+            for j in range(n):
+                variances[k, c] += H[c * n + i] * P[i, j] * H[c * n + j]
+    _aware(H, 0, e, noise, P, K, row)
+    moved = 0.0
+    for i in range(n):
+        for c in range(ny):
+            gains[k, i, c] = K[i, c]
+            if k > 0:
+                moved = max(moved, abs(K[i, c] - gains[k - 1, i, c]) - 1e-4 * abs(K[i, c]))
+    for i in range(n):
+        for j in range(n):
+            AP[i, j] = 0.0
+            for m in range(n):
+                AP[i, j] += A[i, m] * P[m, j]
+    for i in range(n):
+        for j in range(i + 1):
+            P[i, j] = 0.5 * (Q[i, j] + Q[j, i])
+            for m in range(n):
+                P[i, j] += 0.5 * (AP[i, m] * A[j, m] + AP[j, m] * A[i, m])
+            P[j, i] = P[i, j]
+    return moved
 
 
 __all__ = ["follow", "kalman_gains"]

@@ -226,7 +226,7 @@ def _rates(problem: Problem, model: Model, X: Array, u: Array) -> Array:
     velocity = _velocity(model, X, u)
     columns = [*X.T, *u.T, *model.p, *neutral_sensors(ny), np.sign(velocity)]
     out = eq.keep.batch([np.broadcast_to(c, (len(X),)) for c in columns])
-    return np.asarray(np.concatenate([out[:n], out[2 * n + 3 : 2 * n + 3 + ny]]).T)
+    return np.asarray(np.concatenate([out[:n], out[eq.places.h :][:ny]]).T)
 
 
 def _velocity(model: Model, X: Array, u: Array) -> Array:

@@ -273,9 +273,8 @@ def linear_base(model: Model, channels: tuple[str, ...]) -> tuple[tuple[str, ...
     n, m, ny = eq.sizes[:3]
     point = np.concatenate([np.zeros(n + m), plain.p, neutral_sensors(ny), [0.0]])
     columns = eq.keep.batch([*point])[:, 0]
-    at = 2 * n + 3 + ny
-    A = columns[at : at + n * n].reshape(n, n)
-    C = columns[at + n * n + n + n :][: ny * n].reshape(ny, n)
+    A = columns[eq.places.J :][: n * n].reshape(n, n)
+    C = columns[eq.places.h_x :][: ny * n].reshape(ny, n)
     moved = [eq.keep.batch([*(point + np.eye(point.size)[n + j])])[:n, 0] for j in range(m)]
     B = np.column_stack([f - columns[:n] for f in moved])
     return plain.states, A, B, C
@@ -311,7 +310,7 @@ def design(
     P0 = np.diag([SETTLED * measured[s] ** 2 if s in measured else sizes.get(s, 1.0) ** 2 for s in states])
     values = np.zeros((20_000, len(states), len(channels)))
     variances = np.zeros((20_000, len(channels)))
-    used = kalman_gains(expm(A * dt), np.ascontiguousarray(C), Q, np.diag(noise**2), P0, values, variances)
+    used = kalman_gains(expm(A * dt), np.ravel(C), Q, noise**2, P0, values, variances)
     spread = np.array([np.diag(Q), np.diag(P0)])
     return Gains(tau, states, values[:used].copy(), np.sqrt(variances[used - 1] / variances[:used]), spread)
 

@@ -294,12 +294,21 @@ def _bred(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
 
 
 def _climbed(problem: Problem, trials: Sequence[Trial], run: Executor) -> list[list[tuple[Fit, Fit]]]:
-    """Return for each trial what a search from its starts finds; best pairs first."""
-    rugged = [bool(t.starts) and EFFECTS[t.effect].rugged for t in trials]
-    plain = run.map(functools.partial(_climb, problem), [t for t, r in zip(trials, rugged, strict=True) if not r])
-    bred = [_bred(problem, t, run.map) for t, r in zip(trials, rugged, strict=True) if r]
-    sources = iter(plain), iter(bred)
-    return [next(sources[r]) for r in rugged]
+    """Return for each trial what a search from its starts finds; best pairs first.
+
+    Those with own states and many starts are begun first: what takes long must not be waited for.
+    """
+    rugged = {i for i, t in enumerate(trials) if t.starts and EFFECTS[t.effect].rugged}
+    plain = sorted(set(range(len(trials))) - rugged, key=lambda i: _effort(trials[i]), reverse=True)
+    begun = run.map(functools.partial(_climb, problem), [trials[i] for i in plain])
+    found = {i: _bred(problem, trials[i], run.map) for i in sorted(rugged)}
+    found.update(zip(plain, begun, strict=True))
+    return [found[i] for i in range(len(trials))]
+
+
+def _effort(trial: Trial) -> tuple[bool, int]:
+    """Return what tells how long a trial takes."""
+    return bool(EFFECTS[trial.effect].states), len(trial.starts)
 
 
 def without(problem: Problem, r: Ranked, effect: str) -> Ranked | None:

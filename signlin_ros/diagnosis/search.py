@@ -77,6 +77,8 @@ SHARE, PART = 0.05, 0.2
 structure remains, it must also be that share of what the base model lacks, or `PART` of what the last step left."""
 SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
+RIVAL = 0.5
+"""How far from the best single, as a part of what that gains, the next is gone on from to deeper minima too."""
 BEAM = 4
 """How many singles are tried with a second effect where no single is enough."""
 DEPTH = 3
@@ -282,9 +284,16 @@ class _Search:
             singles = [self._unborrowed(base, r) for r in searched(self.problem, trials, singles, self.executor)]
             singles = sorted(singles, key=evidence_of)
             if not self._enough(min([base, *singles], key=evidence_of)):
-                front = [deeper(self.problem, r, self.executor.map) for r in singles[:2]]
-                singles = sorted([*front, *singles[2:]], key=evidence_of)
+                singles = self._deeper(base, singles)
         return simplified(self.problem, trials, singles, self.executor)
+
+    def _deeper(self, base: Ranked, singles: list[Ranked]) -> list[Ranked]:
+        """Return every effect alone, the best gone on from to deeper minima, and the next where it explains as much."""
+        first = singles[0].evidence if singles else 0.0
+        reach = RIVAL * abs(base.evidence - first)
+        front = [r for r in singles[:2] if r.evidence <= first + reach]
+        found = [deeper(self.problem, r, self.executor.map) for r in front]
+        return sorted([*found, *singles[len(front) :]], key=evidence_of)
 
     def _unborrowed(self, base: Ranked, r: Ranked) -> Ranked:
         """Return a load that floats as the common observer follows it, where it is not what it is called: what is left
@@ -357,7 +366,7 @@ class _Search:
         path = [self._step(base)]
         options, whole = singles, None
         for depth in range(self.depth):
-            front = [*map(self._polished, options[:2]), *options[2:]]
+            front = [*self.executor.map(self._polished, options[:2]), *options[2:]]
             step = self._best_step(path, [*self._parts(front), *front])
             half = self._halfway(path, step, front)
             whole = step if half is not step else whole

@@ -68,7 +68,7 @@ class Tracker:
         late = self.model.delay - self.early
         record = (self.t, self.u, self.y, gains, np.array(x0, dtype=float), self._p, self.scale, late)
         rest = (np.zeros((0, 3)), np.zeros((3, 0)), np.ones(ny), innovation, np.zeros((0, ny, 0)), state)
-        done = follow(e.head, e.whole, e.flags(False), *record, *rest)
+        done = follow(e.calls(False), e.flags(False), *record, *rest)
         innovation[done:], state[done:] = np.nan, np.nan
         return Run(innovation, state, int(done) if done < total else None)
 
@@ -83,17 +83,15 @@ class Tracker:
     def linearized(self, x: Array) -> tuple[Array, Array, Array]:
         """Return F (T, n), dF/dx (T, n, n) and dh/dx (T, channels, n) at the states x (T, n) under the inputs."""
         n, _, ny, *_ = self._equations.sizes
-        out, _ = self._evaluated(x)
-        at_j = 2 * n + 3 + ny
-        at_c = at_j + n * n + 2 * n
-        blocks = out[at_j : at_j + n * n].reshape(n, n, -1), out[at_c : at_c + ny * n].reshape(ny, n, -1)
+        (out, _), at = self._evaluated(x), self._equations.places
+        blocks = out[at.J : at.J + n * n].reshape(n, n, -1), out[at.h_x : at.h_x + ny * n].reshape(ny, n, -1)
         J, C = (np.moveaxis(block, -1, 0) for block in blocks)
         return out[:n].T, J, C
 
     def outputs(self, x: Array) -> Array:
         """Return what the channels would show (T, channels) at the states x (T, n) under the inputs."""
-        n, _, ny, *_ = self._equations.sizes
-        return np.asarray(self._evaluated(x)[0][2 * n + 3 : 2 * n + 3 + ny].T)
+        h = self._equations.places.h
+        return np.asarray(self._evaluated(x)[0][h : h + len(self.channels)].T)
 
     def rate(self, x: Array, state: int, measured: Array, standing: NDArray[np.bool_]) -> Array:
         """Return the rate (T,) of a state at x (T, n); where ``standing`` (T,), friction takes what is ``measured``

@@ -46,7 +46,7 @@ def run(model, free=(), change=None, y=None, gains=None, lags=None):
     lags = np.zeros((0, 3)) if lags is None else lags
     arguments = (eq.flags(bool(free)), TIMES, INPUT, y, gains, np.zeros(n), p, SCALE[:n], delay, lags)
     plain = (np.zeros((3, 0)), np.ones(3))
-    assert follow(eq.head, eq.whole, *arguments, *plain, E, D, X) == T
+    assert follow(eq.calls(bool(free)), *arguments, *plain, E, D, X) == T
     return E, D, X
 
 
@@ -130,5 +130,5 @@ def test_a_run_out_of_bounds_says_where():
     E, X = np.zeros((T, 1)), np.zeros((T, 2))
     arguments = (eq.flags(False), TIMES, 100 * INPUT, np.zeros((T, 1)), np.zeros((1, 2, 1)), np.zeros(2), p)
     rest = (np.ones(2), 0.0, np.zeros((0, 3)), np.zeros((3, 0)), np.ones(1), E, np.zeros((0, 1, 0)), X)
-    done = follow(eq.head, eq.whole, *arguments, *rest)
+    done = follow(eq.calls(False), *arguments, *rest)
     assert 0 < done < T
