@@ -181,15 +181,20 @@ class Writer:
         return f"define void @{name}(double* noalias %in, double* noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
 
 
+MOST_FILES = 40_000
+"""Files of machine code, of some 4 kB, from which on the older half is removed."""
+
+
 class _Cache:
     """Keeps machine code on disk, by the text that it came from and the processor that it is for.
 
     A folder that cannot be read or written only costs time; so does a file that is not whole, which LLVM would not
-    survive: a file begins with the digest of the code in it.
+    survive: a file begins with the digest of the code in it. After the first that a process saves, the older half is
+    removed where there are more than ``most``.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, most: int = MOST_FILES) -> None:
+        self.folder, self.most, self.pruned = folder, most, False
 
     def _path(self, module: Any) -> Path:
         return self.folder / f"{module.name}.code"
@@ -201,9 +206,25 @@ class _Cache:
             self.folder.mkdir(parents=True, exist_ok=True)
             part.write_bytes(hashlib.sha256(code).digest() + code)
             part.replace(self._path(module))
+            if not self.pruned:
+                self.pruned = True
+                self._prune()
         except OSError:
             with contextlib.suppress(OSError):
                 part.unlink()
+
+    def _prune(self) -> None:
+        """Remove the oldest half of the files where there are too many."""
+        paths = list(self.folder.iterdir())
+        if len(paths) <= self.most:
+            return
+        ages = []
+        for path in paths:
+            with contextlib.suppress(OSError):  # another process may do the same
+                ages.append((path.stat().st_mtime, path))
+        for _, path in sorted(ages)[: len(paths) // 2]:
+            with contextlib.suppress(OSError):
+                path.unlink()
 
     def load(self, module: Any) -> bytes | None:
         """Return what was compiled earlier, if anything."""

@@ -13,7 +13,7 @@ from numba import njit
 from numba.core.errors import TypingError
 
 from signlin_ros.kernels import run_batch
-from signlin_ros.native import call, call_within, caller, native
+from signlin_ros.native import _Cache, call, call_within, caller, native
 from signlin_ros.tape import OPERATIONS, Tape
 
 RANDOM = np.random.default_rng(7)
@@ -221,3 +221,23 @@ def test_kernels_cached_by_different_processes_work_together(tmp_path):
     alone = [line for kind in kinds for line in said(kind)]
     assert said(*kinds) == alone
     assert said(*reversed(kinds)) == alone[::-1]
+
+
+class Module:
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+
+def test_the_oldest_code_is_removed_where_there_is_too_much(tmp_path):
+    for i in range(8):
+        _Cache(tmp_path).save(Module(f"old{i}"), b"code")
+        os.utime(tmp_path / f"old{i}.code", (i, i))
+    cache = _Cache(tmp_path, most=8)
+    cache.save(Module("new"), b"code")
+    left = sorted(path.name for path in tmp_path.iterdir())
+    assert left == ["new.code", "old4.code", "old5.code", "old6.code", "old7.code"]
+    for i in range(8):
+        cache.save(Module(f"more{i}"), b"code")
+    assert len(list(tmp_path.iterdir())) == 13  # once in a process
+    assert cache.load(Module("new")) == b"code"
+    assert cache.load(Module("old0")) is None
