@@ -79,7 +79,7 @@ def noise_level(t: Array, y: Array, residual: Array | Sequence[Array] | None = N
     rho = min([*found, _largest(float(second.min()) / variance if variance > 0 else 1.0, y.size)]) if found else 0.0
     rho = round(rho, 2) if rho >= LEAST_CORRELATION else 0.0
     coarse = quantum if floor > 0.01 * variance else 0.0
-    return Noise(float(np.sqrt(variance / _fourth(np.array(rho)))), rho, coarse, even)
+    return Noise(float(np.sqrt(variance / fourth_difference_share(np.array(rho)))), rho, coarse, even)
 
 
 def quantum_of(y: Array) -> float:
@@ -98,7 +98,7 @@ def quantum_of(y: Array) -> float:
     return quantum if close.mean() > 0.9 and whole[close].mean() > 0.98 else 0.0
 
 
-def _fourth(rho: Array) -> Array:
+def fourth_difference_share(rho: Array) -> Array:
     """Return g(rho): the share of an AR(1)'s variance that fourth differences see."""
     return np.asarray((70 - 112 * rho + 56 * rho**2 - 16 * rho**3 + 2 * rho**4) / 70)
 
@@ -116,7 +116,7 @@ def _largest(ratio: float, samples: int) -> float:
 
     What is smooth raises the ratio and never lowers it; on pure noise its logarithm is good to 0.75 / sqrt(samples).
     """
-    expected = np.log((6 - 8 * _RHO + 2 * _RHO**2) / 6 / _fourth(_RHO))
+    expected = np.log((6 - 8 * _RHO + 2 * _RHO**2) / 6 / fourth_difference_share(_RHO))
     return float(_RHO[expected <= np.log(max(ratio, 1e-12)) + 2.5 * 0.75 / np.sqrt(samples)].max(initial=0.0))
 
 
@@ -144,7 +144,7 @@ def _correlation(residual: Array, variance: float) -> float | None:
     apart = np.array([_clipped(residual[i:] - residual[:-i]) / 2 for i in k])
     if not apart.all():
         return None
-    noise = variance / _fourth(_RHO)[:, None] * (1 - _RHO[:, None] ** k)
+    noise = variance / fourth_difference_share(_RHO)[:, None] * (1 - _RHO[:, None] ** k)
     weight = k**2 / apart
     smooth = np.maximum(0.0, np.sum(weight * (1 - noise / apart), axis=1) / np.sum(weight**2))
     misfit = np.sum(((noise + smooth[:, None] * k**2) / apart - 1) ** 2, axis=1)
@@ -152,4 +152,4 @@ def _correlation(residual: Array, variance: float) -> float | None:
     return float(_RHO[best]) if misfit[best] < GOOD_FIT else None
 
 
-__all__ = ["Noise", "noise_level", "quantum_of"]
+__all__ = ["Noise", "fourth_difference_share", "noise_level", "quantum_of"]

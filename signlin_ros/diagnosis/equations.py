@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.steps import DECLARED, carrier, pace, padded, runge_kutta
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Surface
-from signlin_ros.native import native, translated
+from signlin_ros.native import caller, native, translated
 from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 Pattern = NDArray[np.bool_]
 KINKED = 3
 """Least number of substeps where a kink is crossed inside a step, which lowers the order."""
+OFF, UNDAMPED = 1e-3, 0.005
+"""Largest error of a resonance's frequency, as a part of its width, and the least damping ratio that counts."""
 STEEP = 1e4
 """Where a model has several switching surfaces, all but the first are smoothed to tanh(STEEP g / scale)."""
 
@@ -45,7 +47,8 @@ class Equations:
     ``sensor_gain.<channel>``, ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel. ``free``:
     those with sensitivities. ``substeps``: least number between two samples. ``own``: index of the first state that is
     an effect's. ``delay @ p``: by how much the input is late in s. ``keep``: the tape of what is known without
-    sensitivities, for points one by one.
+    sensitivities, for points one by one. ``lasting``: indices of the states that may ring for long: the plant's and
+    those of resonant effects.
     """
 
     code: tuple[int, ...]
@@ -58,6 +61,7 @@ class Equations:
     free: tuple[str, ...]
     delay: Array
     keep: Any
+    lasting: tuple[int, ...]
 
     @property
     def delaying(self) -> frozenset[str]:
@@ -81,6 +85,27 @@ class Equations:
         places = self.places
         count = count if with_s else 0
         return (n, m, ny, count, *rest, int(with_s), max(substeps, self.substeps), self.own, places.J, padded(count))
+
+    def ringing(self, p: Array, scale: Array) -> float:
+        """Return the largest product of a step and the fastest rate of what rings in which RK4 keeps every resonance.
+
+        A step of h makes one of frequency w ring too slowly by (h w)^4 / 120, which is small only beside its width: the
+        model at rest decides. Infinite where nothing rings. ``scale`` (n): sizes of the states.
+        """
+        n, m, *_ = self.sizes
+        result = np.zeros(self.places.J + n * n)
+        caller(self.brief[1])(np.concatenate([np.zeros(n + m), p, [0.0]]), result)
+        J = result[self.places.J :].reshape(n, n)[np.ix_(self.lasting, self.lasting)]
+        if not np.isfinite(J).all():
+            return np.inf
+        rates = np.linalg.eigvals(J)
+        rates = rates[rates.imag > 0.0]
+        if not rates.size:
+            return np.inf
+        own, size = scale[list(self.lasting)], np.abs(rates)
+        fastest = np.sqrt(np.max((np.abs(J @ J) * own / own[:, None]).sum(axis=1)))
+        damping = np.maximum(-rates.real / size, UNDAMPED)
+        return float(fastest * np.min((240.0 * OFF * damping) ** 0.25 / size))
 
     @property
     def places(self) -> Places:
@@ -165,7 +190,8 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     body, head = native(known)
     whole, _ = native(tape(blocks + more)) if free else (body, head)
     patterns = _pattern(J, F_s, rate_x), _pattern(P, F_s, rate_p)
-    *steps, carry = _steps(*patterns, known, located is not None)
+    lasting = _lasting(structure, t)
+    *steps, carry = _steps(*patterns, lasting, known, located is not None)
     delay = _delay(t, p)
     i_delay = next((i for i, name in enumerate(free) if delay[names.index(name)] != 0.0), -1)
     coordinate = -1
@@ -175,7 +201,15 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     own = next((i for i, name in enumerate(t.states) if "." in name), n)
     kinked = any(bool(ca.which_depends(v.g, t.x, 1, False)[0]) for v in t.surfaces if v is not located)
     code, brief = (head, whole, *steps, carry), (head, body, *steps, 0)
-    return Equations(code, brief, patterns, sizes, KINKED if kinked else 1, own, names, free, delay, known)
+    return Equations(
+        code, brief, patterns, sizes, KINKED if kinked else 1, own, names, free, delay, known, _lasting(structure, t)
+    )
+
+
+def _lasting(structure: Structure, t: Trace) -> tuple[int, ...]:
+    """Return the indices of the states that may ring for long."""
+    resonant = {slot.key for slot in structure.slots if slot.effect.resonant}
+    return tuple(i for i, name in enumerate(t.states) if name.rpartition(".")[0] in {"", *resonant})
 
 
 def _pattern(matrix: ca.SX, F_s: ca.SX, rate: ca.SX) -> Pattern:
@@ -184,12 +218,12 @@ def _pattern(matrix: ca.SX, F_s: ca.SX, rate: ca.SX) -> Pattern:
     return np.asarray(found | (led & by))
 
 
-def _steps(J: Pattern, P: Pattern, tape: Tape, switched: bool) -> tuple[int, int, int, int]:
+def _steps(J: Pattern, P: Pattern, lasting: tuple[int, ...], tape: Tape, switched: bool) -> tuple[int, int, int, int]:
     """Return the addresses of the fastest rate, of a free and a stuck step, and of one of sensitivities (0: none)."""
     n, count = P.shape
     wide = np.zeros((n, padded(count)), dtype=bool)
     wide[:, :count] = P
-    parts, declared = {"pace": pace("tape_pace", J)}, set[str]()
+    parts, declared = {"pace": pace("tape_pace", J, lasting)}, set[str]()
     for name, stuck in (("free", False), ("stuck", True)) if switched else (("free", False),):
         parts[name], calls = runge_kutta(f"tape_{name}", tape, n, stuck)
         declared |= calls

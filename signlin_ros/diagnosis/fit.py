@@ -311,11 +311,11 @@ def follow_records(
     rows = gains.rows(c.model.states) / np.array(shown)
     rows[:, [name in c.floating for name in c.model.states]] = 0.0  # corrected by the Kalman filter, or not at all
     belief, variances = _belief(problem, c, gains, dict(zip(problem.channels, shown, strict=True))), problem.noise**2
-    errors, derivatives, states = [], [], []
+    errors, derivatives, states, ringing = [], [], [], eq.ringing(p, scale)
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
-        rest = (p, scale, delay - s.early, lags, belief, variances)
+        rest = (p, scale, delay - s.early, ringing, lags, belief, variances)
         x0 = _start(problem, c, s, (rows, *rest)) - _led_back(problem, c, s, delay)
         unknown = ceil(delay / problem.scale.step) + 1 if s.whole and delay > 0.0 else 0
         held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])

@@ -472,7 +472,7 @@ def _copy_rows(source, to):
 
 
 @compiled
-def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise, E, D, X):
+def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, belief, noise, E, D, X):
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
 
     ``code``: addresses of F and the surface alone, of everything, and of what `signlin_ros.diagnosis.steps` writes: the
@@ -480,14 +480,14 @@ def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise
     m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is the switching
     surface (-1), whether derivatives are wanted, least number of substeps between samples, index of the first state
     that is an effect's own, where dF/dx begins, columns w for sensitivities.
-    ``u`` (T, m) held from ``delay`` s after its sample on (before it, if
-    negative), ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny): those of the first G samples, the last one for
-    all others. X (T, n) gets the state before the correction, if it is not empty. ``lags`` (ny, 3): by how much every
-    channel is seen late in s, the state that it shows, and the index of its lag among the sensitivities (-1); empty if
-    none is late. ``belief`` (3, n): variances that a step adds to the states and that they start with, from which an
-    extended Kalman filter corrects them all, with the variances ``noise`` (ny), but nowhere where ``gains`` are 0; 2 in
-    its last row: an own position that makes contact, over whose uncertainty derivatives are averaged. (3, 0): all are
-    corrected by ``gains``.
+    ``u`` (T, m) held from ``delay`` s after its sample on (before it, if negative), ``ringing``: the largest product of
+    a substep and the fastest rate of the states that ring, ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny):
+    those of the first G samples, the last one for all others. X (T, n) gets the state before the correction, if it is
+    not empty. ``lags`` (ny, 3): by how much every channel is seen late in s, the state that it shows, and the index of
+    its lag among the sensitivities (-1); empty if none is late. ``belief`` (3, n): variances that a step adds to the
+    states and that they start with, from which an extended Kalman filter corrects them all, with the variances
+    ``noise`` (ny), but nowhere where ``gains`` are 0; 2 in its last row: an own position that makes contact, over whose
+    uncertainty derivatives are averaged. (3, 0): all are corrected by ``gains``.
     Returns how many samples were followed before the run left all bounds.
     """
     n, m, ny, count, at, width = sizes[0], sizes[1], sizes[2], sizes[3], sizes[10], sizes[11]
@@ -505,12 +505,12 @@ def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, lags, belief, noise
     for i in range(n if belief.shape[1] else 0):
         P[i, i] = belief[1, i]
     kalman = (P, np.zeros((n, ny)), np.zeros(n * n), np.zeros(n * n))
-    memory = (z, np.zeros(n_out), x, np.zeros((n, width)), work, past, kalman, ratio, np.zeros((6, n)), np.zeros(1))
-    return _follow(code, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D, X, memory)
+    memory = (z, np.zeros(n_out), x, np.zeros((n, width)), work, past, kalman, ratio, np.zeros((6, n)), np.zeros(2))
+    return _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, noise, E, D, X, memory)
 
 
 @inner
-def _follow(code, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D, X, memory):
+def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, noise, E, D, X, memory):
     """Do what `follow` does, in the arrays of ``memory``."""
     n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     with_s, total = sizes[7] != 0, t.size
@@ -609,12 +609,13 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, lags, belief, noise, E, D
             call_among(code[2], kept, ratio, 0, fastest, step)
             reach = span * np.sqrt(fastest[0]) / REACH
             wanted = np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF)
-            substeps = int(min(MOST, max(sizes[8], wanted)))
+            least = max(sizes[8], int(min(MOST, np.ceil(span * np.sqrt(fastest[1]) / ringing))))
+            substeps = int(min(MOST, max(least, wanted)))
             if wanted > FEW and not aware:
                 rest = span * _split(code, sizes, z, out, x, span, mode, s, work, ratio, LOST, W) / REACH
                 decays = rest < substeps - 1
                 if decays and not W[5, : sizes[9]].any():
-                    substeps = int(max(LEAST, sizes[8], np.ceil(rest)))
+                    substeps = int(max(LEAST, least, np.ceil(rest)))
             if not decays:
                 for i in range(n):
                     W[5, i] = 0.0

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from signlin_ros.noise import fourth_difference_share
+
 Array = NDArray[np.float64]
 
 LAGS = 12
@@ -20,6 +22,8 @@ SPAN, NEAR = 12, 5
 """Lags either way at which channels are compared, and how many are averaged."""
 ALIKE = 0.2
 """Smallest correlation between the residuals of two channels that tells of a common cause."""
+LOUD = 2.5
+"""Most noise in what an observer leaves, in multiples of that of the sensor."""
 WORTH = 0.15
 """Smallest rho that is worth a filter."""
 
@@ -112,6 +116,7 @@ def residues(innovations: Sequence[Array], white: Array | None = None) -> list[R
     found = [residue([e[:, c] for e in innovations]) for c in range(innovations[0].shape[1])]
     if white is None:
         return found
+    found = [_limited(r, float(w)) for r, w in zip(found, white, strict=True)]
     moving = together(innovations)
     shares = [min(float(w) ** 2 / max(r.variance, 1e-300), 1.0) for r, w in zip(found, white, strict=True)]
     return [
@@ -123,6 +128,20 @@ def residues(innovations: Sequence[Array], white: Array | None = None) -> list[R
 def any_structure(innovations: Sequence[Array], white: Array) -> bool:
     """Tell whether any channel of innovations (T, ny) shows structure; see `residues`."""
     return any(one.structured for one in residues(innovations, white))
+
+
+def _limited(r: Residue, white: float) -> Residue:
+    """Return a residue of which no more is noise than fourth differences of what was measured can hide.
+
+    What rings is neither slow nor coloured by one pole, but noise it is not: ``white`` noise from those differences is
+    the most that there is (`LOUD`: beyond what an observer adds), and of an AR(1) they show a known share.
+    """
+    shown = (r.coloured * float(fourth_difference_share(np.array(r.rho))) + r.white) * r.variance
+    part = min((LOUD * white) ** 2 / max(shown, 1e-300), 1.0)
+    if part >= 1.0:
+        return r
+    coloured, left = part * r.coloured, part * r.white
+    return replace(r, structure=1.0 - coloured - left, coloured=coloured, white=left)
 
 
 def _without_colour(r: Residue, most: float, white: float) -> Residue:

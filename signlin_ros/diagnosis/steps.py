@@ -8,6 +8,8 @@ is; and the trapezoidal rule for sensitivities, for one pattern of zeros:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -149,25 +151,30 @@ def _eliminated(
     return {at: w.everywhere(f) for at, f in lower.items()}, upper, {k: w.everywhere(v) for k, v in inverse.items()}
 
 
-def pace(name: str, J: Pattern) -> str:
-    """Return the function ``name`` of (J, ratio, result, _): the largest row sum of |J^2| times ratio (n, n)."""
+def pace(name: str, J: Pattern, lasting: Sequence[int]) -> str:
+    """Return the function ``name`` of (J, ratio, result, _): the largest row sum of |J^2| times ratio (n, n).
+
+    result (2): that of J (n, n), and that of what it has of the states ``lasting``.
+    """
     w, n = _Vectors(), J.shape[0]
     entries = {(i, j): w.number("%first", i * n + j) for i, j in np.argwhere(J).tolist()}
-    worst = "0.0"
-    for i in range(n):
-        row = ""
-        for j in range(n):
-            square = ""
-            for k in range(n):
-                if (i, k) in entries and (k, j) in entries:
-                    square = w.sum(square, w.times(entries[i, k], entries[k, j]))
-            if square:
-                size = w.new(f"call double @llvm.fabs.f64(double {square})")
-                row = w.sum(row, w.times(size, w.number("%last", i * n + j)))
-        if row:
-            more = w.new(f"fcmp ogt double {row}, {worst}")
-            worst = w.new(f"select i1 {more}, double {row}, double {worst}")
-    w.lines.append(f"  store double {worst}, double* %S")
+    ratios = {(i, j): w.number("%last", i * n + j) for i in range(n) for j in range(n)}
+    for place, states in enumerate((range(n), lasting)):
+        worst = "0.0"
+        for i in states:
+            row = ""
+            for j in states:
+                square = ""
+                for k in states:
+                    if (i, k) in entries and (k, j) in entries:
+                        square = w.sum(square, w.times(entries[i, k], entries[k, j]))
+                if square:
+                    size = w.new(f"call double @llvm.fabs.f64(double {square})")
+                    row = w.sum(row, w.times(size, ratios[i, j]))
+            if row:
+                more = w.new(f"fcmp ogt double {row}, {worst}")
+                worst = w.new(f"select i1 {more}, double {row}, double {worst}")
+        w.lines.append(f"  store double {worst}, double* {w.place('%S', place)}")
     return w.text(name)
 
 
