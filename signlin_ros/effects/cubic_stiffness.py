@@ -21,7 +21,7 @@ class CubicStiffness(Effect):
     experiment = "move further out to both sides"
     external = True
 
-    k3 = Par("F/Q³", nominal=0.1, low=-1e12, high=1e12, doc="cubic stiffness; positive hardens")
+    k3 = Par("F/Q³", nominal=0.1, low=-1e24, high=1e24, doc="cubic stiffness; positive hardens")
     start = ({"k3": 0.05},)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:

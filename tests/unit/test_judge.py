@@ -95,3 +95,15 @@ def test_white_noise_that_was_thought_smaller_is_no_structure():
     noise = np.random.default_rng(4).normal(0.0, 1.0, (40_000, 1))
     (found,) = residues([noise], np.full(1, 0.95))
     assert not found.structured
+
+
+@pytest.mark.parametrize("share", [0.02, 0.2])
+def test_what_rings_is_no_noise(share):
+    rng = np.random.default_rng(5)
+    noise = rng.normal(0.0, 1.0, 8000)
+    pole = 0.97 * np.exp(0.7j)
+    ringing = lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], rng.normal(size=8000))
+    ringing *= np.std(noise) / share / np.std(ringing)
+    (found,) = residues([(ringing + noise)[:, None]], np.ones(1))
+    assert found.structured
+    assert found.noise < 3.0
