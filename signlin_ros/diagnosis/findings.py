@@ -98,7 +98,7 @@ class Findings:
     @functools.cached_property
     def unseen_noise(self) -> Array:
         """Standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure."""
-        left = residues(self.held_out[1], self.problem.noise)
+        left = residues(self.held_out[1], self.unseen.noise)
         return np.array([r.noise if r.structure < 0.5 else s.noise for r, s in zip(left, self.left, strict=True)])
 
     @property

@@ -22,8 +22,9 @@ SPAN, NEAR = 12, 5
 """Lags either way at which channels are compared, and how many are averaged."""
 ALIKE = 0.2
 """Smallest correlation between the residuals of two channels that tells of a common cause."""
-LOUD = 2.5
-"""Most noise in what an observer leaves, in multiples of that of the sensor."""
+ODD, LOUD = 0.2, 2.5
+"""Share of the squared autocorrelations that slow structure and coloured noise leave where something rings; and the
+most noise that is left then, in multiples of the sensor's."""
 WORTH = 0.15
 """Smallest rho that is worth a filter."""
 
@@ -32,7 +33,8 @@ WORTH = 0.15
 class Residue:
     """A channel's residual taken apart: variance = slow structure + AR(1) noise + white noise.
 
-    ``structure``, ``coloured``, ``white`` are shares of the variance; ``rho`` belongs to the AR(1) part.
+    ``structure``, ``coloured``, ``white`` are shares of the variance; ``rho`` belongs to the AR(1) part. ``odd``: the
+    share of the squared autocorrelations that the three do not explain.
     """
 
     variance: float
@@ -41,6 +43,7 @@ class Residue:
     white: float
     rho: float
     samples: int
+    odd: float = 0.0
 
     @property
     def structured(self) -> bool:
@@ -100,11 +103,11 @@ def residue(parts: Sequence[Array]) -> Residue:
         miss = float(np.sum((r - basis @ np.array([slow, fast])) ** 2))
         if miss < best[0]:
             best = (miss, float(slow), float(fast), float(rho))
-    _, slow, fast, rho = best
+    miss, slow, fast, rho = best
     if fast < 4.0 / np.sqrt(max(count, 1)):
         fast = 0.0
     slow, fast = min(slow, 1.0), min(fast, 1.0 - min(slow, 1.0))
-    return Residue(variance, slow, fast, 1.0 - slow - fast, rho, count)
+    return Residue(variance, slow, fast, 1.0 - slow - fast, rho, count, miss / max(float(r @ r), 1e-300))
 
 
 def residues(innovations: Sequence[Array], white: Array | None = None) -> list[Residue]:
@@ -131,11 +134,14 @@ def any_structure(innovations: Sequence[Array], white: Array) -> bool:
 
 
 def _limited(r: Residue, white: float) -> Residue:
-    """Return a residue of which no more is noise than fourth differences of what was measured can hide.
+    """Return a residue of which no more is noise than fourth differences of what was measured can hide, where it is
+    `ODD`.
 
     What rings is neither slow nor coloured by one pole, but noise it is not: ``white`` noise from those differences is
     the most that there is (`LOUD`: beyond what an observer adds), and of an AR(1) they show a known share.
     """
+    if r.odd < ODD:
+        return r
     shown = (r.coloured * float(fourth_difference_share(np.array(r.rho))) + r.white) * r.variance
     part = min((LOUD * white) ** 2 / max(shown, 1e-300), 1.0)
     if part >= 1.0:
