@@ -229,13 +229,14 @@ def _left(ax: Any, shown: Sequence[Explanation], dense: bool) -> None:
             label = "" if i else (words([x.effect]) if x.effect else "nothing")
             left = found.mean - curve.mean
             ax.errorbar(found.at, left, found.two_errors, label=label, ls="none", lw=0.8, elinewidth=0.8, **look)
-    ax.set_ylim(*_around(shown))
+    low, high = _around(shown)
+    ax.set_ylim(low, high + 0.25 * (high - low))  # room for the legend
     if dense:  # the bins are: near 0 is where dry friction decides
         ax.set_xscale("function", functions=(_signed_root, _signed_square))
         reach = max(float(np.max(np.abs(b.at), initial=0.0)) for x in shown for b in x.found)
         ticks = [float(f"{reach * part:.1g}") for part in (-1, -0.3, -0.03, 0, 0.03, 0.3, 1)]
         ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
-    ax.legend(fontsize=8)
+    ax.legend(fontsize=8, loc="upper right")
 
 
 _LEFT: tuple[dict[str, Any], ...] = (
