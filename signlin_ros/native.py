@@ -72,21 +72,36 @@ def _literal(value: float) -> str:
     return f"0x{struct.unpack('>Q', struct.pack('>d', value))[0]:016X}"
 
 
-class Writer:
-    """Writes tapes as the body of a function, of two pointers by default."""
+class Lines:
+    """Lines of a function in LLVM's language, each result with a name of its own."""
 
-    def __init__(self, tape: Tape) -> None:
-        self.tape = tape
+    def __init__(self) -> None:
         self.lines: list[str] = []
-        self.declared: set[str] = set()
         self.count = 0
-        self.slots: dict[int, str] = {tape.n_in + i: _literal(float(v)) for i, v in enumerate(tape.constants)}
 
     def new(self, text: str) -> str:
         """Write one instruction; returns the name of its result."""
         self.count += 1
         self.lines.append(f"  %v{self.count} = {text}")
         return f"%v{self.count}"
+
+    def place(self, pointer: str, index: int) -> str:
+        """Write where a number stands."""
+        return self.new(f"getelementptr double, double* {pointer}, i64 {index}")
+
+    def number(self, pointer: str, index: int) -> str:
+        """Write that a number is read."""
+        return self.new(f"load double, double* {self.place(pointer, index)}")
+
+
+class Writer(Lines):
+    """Writes tapes as the body of a function, of two pointers by default."""
+
+    def __init__(self, tape: Tape) -> None:
+        super().__init__()
+        self.tape = tape
+        self.declared: set[str] = set()
+        self.slots: dict[int, str] = {tape.n_in + i: _literal(float(v)) for i, v in enumerate(tape.constants)}
 
     def _call(self, name: str, *arguments: str) -> str:
         kinds = ", ".join(["double"] * len(arguments))
@@ -144,8 +159,7 @@ class Writer:
 
     def _slot(self, index: int) -> str:
         if index not in self.slots:
-            place = self.new(f"getelementptr double, double* %in, i64 {index}")
-            self.slots[index] = self.new(f"load double, double* {place}")
+            self.slots[index] = self.number("%in", index)
         return self.slots[index]
 
     def results(self, inputs: Mapping[int, str], wanted: Sequence[int]) -> list[str]:
@@ -168,15 +182,10 @@ class Writer:
             (own if a in own or b in own else self.slots)[slot] = value
         return [own.get(slot) or self._slot(slot) for slot in (int(tape.picks[i]) for i in wanted)]
 
-    def text(self, name: str, steps: int, outputs: int) -> str:
-        """Return the function ``name`` that runs the first ``steps`` instructions and stores ``outputs`` results."""
-        tape, base = self.tape, self.tape.n_in + self.tape.constants.size
-        for k in range(steps):
-            self.slots[base + k] = self.value(int(tape.op[k]), self._slot(int(tape.a[k])), self._slot(int(tape.b[k])))
-        for i in range(outputs):
-            value = self._slot(int(tape.picks[i]))
-            place = self.new(f"getelementptr double, double* %out, i64 {i}")
-            self.lines.append(f"  store double {value}, double* {place}")
+    def text(self, name: str, outputs: int) -> str:
+        """Return the function ``name`` that stores the first ``outputs`` results."""
+        for i, value in enumerate(self.results({}, range(outputs))):
+            self.lines.append(f"  store double {value}, double* {self.place('%out', i)}")
         body = "\n".join(self.lines)
         return f"define void @{name}(double* noalias %in, double* noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
 
@@ -290,14 +299,14 @@ def translated(text: str, names: tuple[str, ...]) -> tuple[int, ...]:
 
 def native(tape: Tape) -> tuple[int, int]:
     """Return the addresses of two functions of (inputs, results): the whole tape, and only its head."""
-    ends = {"all": (tape.op.size, tape.n_out), "head": (tape.k_head, tape.n_head)}
+    ends = {"all": tape.n_out, "head": tape.n_head}
     if ends["head"] == ends["all"]:
         del ends["head"]
     parts = []
     declared: set[str] = set()
-    for name, (steps, outputs) in ends.items():
+    for name, outputs in ends.items():
         writer = Writer(tape)
-        parts.append(writer.text(f"tape_{name}", steps, outputs))
+        parts.append(writer.text(f"tape_{name}", outputs))
         declared |= writer.declared
     addresses = translated("\n".join([*sorted(declared), *parts]), tuple(ends))
     return addresses[0], addresses[-1]

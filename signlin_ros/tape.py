@@ -77,7 +77,7 @@ class Tape:
 
     A work slot is written once: first come the inputs, then the constants, then one result for each instruction,
     ``op``, ``a``, ``b`` (K,) being the operation and its two slots. ``picks`` (n_out,) says which slots are the
-    outputs. The first ``n_head`` outputs need only the first ``k_head`` instructions.
+    outputs; the first ``n_head`` of them are wanted alone, too.
     """
 
     op: NDArray[np.int64]
@@ -87,20 +87,15 @@ class Tape:
     picks: NDArray[np.int64]
     n_in: int
     n_head: int
-    k_head: int
 
     @classmethod
     def of(cls, function: ca.Function, n_head: int | None = None) -> Tape:
         """Read the instructions of an SX function with dense arguments; several are stacked in order."""
         rows, constants, picks = _read(function)
+        n_in = sum(function.numel_in(i) for i in range(function.n_in()))
+        op, a, b = np.array(rows, dtype=np.int64).reshape(-1, 3).T.copy()
         head = len(picks) if n_head is None else n_head
-        n_in, base = sum(function.numel_in(i) for i in range(function.n_in())), len(constants)
-        order, k_head = _head_first(rows, picks[:head], n_in + base)
-        moved = {n_in + base + old: n_in + base + new for new, old in enumerate(order)}
-        table = [(op, moved.get(a, a), moved.get(b, b)) for op, a, b in (rows[k] for k in order)]
-        columns = np.array(table, dtype=np.int64).reshape(-1, 3).T.copy()
-        places = np.array([moved.get(slot, slot) for slot in picks], dtype=np.int64)
-        return cls(columns[0], columns[1], columns[2], np.array(constants, dtype=float), places, n_in, head, k_head)
+        return cls(op, a, b, np.array(constants, dtype=float), np.array(picks, dtype=np.int64), n_in, head)
 
     @property
     def n_out(self) -> int:
@@ -167,18 +162,6 @@ def _read(function: ca.Function) -> tuple[list[tuple[int, int, int]], list[float
         else:
             raise NotImplementedError(f"CasADi operation {op} is not in signlin_ros.tape.OPERATIONS")
     return rows, constants, picks
-
-
-def _head_first(rows: list[tuple[int, int, int]], wanted: list[int], base: int) -> tuple[list[int], int]:
-    """Return an order of the instructions in which those that ``wanted`` slots need come first, and their number."""
-    needed, stack = set(), [slot - base for slot in wanted if slot >= base]
-    while stack:
-        k = stack.pop()
-        if k not in needed:
-            needed.add(k)
-            stack += [slot - base for slot in rows[k][1:] if slot >= base]
-    head = sorted(needed)
-    return head + [k for k in range(len(rows)) if k not in needed], len(head)
 
 
 @functools.cache

@@ -28,11 +28,10 @@ STEEP = 1e4
 
 
 class Places(NamedTuple):
-    """Where the channels h (ny), dh/dx (ny, n), d(dg/dt)/dx (n) and dF/dx (n, n) begin."""
+    """Where the channels h (ny), dh/dx (ny, n) and dF/dx (n, n) begin."""
 
     h: int
     h_x: int
-    rate_x: int
     J: int
 
 
@@ -112,7 +111,7 @@ class Equations:
         """Where in everything what is known without sensitivities begins."""
         n, _, ny, *_ = self.sizes
         h = 2 * n + 3
-        return Places(h, h + ny, h + ny + ny * n, h + ny + ny * n + n)
+        return Places(h, h + ny, h + ny + ny * n + n)
 
 
 def sensor_names(channels: tuple[str, ...]) -> tuple[str, ...]:
@@ -201,9 +200,8 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     own = next((i for i, name in enumerate(t.states) if "." in name), n)
     kinked = any(bool(ca.which_depends(v.g, t.x, 1, False)[0]) for v in t.surfaces if v is not located)
     code, brief = (head, whole, *steps, carry), (head, body, *steps, 0)
-    return Equations(
-        code, brief, patterns, sizes, KINKED if kinked else 1, own, names, free, delay, known, _lasting(structure, t)
-    )
+    least = KINKED if kinked else 1
+    return Equations(code, brief, patterns, sizes, least, own, names, free, delay, known, lasting)
 
 
 def _lasting(structure: Structure, t: Trace) -> tuple[int, ...]:

@@ -210,25 +210,18 @@ def _jump(sizes, out, before, S):
 
 
 @inner
-def _fastest(J, ratio):
+def _fastest(address, J, ratio, fastest):
     """Estimate the fastest rate of J (n, n) in scaled coordinates: sqrt of the norm of its square.
 
-    ``ratio`` (n, n): scales of the columns over those of the rows.
+    ``ratio`` (n, n): scales of the columns over those of the rows. ``fastest`` (2) gets the squares of this one and of
+    that of the states that ring.
     """
-    n, worst = J.shape[0], 0.0
-    for i in range(n):
-        total = 0.0
-        for j in range(n):
-            square = 0.0
-            for k in range(n):
-                square += J[i, k] * J[k, j]
-            total += abs(square) * ratio[i, j]
-        worst = max(worst, total)
-    return np.sqrt(worst)
+    call_among(address, J, ratio, 0, fastest, fastest)
+    return np.sqrt(fastest[0])
 
 
 @inner
-def _left(source, at, W, ratio, M):
+def _left(address, source, at, W, ratio, M, fastest):
     """Estimate the fastest rate of J (n, n), which stands in ``source`` from ``at`` on, without the decay W[5] (n) of
     single states.
     """
@@ -237,11 +230,11 @@ def _left(source, at, W, ratio, M):
         for j in range(n):
             M[i, j] = source[at + i * n + j]
         M[i, i] -= W[5, i]
-    return _fastest(M, ratio)
+    return _fastest(address, M, ratio, fastest)
 
 
 @inner
-def _split(code, sizes, z, out, x, span, mode, s, work, ratio, least, W):
+def _split(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, least, W):
     """Fill W[5] (n) with the rates of the states that come to rest within ``span`` seconds by themselves: the effects'
     own ones, and those of the plant that decay by e^-least at least.
 
@@ -256,18 +249,18 @@ def _split(code, sizes, z, out, x, span, mode, s, work, ratio, least, W):
         decays = decays or W[5, i] != 0.0
     if not decays:
         return np.inf
-    fastest = _left(kept, 0, W, ratio, M)
+    rest = _left(code[2], kept, 0, W, ratio, M, fastest)
     _weigh(span, W)
     k[1, 0], k[2, 0] = out[n], out[n + 1]
     for i in range(n):
         k[0, i] = out[i]
         z[i] = x[i] + W[2, i] * out[i]
     _linearized(code, sizes, z, out, mode, s)
-    fastest = max(fastest, _left(out, sizes[10], W, ratio, M))
+    rest = max(rest, _left(code[2], out, sizes[10], W, ratio, M, fastest))
     out[n], out[n + 1] = k[1, 0], k[2, 0]
     for i in range(n):
         z[i], out[i] = x[i], k[0, i]
-    return fastest
+    return rest
 
 
 @inner
@@ -606,13 +599,12 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                     _linearized(code, sizes, z, out, mode, s)
             _kept(sizes, out, kept)
             span, decays = end - begin, False
-            call_among(code[2], kept, ratio, 0, fastest, step)
-            reach = span * np.sqrt(fastest[0]) / REACH
+            reach = span * _fastest(code[2], kept, ratio, fastest) / REACH
             wanted = np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF)
             least = max(sizes[8], int(min(MOST, np.ceil(span * np.sqrt(fastest[1]) / ringing))))
             substeps = int(min(MOST, max(least, wanted)))
             if wanted > FEW and not aware:
-                rest = span * _split(code, sizes, z, out, x, span, mode, s, work, ratio, LOST, W) / REACH
+                rest = span * _split(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, LOST, W) / REACH
                 decays = rest < substeps - 1
                 if decays and not W[5, : sizes[9]].any():
                     substeps = int(max(LEAST, least, np.ceil(rest)))

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.native import Writer
+from signlin_ros.native import Lines, Writer
 from signlin_ros.tape import Tape
 
 Pattern = NDArray[np.bool_]
@@ -29,22 +29,8 @@ def padded(count: int) -> int:
     return -(-count // LANES) * LANES
 
 
-class _Vectors:
-    """Lines of a function, each with a value of its own."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def new(self, text: str) -> str:
-        name = f"%c{len(self.lines)}"
-        self.lines.append(f"  {name} = {text}")
-        return name
-
-    def place(self, pointer: str, index: int) -> str:
-        return self.new(f"getelementptr double, double* {pointer}, i64 {index}")
-
-    def number(self, pointer: str, index: int) -> str:
-        return self.new(f"load double, double* {self.place(pointer, index)}")
+class _Vectors(Lines):
+    """Writes the body of a function that works on vectors too."""
 
     def columns(self, pointer: str, index: int) -> str:
         place = self.new(f"bitcast double* {self.place(pointer, index)} to {_VECTOR}*")
@@ -186,14 +172,10 @@ def runge_kutta(name: str, tape: Tape, n: int, stuck: bool) -> tuple[str, set[st
     """
     w = Writer(tape)
 
-    def load(pointer: str, i: int) -> str:
-        place = w.new(f"getelementptr double, double* {pointer}, i64 {i}")
-        return w.new(f"load double, double* {place}")
-
     def two(kind: str, a: str, b: str) -> str:
         return w.new(f"{kind} double {a}, {b}")
 
-    x, k, h = [load("%last", i) for i in range(n)], [load("%S", i) for i in range(n)], load("%step", 0)
+    x, k, h = [w.number("%last", i) for i in range(n)], [w.number("%S", i) for i in range(n)], w.number("%step", 0)
     half, sixth = two("fmul", h, "0.5"), two("fdiv", h, "6.0")
     last = tape.n_in - 1
     slopes = [k]
@@ -208,7 +190,7 @@ def runge_kutta(name: str, tape: Tape, n: int, stuck: bool) -> tuple[str, set[st
     for i, (a, b, c, d) in enumerate(zip(*slopes, strict=True)):
         total = two("fadd", a, two("fmul", "2.0", b))
         total = two("fadd", two("fadd", total, two("fmul", "2.0", c)), d)
-        place = w.new(f"getelementptr double, double* %first, i64 {i}")
+        place = w.place("%first", i)
         w.lines.append(f"  store double {two('fadd', x[i], two('fmul', sixth, total))}, double* {place}")
     body = "\n".join(w.lines).replace("double* %in,", "double* %first,")
     return f"define void @{name}({_SIGNATURE}) {{\nentry:\n{body}\n  ret void\n}}\n", w.declared

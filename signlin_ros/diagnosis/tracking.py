@@ -65,18 +65,8 @@ class Tracker:
         e, n, ny, total = self._equations, self.scale.size, len(self.channels), self.t.size
         gains = np.zeros((1, n, ny)) if gains is None else np.ascontiguousarray(gains)
         innovation, state = np.full((total, ny), np.nan), np.full((total, n), np.nan)
-        late = self.model.delay - self.early
-        record = (
-            self.t,
-            self.u,
-            self.y,
-            gains,
-            np.array(x0, dtype=float),
-            self._p,
-            self.scale,
-            late,
-            e.ringing(self._p, self.scale),
-        )
+        late, ringing = self.model.delay - self.early, e.ringing(self._p, self.scale)
+        record = (self.t, self.u, self.y, gains, np.array(x0, dtype=float), self._p, self.scale, late, ringing)
         rest = (np.zeros((0, 3)), np.zeros((3, 0)), np.ones(ny), innovation, np.zeros((0, ny, 0)), state)
         done = follow(e.calls(False), e.flags(False), *record, *rest)
         innovation[done:], state[done:] = np.nan, np.nan

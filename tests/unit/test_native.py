@@ -60,7 +60,7 @@ for kind in sys.argv[1:]:
 def single(op: int) -> Tape:
     """One operation of two inputs."""
     none = np.zeros(0)
-    return Tape(np.array([op]), np.array([0]), np.array([1]), none, np.array([2]), n_in=2, n_head=1, k_head=1)
+    return Tape(np.array([op]), np.array([0]), np.array([1]), none, np.array([2]), n_in=2, n_head=1)
 
 
 def values(tape: Tape, *inputs: float) -> np.ndarray:
@@ -116,7 +116,7 @@ def test_head_computes_only_the_first_outputs():
 @pytest.mark.parametrize("value", [0.1, -0.0, 5e-324, 1e308, np.inf, -np.inf, np.nan])
 def test_constants_are_exact(value):
     none = np.zeros(0, dtype=np.int64)
-    tape = Tape(none, none, none, np.array([value]), np.array([1]), n_in=1, n_head=1, k_head=0)
+    tape = Tape(none, none, none, np.array([value]), np.array([1]), n_in=1, n_head=1)
     np.testing.assert_array_equal(values(tape, 2.0).view(np.int64), np.array([value]).view(np.int64))
 
 
