@@ -293,6 +293,19 @@ def _bred(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
     return [(f, f) for f in sorted(kept, key=cost_of)]
 
 
+def _unstuck(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
+    """Search at the high gain from the best of many starts: where motion sticks and slips, minima at a lower one are so
+    many that a fit must be at the end of its way before it descends. Best pair first.
+    """
+    (high, middle), short, first = problem.levels[:2], problem.short, extended(problem, None, trial, trial.starts[0])
+    starts = narrowed(short, first, trial.starts, trial.added[0], high, each)
+    tried = [f for f in each(lambda s: fit(short, extended(problem, None, trial, s), high, None, 4), starts) if f]
+    best = min(tried, key=cost_of, default=None)
+    found = best and fit(problem, best.candidate, high, best.theta, 20)
+    lower = found and fit(problem, found.candidate, middle, found.theta, 10)
+    return [(found, f) for f in trusted(problem, [lower])] if found and lower else []
+
+
 def _climbed(problem: Problem, trials: Sequence[Trial], run: Executor) -> list[list[tuple[Fit, Fit]]]:
     """Return for each trial what a search from its starts finds; best pairs first.
 
@@ -441,7 +454,8 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     where that leaves nothing but noise, those that explain nearly all of it. Rugged effects start from a few
     points; see `searched`.
     """
-    trials = [replace(t, starts=t.starts[:3]) if EFFECTS[t.effect].rugged else t for t in trials]
+    many = [EFFECTS[t.effect].rugged or EFFECTS[t.effect].sticking for t in trials]
+    trials = [replace(t, starts=t.starts[:3]) if m else t for t, m in zip(trials, many, strict=True)]
     middle = fit(problem, base.fit.candidate, problem.levels[1], None, 10)
     reference = middle.cost if middle else np.inf
     climbed = _climbed(problem, trials, run)
@@ -497,14 +511,15 @@ def _best_of_each(found: Sequence[Ranked]) -> list[Ranked]:
 
 
 def searched(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked], run: Executor) -> list[Ranked]:
-    """Return what `compete` found, with rugged effects searched from all their starts."""
+    """Return what `compete` found, with rugged effects, and those that stick, searched from all their starts."""
     if not found:
         return []
     rugged = [t for t in trials if EFFECTS[t.effect].rugged]
-    climbed = _climbed(problem, rugged, run)
+    sticking = [t for t in trials if EFFECTS[t.effect].sticking]
+    climbed = [*_climbed(problem, rugged, run), *(_unstuck(problem, t, run.map) for t in sticking)]
     first, middle = min(found, key=evidence_of).fit, problem.levels[1]
     limit = likelihood(problem, first.candidate, first.theta, middle) + CLOSE
-    pairs = [(t, c) for t, c in zip(rugged, climbed, strict=True) if c and c[0][1].cost < limit]
+    pairs = [(t, c) for t, c in zip([*rugged, *sticking], climbed, strict=True) if c and c[0][1].cost < limit]
     again = [_descend(problem, *pair, True, run.map) for pair in pairs]
     return _best_of_each([*found, *(r for r in again if r)])
 

@@ -62,6 +62,10 @@ class Effect(HasPars):
     """Whether its force is periodic in the position, so that it matters where exactly a record starts."""
     rugged: ClassVar[bool] = False
     """Whether a fit has many local minima: ``starts`` are many then, all parameters positive, and the best are bred."""
+    sticking: ClassVar[bool] = False
+    """Whether a fit has many local minima where motion sticks and slips; then it goes on from the best bred of many
+    ``starts``, all positive, of which the first three are tried before.
+    """
     resonant: ClassVar[bool] = False
     """Whether it starts from resonances all over the band, of which none leads to another."""
     essential: ClassVar[tuple[str, ...]] = ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
@@ -28,10 +29,10 @@ class StribeckFriction(Effect):
     mu = Par("F", nominal=0.025, doc="friction at high velocity")
     excess = Par("F", nominal=0.02, doc="breakaway level above mu")
     v_s = Par("Q/s", nominal=2.0, positive=True, doc="velocity at which the excess has fallen to 1/e")
-    start = (
-        {"mu": 0.05, "excess": 0.05, "v_s": 0.05},
-        {"mu": 0.05, "excess": 0.05, "v_s": 0.2},
-        {"mu": 0.05, "excess": 0.05, "v_s": 0.6},
+    sticking = True
+    start = tuple(
+        {"mu": mu, "excess": excess, "v_s": v_s}
+        for mu, excess, v_s in itertools.product((0.05, 0.15, 0.4), (0.05, 0.15, 0.4, 1.0), (0.05, 0.2, 0.6))
     )
 
     @classmethod
