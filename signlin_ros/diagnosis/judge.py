@@ -34,7 +34,8 @@ class Residue:
     """A channel's residual taken apart: variance = slow structure + AR(1) noise + white noise.
 
     ``structure``, ``coloured``, ``white`` are shares of the variance; ``rho`` belongs to the AR(1) part. ``odd``: the
-    share of the squared autocorrelations that the three do not explain.
+    share of the squared autocorrelations that the three do not explain. ``dependent``: the share of the variance that
+    follows from the model's own motion.
     """
 
     variance: float
@@ -44,6 +45,7 @@ class Residue:
     rho: float
     samples: int
     odd: float = 0.0
+    dependent: float = 0.0
 
     @property
     def structured(self) -> bool:
@@ -51,6 +53,13 @@ class Residue:
         colour = min(self.coloured * self.rho, 0.95) if self.coloured > 0 else 0.0
         error = np.sqrt((1 + colour**2) / (1 - colour**2) / max(self.samples, 1))
         return bool(self.structure > 0.02 + 3.0 * error)
+
+    def depending(self, share: float) -> Residue:
+        """Return the residual with a share of its variance that follows from the model's motion: structure."""
+        if share <= self.structure:
+            return replace(self, dependent=share)
+        kept = (1.0 - share) / max(1.0 - self.structure, 1e-12)
+        return replace(self, structure=share, coloured=kept * self.coloured, white=kept * self.white, dependent=share)
 
     @property
     def lasting(self) -> bool:

@@ -63,17 +63,17 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
     c, (high, lower) = candidate(problem, model, ()), problem.levels[:2]
     base = fit(problem, c, lower, None, 4)
     runs = [follow_records(problem, c, c.start() if base is None else base.theta, one, False) for one in (high, lower)]
-    response, starts = _response(problem, model, high), []
+    seen, starts = response(problem, model, high), []
     for run in runs:
         if runs[0] is None or run is None:
             break
         left = [np.nan_to_num(e / problem.noise) for e in runs[0][0]]
-        places = [_halfway(model, s.t, X) for X, s in zip(run[2], problem.segments, strict=True)]
-        whole = [fftconvolve(e, response[::-1], axes=0).sum(axis=1)[len(response) :][: len(e) - 1] for e in left]
+        places = [halfway(model, s.t, X) for X, s in zip(run[2], problem.segments, strict=True)]
+        whole = [fftconvolve(e, seen[::-1], axes=0).sum(axis=1)[len(seen) :][: len(e) - 1] for e in left]
         q, rest = np.concatenate(places), np.concatenate([e[1:].ravel() for e in left])
         for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, SLOWEST / FASTEST * highest):
             waves = [np.exp(1j * order * one)[:, None] for one in places]
-            trace = np.concatenate([fftconvolve(w, response, axes=0)[: len(w)].ravel() for w in waves])
+            trace = np.concatenate([fftconvolve(w, seen, axes=0)[: len(w)].ravel() for w in waves])
             basis = np.column_stack([trace.imag, trace.real])
             sine, cosine = np.linalg.lstsq(basis, rest, rcond=None)[0]
             if np.sum((basis @ (sine, cosine)) ** 2) > SEEN * np.mean(rest**2):
@@ -81,7 +81,7 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
     return starts
 
 
-def _halfway(model: Model, t: Array, X: Array) -> Array:
+def halfway(model: Model, t: Array, X: Array) -> Array:
     """Return the position (T - 1,) between every two samples of states (T, n)."""
     plant, names = model.plant, model.states
     known = plant.position in names
@@ -89,7 +89,7 @@ def _halfway(model: Model, t: Array, X: Array) -> Array:
     return np.asarray((q[1:] + q[:-1]) / 2)
 
 
-def _response(problem: Problem, model: Model, gains: Gains) -> Array:
+def response(problem: Problem, model: Model, gains: Gains) -> Array:
     """Return what an observer of the bare plant leaves (M, ny), in units of the noise, in the samples after one between
     which a unit of acceleration was missing.
     """
@@ -98,11 +98,10 @@ def _response(problem: Problem, model: Model, gains: Gains) -> Array:
     push[states.index(model.plant.velocity)] = 1.0
     n, dt = len(states), problem.scale.step
     whole = expm(np.block([[A, push], [np.zeros((1, n + 1))]]) * dt)
-    onward, x = whole[:n, :n] @ (np.eye(n) - gains.rows(states)[-1] @ C), whole[:n, n]
-    powers = [x]
-    for _ in range(int(np.ceil(TRACE * gains.tau / dt))):
-        powers.append(onward @ powers[-1])
-    return np.asarray(np.array(powers) @ C.T / problem.noise)
+    onward, x = whole[:n, :n] @ (np.eye(n) - gains.rows(states)[-1] @ C), whole[:n, n:]
+    while x.shape[1] <= TRACE * gains.tau / dt:  # twice as many powers each time
+        x, onward = np.hstack([x, onward @ x]), onward @ onward
+    return np.asarray((C @ x).T / problem.noise)
 
 
 def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, Array, Array]:
@@ -116,7 +115,7 @@ def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, A
         return np.zeros(2), np.zeros(2), np.zeros(2)
     at = model.states.index(plant.velocity)
     row = gains.rows(model.states)[-1, at] / problem.scale.step
-    q = [_halfway(model, s.t, X) for X, s in zip(found[2], problem.segments, strict=True)]
+    q = [halfway(model, s.t, X) for X, s in zip(found[2], problem.segments, strict=True)]
     v = np.concatenate([X[1:, at] for X in found[2]])
     return np.concatenate(q), v, np.concatenate([np.nan_to_num(e[1:]) @ row for e in found[0]])
 
@@ -187,4 +186,4 @@ def _start(q: Array, a: Array, order: float, inertia: float) -> tuple[float, flo
     return order, float(inertia * np.hypot(s, c)), float(np.arctan2(-c, -s))
 
 
-__all__ = ["periodic_starts"]
+__all__ = ["halfway", "periodic_starts", "response"]

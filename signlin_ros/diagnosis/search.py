@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.adding import Adding
 from signlin_ros.diagnosis.data import measured_channels
-from signlin_ros.diagnosis.findings import Findings, Step, driven_by_noise, judged, structured
+from signlin_ros.diagnosis.findings import Findings, Step, driven_by_noise, judged, left_by, structured
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, tidied
 from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residues
 from signlin_ros.diagnosis.problem import (
@@ -257,7 +257,7 @@ class _Search:
             tuple(map(_tidied, shown)),
             tuple(self.pairs),
             tuple(outside),
-            tuple(residues(at.innovations, self.problem.noise)),
+            left_by(self.problem, at),
             self._both(path, at.gains),
             self._both(path, self.problem.levels[1]),
             self.adding.beside,
