@@ -424,12 +424,15 @@ class _Search:
         found = self.executor.map(lambda s: self._together(before, [(self.known[n], s[n]) for n in s]), sets)
         return [r for r in found if r is not None]
 
-    def _together(self, before: Ranked, parts: Sequence[tuple[Trial, dict[str, float]]]) -> Ranked | None:
-        """Return several effects added at once, fitted out from their starts."""
+    def _together(
+        self, before: Ranked, parts: Sequence[tuple[Trial, dict[str, float]]], alert: bool = True
+    ) -> Ranked | None:
+        """Return several effects added at once, fitted out from their starts; ``alert``: see `Candidate`."""
         r = before
         for trial, start in parts:
             pars = EFFECTS[trial.effect].pars()
             c = extended(self.problem, r, trial, {n: pars[n].nearest(v) for n, v in start.items()})
+            c = replace(c, alert=alert)
             fits = descend(self.problem, c, c.start(r.fit.parameters()), self.problem.levels[1:], 10, self.filter)
             found = ranked(self.problem, (*r.effects, trial.effect), r.sensors, fits)
             if found is None:
@@ -519,13 +522,16 @@ class _Search:
         return r
 
     def _plainer(self, r: Ranked) -> Ranked:
-        """Return a set of several effects with those replaced that are nothing but simpler ones, for their values."""
-        for effect in r.effects if len(r.effects) > 1 else ():
+        """Return a set of effects with those replaced that are nothing but simpler ones, for their values, where these
+        are as good, followed in the same way.
+        """
+        for effect in r.effects:
             simpler = EFFECTS[effect].simpler(_values(r, effect))
             for name, start in simpler.items():
                 before = without(self.problem, r, effect) if name in self.known and name not in r.effects else None
-                found = self._together(before, [(self.known[name], start)]) if before else None
-                if found and found.evidence < r.evidence:
+                parts = [(self.known[name], start)] if before else []
+                found = self._together(before, parts, r.fit.candidate.alert) if before else None
+                if found and found.evidence < r.evidence + TIE:
                     return self._plainer(found)
         return r
 
