@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 FOLDS, BLOCK, LEAST = 8, 0.25, 50
 """Parts of the record that are left out in turn, each made of blocks of so many s, and samples, at least."""
+REMEMBERED, SEPARATE = 0.99, 2.0
+"""Share of the squares of a response that counts as its length, and how many such lengths a block must have: or else
+what a wandering state leaves would be predicted by what it left just before."""
 RIDGE = 1e-5
 MOST = 30_000
 """Samples that are looked at, from the start of every record on."""
@@ -33,34 +36,44 @@ SLOW, SLOWER = 0.1, 0.03
 """Velocities, as shares of the largest, within which friction may fade."""
 
 
-def dependence(problem: Problem, f: Fit) -> Array:
+def dependence(problem: Problem, f: Fit, of_input: bool = True) -> Array:
     """Return which share (ny,) of the squared residual of a fit follows from its own motion, on samples left out.
 
+    ``of_input``: functions of the input count too; of a square wave that was recorded with noise they tell that noise.
     0 or less: none. Nothing is said (0) of a model that an extended Kalman filter follows, whose gain changes.
     """
     c, none = f.candidate, np.zeros(len(problem.channels))
-    run = None if c.filtered else follow_records(problem, c, f.theta, f.gains, False)
+    moving = problem.base.plant.velocity in c.model.states
+    seen, gains, block = None, f.gains, max(int(BLOCK / problem.scale.step), LEAST)
+    if moving:
+        looks = ((response(problem, f.fitted(), one), one) for one in problem.levels[::-1])
+        sizes = ((max(block, ceil(SEPARATE * _length(r))), r, one) for r, one in looks)
+        block, seen, gains = next((s for s in sizes if 2 * FOLDS * s[0] <= problem.samples), (0, None, gains))
+    run = None if c.filtered or not block else follow_records(problem, c, f.theta, gains, False)
     if run is None:
         return none
-    moving = problem.base.plant.velocity in c.model.states
     used = min(1.0, MOST / max(problem.samples, 1))
     motions = [_motion(problem, f, s, X) for s, X in zip(problem.segments, run[2], strict=True)]
-    sizes = np.maximum([np.max([np.abs(m[i]).max() for m in motions]) for i in range(3)], 1e-300)
-    block = max(int(BLOCK / problem.scale.step), LEAST)
-    seen = response(problem, f.fitted(), f.gains) if moving else None
+    largest = np.maximum([np.max([np.abs(m[i]).max() for m in motions]) for i in range(3)], 1e-300)
     features, residuals, folds, done = [], [], [], 0
     for whole, motion in zip(run[0], motions, strict=True):
         e = whole[: ceil(used * len(whole))]
         known = np.isfinite(e)
         whitened = f.filter.apply(np.nan_to_num(e / problem.noise))
-        scaled = [m[: len(e)] / size for m, size in zip(motion, sizes, strict=True)]
-        left = _left(_functions(*scaled), seen, len(e), e.shape[1])
+        q, v, u = (m[: len(e)] / size for m, size in zip(motion, largest, strict=True))
+        left = _left(_functions(q, v, u, of_input), seen, len(e), e.shape[1])
         features.append(np.where(known[:, :, None], f.filter.apply(left), 0.0))
         residuals.append(np.where(known, whitened, 0.0))
         folds.append((np.arange(len(e)) // block + done) % FOLDS)
         done += len(e) // block + 1
     Z, y, fold = np.concatenate(features), np.concatenate(residuals), np.concatenate(folds)
     return none if y.size < ENOUGH * Z.shape[2] else _predicted(Z, y, fold)
+
+
+def _length(response: Array) -> int:
+    """Return in how many samples (of M, ny) nearly all of a response happens, in the slowest channel."""
+    share = np.cumsum(response**2, axis=0) / np.maximum(np.sum(response**2, axis=0), 1e-300)
+    return int(np.max(np.sum(share < REMEMBERED, axis=0))) + 1
 
 
 def _motion(problem: Problem, f: Fit, s: Segment, X: Array) -> tuple[Array, Array, Array]:
@@ -74,16 +87,15 @@ def _motion(problem: Problem, f: Fit, s: Segment, X: Array) -> tuple[Array, Arra
     return halfway(f.candidate.model, s.t, X), (v[1:] + v[:-1]) / 2, s.u[:-1, 0]
 
 
-def _functions(q: Array, v: Array, u: Array) -> Array:
-    """Return functions (T, k) of position, velocity and input, none larger than 1, and of time."""
+def _functions(q: Array, v: Array, u: Array, of_input: bool) -> Array:
+    """Return functions (T, k) of position, velocity and perhaps input, none larger than 1, and of time."""
     s, a, t = np.sign(v), np.abs(v), np.linspace(-1.0, 1.0, v.size)
     of_velocity = [s, s * np.sqrt(a), a, v * a, v**2, v**3, s * np.exp(-a / SLOW), s * np.exp(-a / SLOWER)]
     of_position = [q**2, np.abs(q), q * np.abs(q), q**3, np.sin(3 * q), np.cos(3 * q)]
     of_both = [q * v, np.abs(q) * v, q**2 * v, q * a, s * q, s * np.abs(q), s * q**2]
-    of_input = [s * np.abs(u), u**2, np.abs(u), u * np.abs(u), u * v, u * q]
-    return np.column_stack(
-        [np.ones_like(v), q, v, u, *of_velocity, *of_position, *of_both, *of_input, t, t**2, t * v, t * s]
-    )
+    driven = [u, s * np.abs(u), u**2, np.abs(u), u * np.abs(u), u * v, u * q] if of_input else []
+    slow = [np.ones_like(v), t, t**2, t * v, t * s]
+    return np.column_stack([q, v, *of_velocity, *of_position, *of_both, *driven, *slow])
 
 
 def _left(functions: Array, seen: Array | None, samples: int, channels: int) -> Array:

@@ -170,7 +170,9 @@ def driven_by_noise(problem: Problem, r: Ranked) -> bool:
     sensors is left. A force that the model lacks is no white noise, and shows at any gain, or follows from the motion.
     """
     c = r.fit.candidate
-    if problem.scale.imposed or c.filtered or bool((dependence(problem, judged(problem, r)) > AT_RANDOM).any()):
+    if problem.scale.imposed or c.filtered:
+        return False
+    if bool((dependence(problem, judged(problem, r), of_input=False) > AT_RANDOM).any()):
         return False
     found = fit(problem, c, problem.levels[0], r.fit.theta, 10)
     if found is None or any_structure(found.innovations, problem.noise):

@@ -16,7 +16,7 @@ from scipy.stats import norm
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, further, likelihood
 from signlin_ros.diagnosis.judge import any_structure
 from signlin_ros.diagnosis.narrow import Each, deepened, narrowed, tuned
-from signlin_ros.diagnosis.problem import Gains, Problem, added_keys
+from signlin_ros.diagnosis.problem import Gains, Problem, added_keys, design
 from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, load_entry_points
 from signlin_ros.effects.base import Effect, SensorEffect
@@ -38,6 +38,9 @@ MOST_STARTS = 6
 CONSISTENT = (2.0, 4.0)
 """Largest residual, in multiples of white noise, of a model that is followed by a filter which takes it to be right:
 with own states that the filter corrects, at the lowest gain, and else."""
+AWAKE = 3.0
+"""Time constant in samples of an observer that is wide awake: with half as many, or as the search has otherwise, half
+of the records of a valve that sticks most of the time were lost."""
 WANDERS, WORTHWHILE = (0.2, 0.05, 0.02, 0.01, 0.005), 0.02
 """By how much a floating load may wander, and what another one must gain in -2 log likelihood for every measurement."""
 SERIOUS = 0.25
@@ -294,13 +297,15 @@ def _bred(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
 
 
 def _unstuck(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]]:
-    """Search at the high gain from the best of many starts: where motion sticks and slips, minima at a lower one are so
-    many that a fit must be at the end of its way before it descends. Best pair first.
+    """Search with an observer that is wide awake from the best of many starts: where motion sticks and slips, minima at
+    lower gains are so many that a fit must be at the end of its way before it descends. Best pair first.
     """
     (high, middle), short, first = problem.levels[:2], problem.short, extended(problem, None, trial, trial.starts[0])
-    starts = narrowed(short, first, trial.starts, trial.added[0], high, each)
-    tried = [f for f in each(lambda s: fit(short, extended(problem, None, trial, s), high, None, 4), starts) if f]
-    best = min(tried, key=cost_of, default=None)
+    step = problem.scale.step
+    awake = design(problem.base, problem.channels, problem.noise, problem.x_scale, step, AWAKE * step)
+    starts = narrowed(short, first, trial.starts, trial.added[0], awake, each)
+    tried = each(lambda s: descend(short, extended(problem, None, trial, s), None, (awake, high), 6, None), starts)
+    best = min((fits[-1] for fits in tried if len(fits) == 2), key=cost_of, default=None)
     found = best and fit(problem, best.candidate, high, best.theta, 20)
     lower = found and fit(problem, found.candidate, middle, found.theta, 10)
     return [(found, f) for f in trusted(problem, [lower])] if found and lower else []
