@@ -235,6 +235,7 @@ class _Search:
         self.pairs: list[Ranked] = []
         self.declined: dict[str, str] = {}
         self.known: dict[str, Trial] = {}
+        self.told: dict[int, tuple[Ranked, Filter, bool]] = {}
 
     def run(self, only: str | None = None) -> Findings:
         self.progress("preparing", 0.0)
@@ -561,7 +562,11 @@ class _Search:
         return [first, *(r for r in options if r is not first)]
 
     def _enough(self, r: Ranked) -> bool:
-        return not structured(self.problem, r, self.filter)
+        """Tell whether a set of effects leaves nothing but noise; what was told once is remembered."""
+        known = self.told.get(id(r))
+        if known is None or known[0] is not r or known[1] is not self.filter:
+            known = self.told[id(r)] = (r, self.filter, not structured(self.problem, r, self.filter))
+        return known[2]
 
     def _wandering(self, r: Ranked) -> bool:
         """Tell whether noise in the input would leave what a model leaves: errors then go together for long."""
