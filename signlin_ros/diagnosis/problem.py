@@ -17,6 +17,7 @@ from signlin_ros.diagnosis.missing import per_force
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
+from signlin_ros.noise import noise_level
 from signlin_ros.plants.dc_motor import quasi_static_current
 from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
@@ -412,7 +413,14 @@ def _scale(
         dt,
         duration,
         _inertia(model),
+        _blur(model, segments[0]) * dt,
     )
+
+
+def _blur(model: Model, s: Segment) -> float:
+    """Return the noise of an imposed velocity, 0 of other motions."""
+    plant = model.plant
+    return noise_level(s.t, s.u[:, model.inputs.index(plant.velocity)]).sigma if plant.motion_is_imposed() else 0.0
 
 
 def _inertia(model: Model) -> float:

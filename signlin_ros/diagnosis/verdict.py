@@ -443,7 +443,8 @@ def _rivals(f: Findings, effect: str) -> list[str]:
             if abs(r.evidence - final.evidence) < TIE and new not in found:
                 found.append(new)
     values, cls = {n: p.value for n, p in _added_parameters(f, final, effect).items()}, find_effect(effect, "effects")
-    alike = [*cls.simpler(values), *(cls.single_channel_twins if len(f.problem.channels) == 1 else ())]
+    alike = [*cls.simpler(values), *cls.blurred(values, f.problem.scale.blur)]
+    alike += cls.single_channel_twins if len(f.problem.channels) == 1 else ()
     nearly = [n for n in alike if n not in (*found, *final.effects)]
     return found + [n for n in nearly if any(s.ranked.label == n for s in f.singles)]
 

@@ -98,6 +98,11 @@ class Effect(HasPars):
         return {}
 
     @classmethod
+    def blurred(cls, p: Mapping[str, float], blur: float) -> tuple[str, ...]:
+        """Return the simpler effects that it cannot be told from where motions smaller than ``blur`` are unknown."""
+        return ()
+
+    @classmethod
     def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
         """Return sets of simpler effects that together may be what this one is fitted to, and their parameters."""
         return []

@@ -149,3 +149,29 @@ def test_holes_of_an_imposed_displacement_leave_the_velocity_as_it_is(lost):
     u, known, _ = driving(model, record)
     assert np.abs(u[:, 0] - v).max() < 0.02 * np.abs(v).max()
     assert np.abs(known["displacement"] - 0.5 - np.sin(12.0 * record.t)).max() < 0.02
+
+
+def test_coulomb_friction_is_among_the_ties_where_the_motion_is_known_no_better():
+    """At every reversal the noise gives a few samples the wrong sign, which presliding of less than it can smooth."""
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 610.0, "k": 6500.0}, "tolerance": 0.1})
+
+    def sheared(seed: int) -> ModelData:
+        rng, t = np.random.default_rng(seed), np.arange(5000) / 250.0
+        w, size, phase = (
+            2 * np.pi * np.array([0.4, 1.1, 2.3, 4.7]),
+            np.array([6.0, 4.0, 3.0, 2.0]) * 1e-3,
+            rng.uniform(0, 6.3, 4),
+        )
+        q = (size * np.sin(w * t[:, None] + phase)).sum(axis=1)
+        v = (size * w * np.cos(w * t[:, None] + phase)).sum(axis=1)
+        force = 575.0 * v + 6280.0 * q + 29.0 * np.sign(v) + 4.0 * rng.normal(size=t.size)
+        shown = v + 6e-4 * rng.normal(size=t.size)
+        units = {"velocity": "m/s", "displacement": "m", "force": "N"}
+        measured = {"force": force, "displacement": q + 2e-6 * rng.normal(size=t.size)}
+        return ModelData(t, shown[:, None], measured, None, ("velocity",), ("displacement",), units)
+
+    found = diagnose(model, sheared(1), sheared(2))
+    assert found.verdict == "missing"
+    (proposed,) = found.ladder[-1].effects
+    entry = next(e for e in found.ranking if e.effect == proposed)
+    assert "coulomb_friction" in (proposed, *entry.indistinguishable_from)
