@@ -10,6 +10,8 @@ from typing import Any
 
 from signlin_ros.errors import ModelError, choices, suggest
 
+_DECLARED: dict[type, dict[str, Par]] = {}
+"""What was looked up of each class that has parameters."""
 POWERS = "²³⁴⁵⁶⁷⁸⁹"
 """What a unit is raised to, from 2 on."""
 
@@ -69,8 +71,12 @@ class HasPars:
     @classmethod
     def pars(cls) -> dict[str, Par]:
         """Return the declared parameters by their public names."""
-        members = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
-        return {name.rstrip("_"): value for name, value in members.items() if isinstance(value, Par)}
+        found = _DECLARED.get(cls)
+        if found is None:
+            members = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
+            found = {name.rstrip("_"): value for name, value in members.items() if isinstance(value, Par)}
+            _DECLARED[cls] = found
+        return dict(found)
 
 
 def check_values(pars: Mapping[str, Par], given: Mapping[str, Any], where: str) -> dict[str, float]:
