@@ -340,11 +340,18 @@ def test_a_file_with_an_empty_list_and_mapping_starts_as_on_the_command_line(gra
         graph.wait(lambda: graph.node.count_publishers("/linearizer/model") == 0, "its end")
 
 
+def catches(pid: int, number: int) -> bool:
+    """Tell whether a process has a handler for a signal."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    return bool(int(status.partition("SigCgt:")[2].split()[0], 16) >> (number - 1) & 1)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_while_a_node_starts_end_it_without_a_word(graph: Any, number: int) -> None:
-    """From the first line of its own on: interpreter and rclpy take a tenth of a second before that."""
-    for delay in np.linspace(0.3, 1.5, 7):
+    """From the first line of its own on, when it catches SIGTERM, which nothing before that does."""
+    for delay in np.linspace(0.0, 1.2, 7):
         process = graph.start("plant_simulator")
+        graph.wait(lambda pid=process.popen.pid: catches(pid, signal.SIGTERM), "its own first line")
         sleep(delay)
         process.popen.send_signal(number)
         process.popen.send_signal(number)
