@@ -22,6 +22,10 @@ RCLError = rclpy_implementation.RCLError
 """What rclpy raises for a parameter file that is not there or cannot be read, and for a bad command line."""
 
 
+MOMENT = 0.01
+"""Time in s after which something is interrupted that could not be at once."""
+
+
 class _Stop(BaseException):
     """Ends what is long in coming; nothing takes it for an exit that it has asked for itself, or for an error."""
 
@@ -31,7 +35,8 @@ def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None =
 
     0: ended as asked; 2: what the user gave is bad, said in one line. With the handlers of rclpy itself one
     end in ten fails on SIGTERM: the context dies under the running wait. So the signals only set an event; what is
-    long in coming, as the first compilation or a large record, they interrupt.
+    long in coming, as the first compilation or a large record, they interrupt: at once, or a moment later where a
+    callback from C would swallow it.
     """
     try:
         return _run(name, create, list(sys.argv if arguments is None else arguments))
@@ -46,11 +51,17 @@ def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
     def on_signal(*_: Any) -> None:
         first = not stop.is_set()
         stop.set()
-        if first and node is None:
+        if first:
+            interrupt()
+
+    def interrupt(*_: Any) -> None:
+        if node is None:
             raise _Stop
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, on_signal)
+    signal.signal(signal.SIGALRM, interrupt)
+    sys.unraisablehook = _again
     try:
         rclpy.init(
             args=arguments,
@@ -69,9 +80,17 @@ def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
         _end(executor, node)
 
 
+def _again(swallowed: Any) -> None:
+    """Interrupt once more what swallowed it; say what else was swallowed."""
+    if swallowed.exc_type is _Stop:
+        signal.setitimer(signal.ITIMER_REAL, MOMENT)
+    else:
+        sys.__unraisablehook__(swallowed)
+
+
 def _end(executor: SingleThreadedExecutor | None, node: Node | None) -> None:
     """Take everything down; a second signal must not interrupt this."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, signal.SIG_IGN)
     if executor is not None:
         executor.shutdown()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 from time import monotonic, sleep
@@ -369,6 +370,22 @@ def test_signals_while_an_effect_file_runs_end_the_node_without_a_word(graph: An
     process.popen.send_signal(number)
     assert process.stop(number) == 0, process.output
     assert process.output == ""
+
+
+def test_a_signal_in_a_callback_from_c_is_not_lost() -> None:
+    """Such a callback, as LLVM's when it has compiled something, swallows exceptions, and Python says so."""
+    script = """
+import ctypes, signal, sys, time
+from signlin_ros.nodes.runner import run
+
+def create():
+    ctypes.CFUNCTYPE(None)(lambda: signal.raise_signal(signal.SIGTERM))()
+    time.sleep(60)
+
+sys.exit(run("late", create, []))
+"""
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 
 def test_stale_states_and_who_comes_late(graph: Any) -> None:
