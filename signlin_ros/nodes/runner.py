@@ -45,23 +45,7 @@ def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None =
 
 
 def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
-    stop = threading.Event()
-    executor = node = None
-
-    def on_signal(*_: Any) -> None:
-        first = not stop.is_set()
-        stop.set()
-        if first:
-            interrupt()
-
-    def interrupt(*_: Any) -> None:
-        if node is None:
-            raise _Stop
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, on_signal)
-    signal.signal(signal.SIGALRM, interrupt)
-    sys.unraisablehook = _again
+    signals, executor, node = _Signals(), None, None
     try:
         rclpy.init(
             args=arguments,
@@ -69,8 +53,9 @@ def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
         )
         executor = SingleThreadedExecutor()
         node = create()
+        signals.started = True
         executor.add_node(node)
-        while not stop.is_set() and not getattr(node, "finished", False):
+        while not signals.stop.is_set() and not getattr(node, "finished", False):
             executor.spin_once(timeout_sec=0.1)
         return 0
     except (InputError, RCLError, ParameterException) as error:
@@ -78,6 +63,27 @@ def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
         return 2
     finally:
         _end(executor, node)
+
+
+class _Signals:
+    """SIGINT and SIGTERM: ``stop`` is set by the first; until ``started`` is, it interrupts what is done."""
+
+    def __init__(self) -> None:
+        self.stop, self.started = threading.Event(), False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._stop)
+        signal.signal(signal.SIGALRM, self._interrupt)
+        sys.unraisablehook = _again
+
+    def _stop(self, *_: Any) -> None:
+        first = not self.stop.is_set()
+        self.stop.set()
+        if first:
+            self._interrupt()
+
+    def _interrupt(self, *_: Any) -> None:
+        if not self.started:
+            raise _Stop
 
 
 def _again(swallowed: Any) -> None:
