@@ -72,9 +72,8 @@ def canvas(path: Path, width: float, height: float) -> Iterator[Any]:
 def legend_above(figure: Any, axes: Any, columns: int) -> None:
     """Put the legend of one plot above the whole figure, where it covers nothing; what looks alike stands once."""
     handles, labels = axes.get_legend_handles_labels()
-    once = dict(zip(reversed(labels), reversed(handles), strict=True))
-    names = list(dict.fromkeys(labels))
-    figure.legend([once[name] for name in names], names, loc="outside upper left", ncols=columns)
+    once = dict(zip(labels, handles, strict=True))
+    figure.legend(list(once.values()), list(once), loc="outside upper left", ncols=columns)
 
 
 def shade(axes: Any, t: Any, where: Any, label: str) -> None:

@@ -43,13 +43,16 @@ def dependence(problem: Problem, f: Fit, of_input: bool = True) -> Array:
     0 or less: none. Nothing is said (0) of a model that an extended Kalman filter follows, whose gain changes.
     """
     c, none = f.candidate, np.zeros(len(problem.channels))
+    if c.filtered:
+        return none
     moving = problem.base.plant.velocity in c.model.states
     seen, gains, block = None, f.gains, max(int(BLOCK / problem.scale.step), LEAST)
     if moving:
-        looks = ((response(problem, f.fitted(), one), one) for one in problem.levels[::-1])
+        fitted = f.fitted()
+        looks = ((response(problem, fitted, one), one) for one in problem.levels[::-1])
         sizes = ((max(block, ceil(SEPARATE * _length(r))), r, one) for r, one in looks)
         block, seen, gains = next((s for s in sizes if 2 * FOLDS * s[0] <= problem.samples), (0, None, gains))
-    run = None if c.filtered or not block else follow_records(problem, c, f.theta, gains, False)
+    run = follow_records(problem, c, f.theta, gains, False) if block else None
     if run is None:
         return none
     used = min(1.0, MOST / max(problem.samples, 1))
