@@ -222,10 +222,14 @@ class Model:
             with_load_torque=self.with_load_torque,
         )
 
-    @property
+    @functools.cached_property
     def trace(self) -> Trace:
         """The equations with recorded signs."""
         return trace(self.structure)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: no expressions, which CasADi does not let go."""
+        return {name: value for name, value in self.__dict__.items() if name != "trace"}
 
     @property
     def states(self) -> tuple[str, ...]:

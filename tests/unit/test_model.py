@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -316,6 +317,14 @@ def test_writing_where_there_is_no_folder_is_refused(tmp_path):
 
 
 # -------------------------------------------------------------------- changing
+
+
+def test_a_model_that_was_looked_at_can_be_sent_to_another_process():
+    model = Model.load("dc_motor")
+    states = model.states
+    again = pickle.loads(pickle.dumps(model))
+    assert again == model
+    assert again.states == states
 
 
 def test_changes_return_new_models():
