@@ -18,7 +18,7 @@ import os
 import secrets
 import struct
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
@@ -182,9 +183,12 @@ class Writer(Lines):
             (own if a in own or b in own else self.slots)[slot] = value
         return [own.get(slot) or self._slot(slot) for slot in (int(tape.picks[i]) for i in wanted)]
 
-    def text(self, name: str, outputs: int) -> str:
-        """Return the function ``name`` that stores the first ``outputs`` results."""
+    def text(self, name: str, outputs: int, known: Collection[int] = ()) -> str:
+        """Return the function ``name`` that stores the first ``outputs`` results, but for zeros that are ``known``."""
+        zero = _literal(0.0)
         for i, value in enumerate(self.results({}, range(outputs))):
+            if value == zero and i in known:
+                continue
             self.lines.append(f"  store double {value}, double* {self.place('%out', i)}")
         body = "\n".join(self.lines)
         return f"define void @{name}(double* noalias %in, double* noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
@@ -297,8 +301,11 @@ def translated(text: str, names: tuple[str, ...]) -> tuple[int, ...]:
         return _addresses[digest]
 
 
-def native(tape: Tape) -> tuple[int, int]:
-    """Return the addresses of two functions of (inputs, results): the whole tape, and only its head."""
+def native(tape: Tape, known: Collection[int] = ()) -> tuple[int, int]:
+    """Return the addresses of two functions of (inputs, results): the whole tape, and only its head.
+
+    ``known``: results that are not written where they are 0 whatever the inputs; who calls has them at 0.
+    """
     ends = {"all": tape.n_out, "head": tape.n_head}
     if ends["head"] == ends["all"]:
         del ends["head"]
@@ -306,7 +313,7 @@ def native(tape: Tape) -> tuple[int, int]:
     declared: set[str] = set()
     for name, outputs in ends.items():
         writer = Writer(tape)
-        parts.append(writer.text(f"tape_{name}", outputs))
+        parts.append(writer.text(f"tape_{name}", outputs, known))
         declared |= writer.declared
     addresses = translated("\n".join([*sorted(declared), *parts]), tuple(ends))
     return addresses[0], addresses[-1]
@@ -367,10 +374,25 @@ def _call_among(typing_context: Any, address: Any, first: Any, last: Any, at: An
     return signature, generate
 
 
+def _copy(typing_context: Any, source: Any, at: Any, to: Any) -> Any:
+    _check(source, to)
+    signature = types.void(source, types.intp, to)
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        place = context.make_array(sig.args[2])(context, builder, arguments[2])
+        data = builder.gep(_data(context, builder, sig.args[0], arguments[0]), [arguments[1]])
+        cgutils.raw_memcpy(builder, builder.bitcast(place.data, _POINTER), data, place.nitems, 8)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
 call: Any = intrinsic(_call)
 """``call(address, inputs, results)`` calls native code, from a compiled function, with two arrays of float64."""
 call_among: Any = intrinsic(_call_among)
 """``call_among(address, a, b, i, c, d)``: the same with four arrays, of which the second counts from ``b[i]`` on."""
+copied: Any = intrinsic(_copy)
+"""``copied(a, i, b)`` fills all of the array b with what stands in a from ``a[i]`` on."""
 call_within: Any = intrinsic(_call_within)
 """``call_within(address, work, i, k)``: the same with inputs from ``work[i]`` on and results from ``work[k]`` on."""
 
@@ -384,6 +406,8 @@ inner: Any = numba.njit(**_UNCOUNTED)
 """The same for what works in arrays that it is given: references to them are not counted, which would cost more than
 what small functions do. They make no arrays, nor assign to slices.
 """
+inlined: Any = numba.njit(inline="always", **_UNCOUNTED)
+"""The same, written out wherever it is called: to hand over a dozen arrays may take as long as what is done to them."""
 
 
 def caller(address: int) -> Callable[[np.ndarray, np.ndarray], None]:
@@ -396,4 +420,15 @@ def _call_once(address, inputs, results):
     call(address, inputs, results)
 
 
-__all__ = ["call", "call_among", "call_within", "caller", "compiled", "inner", "native", "translated"]
+__all__ = [
+    "call",
+    "call_among",
+    "call_within",
+    "caller",
+    "compiled",
+    "copied",
+    "inlined",
+    "inner",
+    "native",
+    "translated",
+]

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.steps import DECLARED, carrier, pace, padded, runge_kutta
+from signlin_ros.diagnosis.steps import DECLARED, carrier, corrected, pace, padded, runge_kutta, seen
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Surface
 from signlin_ros.native import caller, native, translated
@@ -39,20 +39,21 @@ class Places(NamedTuple):
 class Equations:
     """Machine code of a structure for given measured channels and given free parameters.
 
-    ``code``: addresses of what `signlin_ros.diagnosis.follow` calls: F and the surface alone; everything; the fastest
-    rate; a step in which the surface is left alone, one in which it is stuck to; one of the sensitivities. ``brief``:
-    the same for following without these, where everything ends with dF/dx. ``patterns``: where dF/dx and dF/dp may
+    ``code``: addresses of what `signlin_ros.diagnosis.follow` calls: F and the surface alone; everything; the
+    fastest rate; a step in which the surface is left alone, one in which it is stuck to; of the sensitivities a
+    step, what is seen of them, and how an observer corrects them; everything but derivatives to parameters.
+    ``brief``: the same for following without these, where everything ends with dF/dx. ``pattern``: where dF/dx may
     differ from 0. ``parameters``: names of everything in p: the model's own in the trace's order, then
-    ``sensor_gain.<channel>``, ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel. ``free``:
-    those with sensitivities. ``substeps``: least number between two samples. ``own``: index of the first state that is
-    an effect's. ``delay @ p``: by how much the input is late in s. ``keep``: the tape of what is known without
-    sensitivities, for points one by one. ``lasting``: indices of the states that may ring for long: the plant's and
-    those of resonant effects.
+    ``sensor_gain.<channel>``, ``sensor_offset.<channel>`` and ``sensor_delay.<channel>`` of every channel.
+    ``free``: those with sensitivities. ``substeps``: least number between two samples. ``own``: index of the first
+    state that is an effect's. ``delay @ p``: by how much the input is late in s. ``keep``: the tape of what is
+    known without sensitivities, for points one by one. ``lasting``: indices of the states that may ring for long:
+    the plant's and those of resonant effects.
     """
 
     code: tuple[int, ...]
     brief: tuple[int, ...]
-    patterns: tuple[Pattern, Pattern]
+    pattern: Pattern
     sizes: tuple[int, ...]
     substeps: int
     own: int
@@ -70,8 +71,8 @@ class Equations:
     @functools.cached_property
     def _spread(self) -> int:
         """Address of a step of a covariance."""
-        J, n = self.patterns[0], self.sizes[0]
-        text = carrier("tape_spread", J, np.zeros((n, padded(n)), dtype=bool))
+        n = self.sizes[0]
+        text = carrier("tape_spread", self.pattern, np.zeros((n, padded(n)), dtype=bool))
         return translated("\n".join([*DECLARED, text]), ("spread",))[0]
 
     def calls(self, with_s: bool, aware: bool = False) -> tuple[int, ...]:
@@ -94,14 +95,15 @@ class Equations:
         n, m, *_ = self.sizes
         result = np.zeros(self.places.J + n * n)
         caller(self.brief[1])(np.concatenate([np.zeros(n + m), p, [0.0]]), result)
-        J = result[self.places.J :].reshape(n, n)[np.ix_(self.lasting, self.lasting)]
+        lasting = np.array(self.lasting)
+        J = result[self.places.J :].reshape(n, n)[lasting[:, None], lasting]
         if not np.isfinite(J).all():
             return np.inf
         rates = np.linalg.eigvals(J)
         rates = rates[rates.imag > 0.0]
         if not rates.size:
             return np.inf
-        own, size = scale[list(self.lasting)], np.abs(rates)
+        own, size = scale[lasting], np.abs(rates)
         fastest = np.sqrt(np.max((np.abs(J @ J) * own / own[:, None]).sum(axis=1)))
         damping = np.maximum(-rates.real / size, UNDAMPED)
         return float(fastest * np.min((240.0 * OFF * damping) ** 0.25 / size))
@@ -155,14 +157,14 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     symbols, values, located = _inline(t)
     s = located.symbol if located else ca.SX.sym("s")
     g = located.g if located else ca.SX(1)
-    shown = ca.vertcat(*(_channel(t, c) for c in channels))
-    h = gains * shown + offsets
+    h = gains * ca.vertcat(*(_channel(t, c) for c in channels)) + offsets
     # A kink's sign is constant on either side, so derivatives are taken before it is put in.
     rate = ca.mtimes(ca.jacobian(g, t.x), t.f)
     n, count = t.x.numel(), len(free)
     none = padded(count) - count
     F_s, rate_x = ca.jacobian(t.f, s), ca.jacobian(rate, t.x)
     J, P, rate_p = ca.jacobian(t.f, t.x), ca.jacobian(t.f, wanted), ca.jacobian(rate, wanted)
+    h_x, h_p = ca.jacobian(h, t.x), ca.jacobian(h, wanted)
     blocks = [
         t.f,
         g,
@@ -170,7 +172,7 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
         F_s,
         ca.jacobian(rate, s),
         h,
-        _row_major(ca.jacobian(h, t.x)),
+        _row_major(h_x),
         _row_major(rate_x),
         _row_major(J),
     ]
@@ -178,19 +180,20 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
         _row_major(ca.horzcat(P, ca.SX(n, none))),
         _row_major(ca.horzcat(rate_p, ca.SX(1, none))),
         _row_major(ca.jacobian(g, t.x)),
-        _row_major(ca.horzcat(ca.jacobian(h, wanted), ca.SX(len(channels), none))),
+        _row_major(ca.horzcat(h_p, ca.SX(len(channels), none))),
     ]
 
     def tape(blocks: list[ca.SX], head: int | None = None) -> Tape:
         flat = _substituted(ca.densify(ca.vertcat(*blocks)), symbols, values)
         return Tape.of(ca.Function("follow", [t.x, t.u, p, s], [ca.densify(ca.cse(flat))]), head)
 
-    known = tape(blocks, 2 * n + 3)
-    body, head = native(known)
-    whole, _ = native(tape(blocks + more)) if free else (body, head)
-    patterns = _pattern(J, F_s, rate_x), _pattern(P, F_s, rate_p)
+    known, whole_tape = tape(blocks, 2 * n + 3), tape(blocks + more)
+    moved = _pattern(J, F_s, rate_x), _pattern(P, F_s, rate_p)
+    zeros = set(range(2 * n + 3, whole_tape.n_out)) - _rewritten(known.n_out - n * n, *moved)
+    body, head = native(known, zeros)
+    whole = native(whole_tape, zeros)[0] if free else body
     lasting = _lasting(structure, t)
-    *steps, carry = _steps(*patterns, lasting, known, located is not None)
+    steps = _steps(moved, (_there(h_x), _there(h_p)), lasting, known, located is not None)
     delay = _delay(t, p)
     i_delay = next((i for i, name in enumerate(free) if delay[names.index(name)] != 0.0), -1)
     coordinate = -1
@@ -199,9 +202,9 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
     sizes = (n, t.u.numel(), len(channels), len(free), i_delay, int(located is not None), coordinate)
     own = next((i for i, name in enumerate(t.states) if "." in name), n)
     kinked = any(bool(ca.which_depends(v.g, t.x, 1, False)[0]) for v in t.surfaces if v is not located)
-    code, brief = (head, whole, *steps, carry), (head, body, *steps, 0)
+    code, brief = (head, whole, *steps, body), (head, body, *steps[:3], 0, 0, 0, body)
     least = KINKED if kinked else 1
-    return Equations(code, brief, patterns, sizes, least, own, names, free, delay, known, lasting)
+    return Equations(code, brief, moved[0], sizes, least, own, names, free, delay, known, lasting)
 
 
 def _lasting(structure: Structure, t: Trace) -> tuple[int, ...]:
@@ -210,26 +213,54 @@ def _lasting(structure: Structure, t: Trace) -> tuple[int, ...]:
     return tuple(i for i, name in enumerate(t.states) if name.rpartition(".")[0] in {"", *resonant})
 
 
+def _there(matrix: ca.SX) -> Pattern:
+    """Return where a matrix may differ from 0."""
+    return np.array(ca.DM(matrix.sparsity(), 1).full(), dtype=bool)
+
+
 def _pattern(matrix: ca.SX, F_s: ca.SX, rate: ca.SX) -> Pattern:
     """Return where a derivative of F may differ from 0, and where it may if the surface is stuck to."""
-    found, led, by = (np.array(ca.DM(m.sparsity(), 1).full(), dtype=bool) for m in (matrix, F_s, rate))
-    return np.asarray(found | (led & by))
+    return np.asarray(_there(matrix) | (_there(F_s) & _there(rate)))
 
 
-def _steps(J: Pattern, P: Pattern, lasting: tuple[int, ...], tape: Tape, switched: bool) -> tuple[int, int, int, int]:
-    """Return the addresses of the fastest rate, of a free and a stuck step, and of one of sensitivities (0: none)."""
-    n, count = P.shape
-    wide = np.zeros((n, padded(count)), dtype=bool)
-    wide[:, :count] = P
+def _rewritten(at: int, J: Pattern, P: Pattern) -> set[int]:
+    """Return which results change where the surface is stuck to: those of dF/dx, from ``at`` on, and of dF/dp."""
+    return set((at + np.flatnonzero(np.concatenate([J.ravel(), _wide(P).ravel()]))).tolist())
+
+
+def _wide(pattern: Pattern) -> Pattern:
+    """Return a pattern with columns of zeros up to the `padded` width."""
+    return np.pad(pattern, ((0, 0), (0, padded(pattern.shape[1]) - pattern.shape[1])))
+
+
+def _steps(
+    moved: tuple[Pattern, Pattern], shown: tuple[Pattern, Pattern], lasting: tuple[int, ...], tape: Tape, switched: bool
+) -> tuple[int, ...]:
+    """Return the addresses of the fastest rate, of a free and a stuck step, and for sensitivities those of a step, of
+    what is seen and of a correction (0: none). Where F and h depend on x and p: ``moved`` and ``shown``.
+    """
+    (J, P), (H, _) = moved, shown
+    (n, count), ny = P.shape, H.shape[0]
     parts, declared = {"pace": pace("tape_pace", J, lasting)}, set[str]()
     for name, stuck in (("free", False), ("stuck", True)) if switched else (("free", False),):
         parts[name], calls = runge_kutta(f"tape_{name}", tape, n, stuck)
         declared |= calls
     if count:
-        parts["carry"] = carrier("tape_carry", J, wide)
+        width = padded(count)
+        parts["carry"] = carrier("tape_carry", J, _wide(P))
+        before = 2 * n + 3 + ny
+        after = before + ny * n + n + n * n + n * width + width + n
+        parts["seen"] = seen("tape_seen", H, _wide(shown[1]), (before, after))
     lines = [*DECLARED, *sorted(declared - set(DECLARED)), *parts.values()]
     found = dict(zip(parts, translated("\n".join(lines), tuple(parts)), strict=True))
-    return found["pace"], found["free"], found.get("stuck", 0), found.get("carry", 0)
+    addresses = (found.get(name, 0) for name in ("pace", "free", "stuck", "carry", "seen"))
+    return (*addresses, _correction(n, ny, padded(count)) if count else 0)
+
+
+@functools.cache
+def _correction(n: int, ny: int, width: int) -> int:
+    """Return the address of an observer's correction of sensitivities."""
+    return translated("\n".join([*DECLARED, corrected("tape_corrected", n, ny, width)]), ("corrected",))[0]
 
 
 def neutral_sensors(count: int) -> Array:

@@ -289,22 +289,15 @@ def follow_records(
     with_s: bool,
     segments: tuple[Segment, ...] | None = None,
 ) -> tuple[list[Array], list[Array], list[Array]] | None:
-    """Return innovations (T, ny), their derivatives (T, ny, np) and states (T, n) for every record; None if it
-    diverges.
+    """Return innovations (T, ny), their derivatives to the free parameters (T, ny, np and more columns of 0) and states
+    (T, n) for every record; None if it diverges.
 
     While a delayed input is still that from before the record, which nobody knows, the observer stays wide awake, and
     what it leaves counts as noise.
     """
     p, eq = c.p(theta), c.equations
-    ny, count = eq.sizes[2], eq.sizes[3]
-    slopes = np.array([k.slope(float(x)) for k, x in zip(c.coordinates, theta, strict=True)])
-    scale = np.array(
-        [
-            problem.x_scale.get(name, problem.x_scale.get(_twin(name, tuple(problem.x_scale)), 0.0))
-            for name in c.model.states
-        ]
-    )
-    scale = np.where(scale > 0, scale, _own_scale(problem, c))
+    ny, flags = eq.sizes[2], eq.flags(with_s, _turns(problem, c, p))
+    scale = _scale(problem, c)
     delay = max(float(eq.delay @ p), 0.0)
     lags = _lags(problem, c, p)
     shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
@@ -313,23 +306,22 @@ def follow_records(
     belief, variances = _belief(problem, c, gains, dict(zip(problem.channels, shown, strict=True))), problem.noise**2
     errors, derivatives, states, ringing = [], [], [], eq.ringing(p, scale)
     for s in segments or problem.segments:
-        E, D = np.zeros((s.t.size, ny)), np.zeros((s.t.size if with_s else 0, ny, count))
+        E, D = np.zeros((s.t.size, ny)), np.empty((s.t.size if with_s else 0, ny, flags[-1]))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
         rest = (p, scale, delay - s.early, ringing, lags, belief, variances)
         x0 = _start(problem, c, s, (rows, *rest)) - _led_back(problem, c, s, delay)
         unknown = ceil(delay / problem.scale.step) + 1 if s.whole and delay > 0.0 else 0
-        held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
-        arguments = (eq.flags(with_s, _turns(problem, c, p)), s.t, s.u, s.y, held, x0, *rest)
-        if follow(eq.calls(with_s, c.filtered), *arguments, E, D, X) < s.t.size or not np.isfinite(np.nansum(E)):
+        held, weights = rows, gains.weights[: s.t.size]
+        if unknown:
+            held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
+            weights = np.concatenate([np.zeros((unknown, ny)), gains.weights])[: s.t.size]
+        arguments = (flags, s.t, s.u, s.y, held, x0, *rest)
+        if follow(eq.calls(with_s, c.filtered), *arguments, E, D, X) < s.t.size or np.isinf(E).any():
             return None
-        weights = np.concatenate([np.zeros((unknown, ny)), gains.weights])[: s.t.size]
         E[: weights.shape[0]] *= weights
         E[:unknown] += np.where(np.isfinite(E[:unknown]), problem.noise, 0.0)
         if with_s:
-            D *= slopes
             D[: weights.shape[0]] *= weights[:, :, None]
-            if not np.isfinite(D.sum()):
-                return None
         errors.append(E)
         derivatives.append(D)
         states.append(X)
@@ -442,10 +434,12 @@ def _by_secants(errors: Callable[[Array], Array], x: Array, e: Array, reach: Arr
     return x, e
 
 
-def _own_scale(problem: Problem, c: Candidate) -> Array:
-    units = c.model.trace.units
-    q = problem.scale.travel
-    return np.array([q if units[name] in (problem.base.plant.position_unit,) else 100.0 for name in c.model.states])
+def _scale(problem: Problem, c: Candidate) -> Array:
+    """Return the size of every state (n,): as the problem has it, or that of what it moves with."""
+    known, units = problem.x_scale, c.model.trace.units
+    sizes = {n: known.get(n) or known.get(_twin(n, tuple(known)), 0.0) for n in c.model.states}
+    own = {True: problem.scale.travel, False: 100.0}
+    return np.array([size or own[units[name] == problem.base.plant.position_unit] for name, size in sizes.items()])
 
 
 def _lags(problem: Problem, c: Candidate, p: Array) -> Array:
@@ -469,25 +463,25 @@ def _normal(
     rss, number = np.zeros(ny), np.zeros(ny)
     squares, products = np.zeros((ny, count, count)), np.zeros((ny, count))
     for E, D in zip(found[0], found[1], strict=True):
-        e = filter.apply(E)
-        good = np.isfinite(e)
-        e = np.where(good, e, 0.0)
-        rss += np.sum(e**2, axis=0)
-        number += good.sum(axis=0)
-        if D.shape[0]:
-            d = filter.apply(D)
-            for k in range(ny):
-                part = d[:, k, :] if good[:, k].all() else np.where(good[:, k, None], d[:, k, :], 0.0)
-                squares[k] += part.T @ part
-                products[k] += part.T @ e[:, k]
+        e, d = filter.apply(E), filter.apply(D)[:, :, :count]
+        there = np.isfinite(e)
+        if not there.all():
+            e, d = np.where(there, e, 0.0), np.where(there[: len(d), :, None], d, 0.0)
+        for k in range(ny):
+            number[k] += np.count_nonzero(there[:, k])
+            rss[k] += e[:, k] @ e[:, k]
+            if d.shape[0]:
+                squares[k] += d[:, k].T @ d[:, k]
+                products[k] += e[:, k] @ d[:, k]
     floor = (1e-9 * problem.noise) ** 2 * np.maximum(number, 1)
     rss = np.maximum(rss, floor)
     prior = np.array([(x - k.prior) / k.spread for k, x in zip(c.coordinates, theta, strict=True)])
     inverse = np.array([1.0 / k.spread for k in c.coordinates])
     cost = float(np.sum(number * np.log(rss / np.maximum(number, 1))) + np.sum(prior**2))
     weights = number / rss
-    gradient = np.tensordot(weights, products, 1) + prior * inverse
-    hessian = np.tensordot(weights, squares, 1) + np.diag(inverse**2)
+    slopes = np.array([k.slope(float(x)) for k, x in zip(c.coordinates, theta, strict=True)])
+    gradient = slopes * (weights @ products) + prior * inverse
+    hessian = np.outer(slopes, slopes) * np.tensordot(weights, squares, 1) + np.diag(inverse**2)
     return cost, number, gradient, hessian
 
 
@@ -556,15 +550,16 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     active = np.zeros(x.size, dtype=bool)
     new = x.copy()
     for _ in range(x.size + 1):
-        free = ~active
-        if not free.any():
+        free = np.flatnonzero(~active)
+        if not free.size:
             return np.asarray(new)
-        diagonal = np.diag(hessian)[free]
-        matrix = hessian[np.ix_(free, free)] + np.diag(damping * diagonal + 1e-12 * max(diagonal.max(), 1e-300))
-        shift = new - x
-        right = gradient[free] + hessian[np.ix_(free, active)] @ shift[active]
+        rows = hessian[free]
+        diagonal = rows[np.arange(free.size), free]
+        matrix = rows[:, free]
+        matrix[np.diag_indices(free.size)] += damping * diagonal + 1e-12 * max(diagonal.max(), 1e-300)
+        right = gradient[free] + rows[:, active] @ (new - x)[active]
         new[free] = x[free] - np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
-        outside = free & ((new < low) | (new > high))
+        outside = (new < low) | (new > high)
         new = np.clip(new, low, high)
         if not outside.any():
             return np.asarray(new)

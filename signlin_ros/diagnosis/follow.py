@@ -13,7 +13,8 @@ one for each of np parameters and others of 0.
 ``code`` are the addresses of F and the surface alone, of everything, and of `signlin_ros.diagnosis.steps`'s functions.
 """
 
-# Numba infers the types in here; mypy cannot see through its decorators.
+# Numba infers the types in here; mypy cannot see through its decorators. What is literal (1, 0, True) is a type of its
+# own, for which a function is compiled once more: hence np.int64(1).
 # mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="misc,call-arg,unreachable"
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from __future__ import annotations
 import numpy as np
 
 from signlin_ros.diagnosis.steps import LANES
-from signlin_ros.native import call, call_among, compiled, inner
+from signlin_ros.native import call, call_among, compiled, copied, inlined, inner
 
 MOST = 20
 """Most substeps between two samples."""
@@ -171,11 +172,18 @@ def _linearized(code, sizes, z, out, mode, s):
 
 
 @inner
+def _led(code, sizes, z, out, mode, s):
+    """Leave in out dF/dx in force at z, and F itself, but not always the derivatives to parameters."""
+    if mode == 0 and sizes[5]:
+        _linearized(code, sizes, z, out, mode, s)
+    else:
+        _slope(code[8], sizes, z, out, mode, s)
+
+
+@inner
 def _kept(sizes, out, kept):
     """Copy the derivatives of F (n, n) and (n, w) from out."""
-    at = sizes[10]
-    for i in range(kept.size):
-        kept[i] = out[at + i]
+    copied(out, sizes[10], kept)
 
 
 @inner
@@ -249,7 +257,7 @@ def _split(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, least, W
         decays = decays or W[5, i] != 0.0
     if not decays:
         return np.inf
-    rest = _left(code[2], kept, 0, W, ratio, M, fastest)
+    rest = _left(code[2], kept, np.int64(0), W, ratio, M, fastest)
     _weigh(span, W)
     k[1, 0], k[2, 0] = out[n], out[n + 1]
     for i in range(n):
@@ -263,7 +271,7 @@ def _split(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, least, W
     return rest
 
 
-@inner
+@inlined
 def _advance(code, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, decays):
     """Integrate x over ``span`` seconds in ``count`` substeps with the input held; returns (mode, s).
 
@@ -284,7 +292,8 @@ def _advance(code, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, d
             _exponential(head, sizes, z, out, x, k, h, mode, s, W)
         else:
             _rk4(code, sizes, z, x, k, h, mode, s, step)
-        s1 = _slope(head, sizes, z, out, mode, s)
+        whole = with_s and (mode != 0 or not switched)
+        s1 = _slope(code[1] if whole else head, sizes, z, out, mode, s)
         event = False
         if switched and events < 50:
             theta = 2.0
@@ -312,7 +321,8 @@ def _advance(code, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, d
                     if coordinate >= 0:
                         z[coordinate] = 0.0
         if with_s:
-            _linearized(code, sizes, z, out, mode, s)
+            if event or not whole:
+                _linearized(code, sizes, z, out, mode, s)
             _carry(code[5], sizes, kept, out, h, S, step, W)
         elif event:
             _slope(head, sizes, z, out, mode, s)
@@ -321,7 +331,7 @@ def _advance(code, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, d
             x[i] = z[i]
         if event:
             if mode == 0:
-                mode, s = 1, (1.0 if s1 > 0.0 else -1.0)
+                mode, s = np.int64(1), (1.0 if s1 > 0.0 else -1.0)
                 if with_s:
                     _linearized(code, sizes, z, out, mode, s)
                 else:
@@ -344,20 +354,32 @@ def _advance(code, sizes, z, out, x, span, count, mode, s, S, work, with_s, W, d
     return mode, s
 
 
-@inner
-def _settle(head, sizes, z, out, mode, s, moved):
-    """Choose mode and sign anew after the input or, if ``moved``, the state has jumped; returns (mode, s)."""
+@inlined
+def _settle(code, sizes, z, out, mode, s, moved):
+    """Choose mode and sign anew after the input or, if ``moved``, the state has jumped; returns (mode, s).
+
+    Leaves in ``out`` all of z under that sign, or if stuck under the one that holds the motion.
+    """
+    head = code[0]
     if not sizes[5]:
-        return 1, 1.0
-    n = sizes[0]
-    if mode == 0 and not moved:
-        return _choose(head, sizes, z, out)
+        mode, s = 1, 1.0
+    elif mode == 0 and not moved:
+        mode, s = _choose(head, sizes, z, out)
+    else:
+        z[z.size - 1] = s
+        call(code[1], z, out)
+        g = out[sizes[0]]
+        if g * s > 0.0:
+            return 1, s
+        if g == 0.0:
+            mode, s = _choose(head, sizes, z, out)
+        else:
+            mode, s = 1, (1.0 if g > 0.0 else -1.0)
     z[z.size - 1] = s
-    call(head, z, out)
-    g = out[n]
-    if g == 0.0:
-        return _choose(head, sizes, z, out)
-    return 1, (1.0 if g > 0.0 else -1.0)
+    if mode == 0:
+        z[z.size - 1] = _slope(head, sizes, z, out, mode, s)
+    call(code[1], z, out)
+    return mode, s
 
 
 @inner
@@ -382,7 +404,7 @@ def _lagged(k, t, lag, i, past, past_s, row, with_s):
     return value, rate
 
 
-@inner
+@inlined
 def _aware(out, at, e, noise, P, K, row):
     """Fill the Kalman gains K (n, ny); P (n, n), the covariance of the state's error, becomes that after them.
 
@@ -411,7 +433,7 @@ def _aware(out, at, e, noise, P, K, row):
                 P[i, j] -= row[i] * there * row[j]
 
 
-@inner
+@inlined
 def _spread(address, sizes, first, last, h, process, P, step, W):
     """Carry the covariance P (n, w) over h by the trapezoidal rule, and add the variances ``process`` (n).
 
@@ -429,7 +451,7 @@ def _spread(address, sizes, first, last, h, process, P, step, W):
         P[i, i] += process[i]
 
 
-@inner
+@inlined
 def _averaged(code, sizes, z, out, x, mode, s, belief, P, mean):
     """Average ``mean`` (n n), which holds dF/dx at x, over how uncertain the own positions are, by Gauss and Hermite's
     rule of order 3. Returns whether there are any; ``out`` does not belong to x then.
@@ -443,11 +465,20 @@ def _averaged(code, sizes, z, out, x, mode, s, belief, P, mean):
                 mean[i] *= 2.0 / 3.0
             for sign in (-1.0, 1.0):
                 z[own] = x[own] + sign * reach
-                _linearized(code, sizes, z, out, mode, s)
+                _led(code, sizes, z, out, mode, s)
                 for i in range(n * n):
                     mean[i] += out[at + i] / 6.0
             z[own] = x[own]
     return moved
+
+
+@inner
+def _any(values, count):
+    """Tell whether any of the first so many differs from 0."""
+    found = False
+    for i in range(count):
+        found = found or values[i] != 0.0
+    return found
 
 
 @inner
@@ -466,10 +497,11 @@ def _copy_rows(source, to):
 
 @compiled
 def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, belief, noise, E, D, X):
-    """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, np) is not empty, their derivatives.
+    """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, w) is not empty, their derivatives.
 
     ``code``: addresses of F and the surface alone, of everything, and of what `signlin_ros.diagnosis.steps` writes: the
-    fastest rate, a step free of the surface, one stuck to it, one of sensitivities, one of a covariance. ``sizes``: n,
+    fastest rate, a step free of the surface, one stuck to it, one of sensitivities, what is seen of these and how they
+    are corrected, everything but derivatives to parameters, a step of a covariance. ``sizes``: n,
     m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is the switching
     surface (-1), whether derivatives are wanted, least number of substeps between samples, index of the first state
     that is an effect's own, where dF/dx begins, columns w for sensitivities.
@@ -491,7 +523,8 @@ def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, beli
         for j in range(n):
             ratio[i, j] = scale[j] / scale[i]
     z, x = np.zeros(n + m + p.size + 1), x0.copy()
-    z[n : n + m], z[n + m : n + m + p.size] = u[0], p
+    copied(u, 0, z[n : n + m])
+    copied(p, 0, z[n + m : n + m + p.size])
     work = (np.zeros(n * n + n * width), np.zeros((4, n)), np.zeros(n), np.zeros((2, n)), np.zeros((n, n)))
     past = (np.zeros((late, 4, n)), np.zeros((kept, 2, n, count)), np.zeros(count))
     P = np.zeros((n, -(-n // LANES) * LANES))
@@ -507,14 +540,13 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
     """Do what `follow` does, in the arrays of ``memory``."""
     n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
     with_s, total = sizes[7] != 0, t.size
-    at, width = sizes[10], sizes[11]
+    at = sizes[10]
     at_h = 2 * n + 3
     at_hx = at_h + ny
-    at_hp = at + n * n + n * width + width + n
     z, out, x, S, work, (past, past_s, row), (P, K, first, mean), ratio, W, fastest = memory
     head, kept, before, step = code[0], work[0], work[2], work[3]
     late, aware = lags.shape[0] > 0, belief.shape[1] > 0
-    mode, s, active = 1, 1.0, 0
+    mode, s, active = np.int64(1), 1.0, 0
     for k in range(total):
         for i in range(n):
             z[i] = x[i]
@@ -530,29 +562,19 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                 _slope(head, sizes, z, out, mode, s)
                 for i in range(n):
                     S[i, i_delay] += before[i] - out[i]
-        mode, s = _settle(head, sizes, z, out, mode, s, k == 0)
-        if mode == 0:
-            z[z.size - 1] = _slope(head, sizes, z, out, mode, s)
-        else:
-            z[z.size - 1] = s
-        call(code[1], z, out)
+        mode, s = _settle(code, sizes, z, out, mode, s, k == 0)
         if X.shape[0]:
             _copy(x, X[k])
         gain = gains[min(k, gains.shape[0] - 1)]
-        corrected, awake = False, False
+        corrected, awake, complete = k < 0, False, True
         for i in range(n if aware else 0):
             for c in range(ny):
                 awake = awake or gain[i, c] != 0.0
+        if with_s:
+            call_among(code[6], out, D[k], 0, S, step)
         for c in range(ny):
             E[k, c] = y[k, c] - out[at_h + c]
-            if with_s:
-                for j in range(count):
-                    D[k, c, j] = -out[at_hp + c * width + j]
-                for i in range(n):
-                    slope = out[at_hx + c * n + i]
-                    if slope != 0.0:
-                        for j in range(count):
-                            D[k, c, j] -= slope * S[i, j]
+            complete = complete and E[k, c] == E[k, c]
             if late and k > 0 and lags[c, 0] + lags[c, 2] > -1.0:
                 i_state, i_lag = int(lags[c, 1]), int(lags[c, 2])
                 was, rate = _lagged(k, t, lags[c, 0], i_state, past, past_s, row, with_s)
@@ -572,15 +594,17 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                     if gain[i, c] != 0.0:
                         corrected = True
                         x[i] += gain[i, c] * E[k, c]
-                        if with_s:
+                        if with_s and not complete:
                             for j in range(count):
                                 S[i, j] += gain[i, c] * D[k, c, j]
+        if with_s and complete and corrected:
+            call_among(code[7], gain, D[k], 0, S, step)
         if k + 1 == total:
             break
         for i in range(n):
             z[i] = x[i]
         if corrected:
-            mode, s = _settle(head, sizes, z, out, mode, s, True)
+            mode, s = _settle(code, sizes, z, out, mode, s, corrected)
         if late:
             _slope(head, sizes, z, out, mode, s)
             _copy(x, past[k, 0])
@@ -592,12 +616,13 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             end = t[k + 1]
             if active + 1 < total and t[active + 1] + delay < end - 1e-12:
                 end = t[active + 1] + delay
-            _linearized(code, sizes, z, out, mode, s)
+            if mode == 0 or late:
+                _linearized(code, sizes, z, out, mode, s)
+            _kept(sizes, out, kept)
             if awake and begin == t[k]:
                 _kept(sizes, out, first)
                 if _averaged(code, sizes, z, out, x, mode, s, belief, P, first):
-                    _linearized(code, sizes, z, out, mode, s)
-            _kept(sizes, out, kept)
+                    _slope(head, sizes, z, out, mode, s)
             span, decays = end - begin, False
             reach = span * _fastest(code[2], kept, ratio, fastest) / REACH
             wanted = np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF)
@@ -606,7 +631,7 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             if wanted > FEW and not aware:
                 rest = span * _split(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, LOST, W) / REACH
                 decays = rest < substeps - 1
-                if decays and not W[5, : sizes[9]].any():
+                if decays and not _any(W[5], sizes[9]):
                     substeps = int(max(LEAST, least, np.ceil(rest)))
             if not decays:
                 for i in range(n):
@@ -624,12 +649,13 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                 if awake:
                     for i in range(n):
                         z[i] = x[i]
-                    _linearized(code, sizes, z, out, mode, s)
+                    if not with_s:
+                        _led(code, sizes, z, out, mode, s)
                     _kept(sizes, out, mean)
                     _averaged(code, sizes, z, out, x, mode, s, belief, P, mean)
                     for i in range(n * n):
                         out[at + i] = mean[i]
-                    _spread(code[6], sizes, first, out, end - t[k], belief[0], P, step, W)
+                    _spread(code[9], sizes, first, out, end - t[k], belief[0], P, step, W)
                 break
             begin = end
             for i in range(n):
@@ -638,9 +664,9 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             active += 1
             for i in range(m):
                 z[n + i] = u[active, i]
-            mode, s = _settle(head, sizes, z, out, mode, s, False)
+            mode, s = _settle(code, sizes, z, out, mode, s, begin == t[k])
             if with_s and i_delay >= 0:
-                _slope(head, sizes, z, out, mode, s)
+                _linearized(code, sizes, z, out, mode, s)
                 for i in range(n):
                     S[i, i_delay] += before[i] - out[i]
     return total
@@ -671,7 +697,7 @@ def _one_more(A, H, Q, noise, P, AP, K, row, e, gains, variances, k):
         for i in range(n):
             for j in range(n):
                 variances[k, c] += H[c * n + i] * P[i, j] * H[c * n + j]
-    _aware(H, 0, e, noise, P, K, row)
+    _aware(H, np.int64(0), e, noise, P, K, row)
     moved = 0.0
     for i in range(n):
         for c in range(ny):

@@ -137,6 +137,40 @@ def _eliminated(
     return {at: w.everywhere(f) for at, f in lower.items()}, upper, {k: w.everywhere(v) for k, v in inverse.items()}
 
 
+def seen(name: str, H: Pattern, P: Pattern, at: tuple[int, int]) -> str:
+    """Return the function ``name`` of (out, D, S, _) that fills D (ny, width) with -(dh/dp + dh/dx S).
+
+    dh/dx (ny, n) and dh/dp (ny, width) stand in ``out`` from ``at`` on; they are 0 where H and P are False.
+    """
+    w = _Vectors()
+    n, width, blocks = H.shape[1], P.shape[1], range(0, P.shape[1], LANES)
+    rows = {i: [w.columns("%S", i * width + b) for b in blocks] for i in np.flatnonzero(H.any(axis=0))}
+    for c, (shown, known) in enumerate(zip(H, P, strict=True)):
+        led = {i: w.everywhere(w.negated(w.number("%first", at[0] + c * n + i))) for i in np.flatnonzero(shown)}
+        for k, b in enumerate(blocks):
+            row = f"<{', '.join(['double 0.0'] * LANES)}>"
+            if known[b : b + LANES].any():
+                row = w.new(f"fneg {_VECTOR} {w.columns('%first', at[1] + c * width + b)}")
+            for i, factor in led.items():
+                row = w.summed(factor, rows[i][k], row)
+            w.store(row, "%last", c * width + b)
+    return w.text(name)
+
+
+def corrected(name: str, n: int, ny: int, width: int) -> str:
+    """Return the function ``name`` of (K, D, S, _) that adds K D to S (n, width), K being (n, ny)."""
+    w = _Vectors()
+    gains = [[w.everywhere(w.number("%first", i * ny + c)) for c in range(ny)] for i in range(n)]
+    for b in range(0, width, LANES):
+        rows = [w.columns("%last", c * width + b) for c in range(ny)]
+        for i in range(n):
+            total = w.columns("%S", i * width + b)
+            for gain, row in zip(gains[i], rows, strict=True):
+                total = w.summed(gain, row, total)
+            w.store(total, "%S", i * width + b)
+    return w.text(name)
+
+
 def pace(name: str, J: Pattern, lasting: Sequence[int]) -> str:
     """Return the function ``name`` of (J, ratio, result, _): the largest row sum of |J^2| times ratio (n, n).
 
@@ -196,4 +230,4 @@ def runge_kutta(name: str, tape: Tape, n: int, stuck: bool) -> tuple[str, set[st
     return f"define void @{name}({_SIGNATURE}) {{\nentry:\n{body}\n  ret void\n}}\n", w.declared
 
 
-__all__ = ["DECLARED", "LANES", "carrier", "pace", "padded", "runge_kutta"]
+__all__ = ["DECLARED", "LANES", "carrier", "corrected", "pace", "padded", "runge_kutta", "seen"]

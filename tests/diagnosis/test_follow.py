@@ -7,6 +7,7 @@ import pytest
 
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import follow
+from signlin_ros.diagnosis.steps import padded
 from signlin_ros.model import Model
 from signlin_ros.simulate import simulate
 
@@ -42,12 +43,12 @@ def run(model, free=(), change=None, y=None, gains=None, lags=None):
     n, count = eq.sizes[0], eq.sizes[3]
     y = np.zeros((T, 3)) if y is None else y
     gains = np.zeros((1, n, 3)) if gains is None else gains
-    E, D, X = np.zeros((T, 3)), np.zeros((T if free else 0, 3, count)), np.zeros((T, n))
+    E, D, X = np.zeros((T, 3)), np.zeros((T if free else 0, 3, padded(count))), np.zeros((T, n))
     lags, ringing = np.zeros((0, 3)) if lags is None else lags, eq.ringing(p, SCALE[:n])
     arguments = (eq.flags(bool(free)), TIMES, INPUT, y, gains, np.zeros(n), p, SCALE[:n], delay, ringing, lags)
     plain = (np.zeros((3, 0)), np.ones(3))
     assert follow(eq.calls(bool(free)), *arguments, *plain, E, D, X) == T
-    return E, D, X
+    return E, D[:, :, :count], X
 
 
 @pytest.mark.parametrize("effect", CASES)

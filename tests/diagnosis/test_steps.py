@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis.equations import equations
-from signlin_ros.diagnosis.steps import DECLARED, carrier, pace, padded, runge_kutta
+from signlin_ros.diagnosis.steps import DECLARED, carrier, corrected, pace, padded, runge_kutta, seen
 from signlin_ros.model import Model
 from signlin_ros.native import call_among, compiled, translated
 from signlin_ros.tape import Tape
@@ -40,6 +40,22 @@ def test_sensitivities_are_carried_by_the_trapezoidal_rule(n, count, share):
     last = np.concatenate([np.full(3, np.nan), J1.ravel(), P1.ravel()])
     run(address, first, last, 3, S, np.array([early, late]))
     np.testing.assert_allclose(S, wanted, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("n", "ny", "count"), [(1, 1, 1), (3, 2, 4), (5, 3, 11)])
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_what_is_seen_of_sensitivities_and_what_an_observer_makes_of_it(n, ny, count, share):
+    width = padded(count)
+    shown, known = RANDOM.random((ny, n)) < share, np.zeros((ny, width), dtype=bool)
+    known[:, :count] = RANDOM.random((ny, count)) < share
+    H, P = RANDOM.normal(size=(ny, n)) * shown, RANDOM.normal(size=(ny, width)) * known
+    S, K = RANDOM.normal(size=(n, width)), RANDOM.normal(size=(n, ny))
+    out, D = np.concatenate([[np.nan] * 2, H.ravel(), [np.nan] * 3, P.ravel()]), np.full((ny, width), np.nan)
+    run(built(seen("tape_seen", shown, known, (2, 5 + H.size)), "seen"), out, D, 0, S, np.zeros(1))
+    np.testing.assert_allclose(D, -(P + H @ S), rtol=1e-13, atol=1e-13)
+    wanted = S + K @ D
+    run(built(corrected("tape_corrected", n, ny, width), "corrected"), K, D, 0, S, np.zeros(1))
+    np.testing.assert_allclose(S, wanted, rtol=1e-13, atol=1e-13)
 
 
 @pytest.mark.parametrize("n", [1, 3, 6])
