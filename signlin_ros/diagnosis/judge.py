@@ -35,7 +35,8 @@ class Residue:
 
     ``structure``, ``coloured``, ``white`` are shares of the variance; ``rho`` belongs to the AR(1) part. ``odd``: the
     share of the squared autocorrelations that the three do not explain. ``dependent``: the share of the variance that
-    follows from the model's own motion.
+    follows from the model's own motion. ``alone``: the first autocorrelation if all are those of AR(1) and white noise:
+    where there is no structure, what passes for some by chance was taken from the colour.
     """
 
     variance: float
@@ -46,11 +47,12 @@ class Residue:
     samples: int
     odd: float = 0.0
     dependent: float = 0.0
+    alone: float = 0.0
 
     @property
     def structured(self) -> bool:
-        """Whether the slow structure is beyond what noise of this colour shows by chance in a record this long."""
-        colour = min(self.coloured * self.rho, 0.95) if self.coloured > 0 else 0.0
+        """Whether the slow structure is beyond what noise without any shows by chance in a record this long."""
+        colour = min(self.alone, 0.95) if self.coloured > 0 else 0.0
         error = np.sqrt((1 + colour**2) / (1 - colour**2) / max(self.samples, 1))
         return bool(self.structure > 0.02 + 3.0 * error)
 
@@ -101,10 +103,12 @@ def residue(parts: Sequence[Array]) -> Residue:
     """Take a residual apart by its autocorrelation: r_k = structure + coloured rho^k at k = 1..`LAGS`."""
     r, variance, count = correlations(parts, LAGS)
     k = np.arange(1, LAGS + 1)
-    best = (np.inf, 0.0, 0.0, 0.0)
+    best, alone = (np.inf, 0.0, 0.0, 0.0), (np.inf, 0.0)
     for rho in np.linspace(0.1, MOST_COLOUR, 33):
         basis = np.column_stack([np.ones(LAGS), rho**k])
         (slow, fast), *_ = np.linalg.lstsq(basis, r, rcond=None)
+        only = min(max(float(basis[:, 1] @ r / (basis[:, 1] @ basis[:, 1])), 0.0), 1.0)
+        alone = min(alone, (float(np.sum((r - only * basis[:, 1]) ** 2)), only * float(rho)))
         if slow < 0:
             slow, fast = 0.0, float(basis[:, 1] @ r / (basis[:, 1] @ basis[:, 1]))
         if fast < 0:
@@ -116,7 +120,7 @@ def residue(parts: Sequence[Array]) -> Residue:
     if fast < 4.0 / np.sqrt(max(count, 1)):
         fast = 0.0
     slow, fast = min(slow, 1.0), min(fast, 1.0 - min(slow, 1.0))
-    return Residue(variance, slow, fast, 1.0 - slow - fast, rho, count, miss / max(float(r @ r), 1e-300))
+    return Residue(variance, slow, fast, 1.0 - slow - fast, rho, count, miss / max(float(r @ r), 1e-300), 0.0, alone[1])
 
 
 def residues(innovations: Sequence[Array], white: Array | None = None) -> list[Residue]:

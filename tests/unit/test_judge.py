@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residues, together, whiteness
+from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residue, residues, together, whiteness
 from signlin_ros.diagnosis.problem import Segment, quanta
 
 T = 4000
@@ -107,3 +107,22 @@ def test_what_rings_is_no_noise(share):
     (found,) = residues([(ringing + noise)[:, None]], np.ones(1))
     assert found.structured
     assert found.noise < 3.0
+
+
+def structured(samples, rho, share, draws):
+    """Return how often noise of a colour, a share of whose variance lasts long, is said to have structure."""
+    rng = np.random.default_rng(5)
+
+    def noise(of):
+        return lfilter([np.sqrt(1 - of**2)], [1, -of], rng.standard_normal(samples + 2000))[2000:]
+
+    parts = (np.sqrt(1 - share) * noise(rho) + np.sqrt(share) * noise(0.99) for _ in range(draws))
+    return np.mean([residue([part]).structured for part in parts])
+
+
+def test_strongly_coloured_noise_seldom_seems_to_have_structure():
+    assert structured(1600, 0.85, 0.0, 400) < 0.035
+
+
+def test_structure_in_coloured_noise_is_seen():
+    assert structured(3200, 0.7, 0.3, 100) > 0.9
