@@ -44,6 +44,8 @@ NEAR = 3.0
 """Largest change of the logarithm of a floating load's inertia: one much larger stands still, and is a spring."""
 TURN, FASTER = 0.8, 1.5
 """Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
+ENDLESS = 1e100
+"""Curvature of the objective from which on sensitivities have run away: such a model counts as one that diverges."""
 SHAPE = 3.0
 """Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
 
@@ -517,7 +519,7 @@ def _at(problem: Problem, c: Candidate, x: Array, gains: Gains, filter: Filter |
     if found is None:
         return None
     cost, number, gradient, hessian = _normal(problem, c, x, found, whiten)
-    if not (np.isfinite(cost) and np.isfinite(hessian).all()):
+    if not (np.isfinite(cost) and np.abs(hessian).max(initial=0.0) < ENDLESS):
         return None
     return Fit(c, x, cost, number, tuple(found[0]), hessian, gains, whiten, gradient)
 

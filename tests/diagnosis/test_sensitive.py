@@ -101,3 +101,16 @@ def test_first_slope_takes_as_many_samples_as_agree(seed):
 
 def test_first_slope_of_nothing():
     assert _first_slope(np.arange(10.0), np.full(10, np.nan)) == 0.0
+
+
+def test_a_fit_whose_sensitivities_run_away_is_given_up(tmp_path, monkeypatch):
+    problem = problem_of(tmp_path)
+    c = with_effect(problem, "coulomb_friction", mu=1.0)
+    assert fit(problem, c, problem.levels[1]) is not None
+
+    def running_away(*arguments):
+        errors, derivatives, states = follow_records(*arguments)
+        return errors, [d * 1e140 for d in derivatives], states
+
+    monkeypatch.setattr("signlin_ros.diagnosis.fit.follow_records", running_away)
+    assert fit(problem, c, problem.levels[1]) is None
