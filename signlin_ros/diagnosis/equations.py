@@ -112,8 +112,13 @@ class Equations:
     def places(self) -> Places:
         """Where in everything what is known without sensitivities begins."""
         n, _, ny, *_ = self.sizes
-        h = 2 * n + 3
-        return Places(h, h + ny, h + ny + ny * n + n)
+        return _places(n, ny)
+
+
+def _places(n: int, ny: int) -> Places:
+    """Return where the results of a model of n states with ny channels begin."""
+    h = 2 * n + 3
+    return Places(h, h + ny, h + ny + ny * n + n)
 
 
 def sensor_names(channels: tuple[str, ...]) -> tuple[str, ...]:
@@ -187,11 +192,13 @@ def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, 
         flat = _substituted(ca.densify(ca.vertcat(*blocks)), symbols, values)
         return Tape.of(ca.Function("follow", [t.x, t.u, p, s], [ca.densify(ca.cse(flat))]), head)
 
-    known, whole_tape = tape(blocks, 2 * n + 3), tape(blocks + more)
+    known = tape(blocks, 2 * n + 3)
+    full = tape(blocks + more) if free else known
     moved = _pattern(J, F_s, rate_x), _pattern(P, F_s, rate_p)
-    zeros = set(range(2 * n + 3, whole_tape.n_out)) - _rewritten(known.n_out - n * n, *moved)
+    places = _places(n, len(channels))
+    zeros = set(range(places.h, full.n_out)) - _rewritten(places.J, *moved)
     body, head = native(known, zeros)
-    whole = native(whole_tape, zeros)[0] if free else body
+    whole = native(full, zeros)[0] if free else body
     lasting = _lasting(structure, t)
     steps = _steps(moved, (_there(h_x), _there(h_p)), lasting, known, located is not None)
     delay = _delay(t, p)
@@ -239,7 +246,7 @@ def _steps(
     """Return the addresses of the fastest rate, of a free and a stuck step, and for sensitivities those of a step, of
     what is seen and of a correction (0: none). Where F and h depend on x and p: ``moved`` and ``shown``.
     """
-    (J, P), (H, _) = moved, shown
+    (J, P), (H, S) = moved, shown
     (n, count), ny = P.shape, H.shape[0]
     parts, declared = {"pace": pace("tape_pace", J, lasting)}, set[str]()
     for name, stuck in (("free", False), ("stuck", True)) if switched else (("free", False),):
@@ -248,9 +255,8 @@ def _steps(
     if count:
         width = padded(count)
         parts["carry"] = carrier("tape_carry", J, _wide(P))
-        before = 2 * n + 3 + ny
-        after = before + ny * n + n + n * n + n * width + width + n
-        parts["seen"] = seen("tape_seen", H, _wide(shown[1]), (before, after))
+        places = _places(n, ny)
+        parts["seen"] = seen("tape_seen", H, _wide(S), (places.h_x, places.J + n * n + n * width + width + n))
     lines = [*DECLARED, *sorted(declared - set(DECLARED)), *parts.values()]
     found = dict(zip(parts, translated("\n".join(lines), tuple(parts)), strict=True))
     addresses = (found.get(name, 0) for name in ("pace", "free", "stuck", "carry", "seen"))

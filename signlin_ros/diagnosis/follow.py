@@ -482,17 +482,10 @@ def _any(values, count):
 
 
 @inner
-def _copy(source, to):
-    """Copy as much of a vector as fits."""
-    for i in range(to.size):
-        to[i] = source[i]
-
-
-@inner
 def _copy_rows(source, to):
     """Copy a matrix."""
     for i in range(to.shape[0]):
-        _copy(source[i], to[i])
+        copied(source[i], 0, to[i])
 
 
 @compiled
@@ -564,7 +557,7 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                     S[i, i_delay] += before[i] - out[i]
         mode, s = _settle(code, sizes, z, out, mode, s, k == 0)
         if X.shape[0]:
-            _copy(x, X[k])
+            copied(x, 0, X[k])
         gain = gains[min(k, gains.shape[0] - 1)]
         corrected, awake, complete = k < 0, False, True
         for i in range(n if aware else 0):
@@ -607,8 +600,8 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             mode, s = _settle(code, sizes, z, out, mode, s, corrected)
         if late:
             _slope(head, sizes, z, out, mode, s)
-            _copy(x, past[k, 0])
-            _copy(out, past[k, 1])
+            copied(x, 0, past[k, 0])
+            copied(out, 0, past[k, 1])
             if with_s:
                 _copy_rows(S, past_s[k, 0])
         begin = t[k]
@@ -642,8 +635,8 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                     return k + 1
             if end == t[k + 1]:
                 if late:
-                    _copy(x, past[k, 2])
-                    _copy(out, past[k, 3])
+                    copied(x, 0, past[k, 2])
+                    copied(out, 0, past[k, 3])
                     if with_s:
                         _copy_rows(S, past_s[k, 1])
                 if awake:
@@ -666,7 +659,8 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                 z[n + i] = u[active, i]
             mode, s = _settle(code, sizes, z, out, mode, s, begin == t[k])
             if with_s and i_delay >= 0:
-                _linearized(code, sizes, z, out, mode, s)
+                if mode == 0:
+                    _linearized(code, sizes, z, out, mode, s)
                 for i in range(n):
                     S[i, i_delay] += before[i] - out[i]
     return total

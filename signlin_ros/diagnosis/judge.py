@@ -107,10 +107,11 @@ def residue(parts: Sequence[Array]) -> Residue:
     for rho in np.linspace(0.1, MOST_COLOUR, 33):
         basis = np.column_stack([np.ones(LAGS), rho**k])
         (slow, fast), *_ = np.linalg.lstsq(basis, r, rcond=None)
-        only = min(max(float(basis[:, 1] @ r / (basis[:, 1] @ basis[:, 1])), 0.0), 1.0)
+        one = float(basis[:, 1] @ r / (basis[:, 1] @ basis[:, 1]))
+        only = min(max(one, 0.0), 1.0)
         alone = min(alone, (float(np.sum((r - only * basis[:, 1]) ** 2)), only * float(rho)))
         if slow < 0:
-            slow, fast = 0.0, float(basis[:, 1] @ r / (basis[:, 1] @ basis[:, 1]))
+            slow, fast = 0.0, one
         if fast < 0:
             slow, fast = max(float(r.mean()), 0.0), 0.0
         miss = float(np.sum((r - basis @ np.array([slow, fast])) ** 2))
