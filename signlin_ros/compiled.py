@@ -13,6 +13,7 @@ from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
 from signlin_ros.sign import valid_expression
 from signlin_ros.smooth import SmoothForm, smooth_form
+from signlin_ros.symbolic import symbolic
 from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
@@ -99,6 +100,7 @@ def _valid(form: SmoothForm) -> ca.SX:
     return good
 
 
+@symbolic
 @functools.lru_cache(maxsize=256)
 def linear_function(structure: Structure, order: int, method: str) -> tuple[ca.Function, dict[str, Row]]:
     """Return the function (x, u, p, scale, weights) -> flat [A row-major, B row-major, c, f, valid]."""
@@ -123,6 +125,7 @@ def linear_function(structure: Structure, order: int, method: str) -> tuple[ca.F
     return ca.Function("linear", [t.x, t.u, t.p, form.scale, weights], [flat]), rows
 
 
+@symbolic
 @functools.lru_cache(maxsize=256)
 def smooth_function(structure: Structure, order: int) -> ca.Function:
     """Return the function (x, u, p, scale) -> f_j (n), J = df_j/dx (n x n, row-major), outputs y."""
@@ -133,6 +136,7 @@ def smooth_function(structure: Structure, order: int) -> ca.Function:
     return ca.Function("smooth", [t.x, t.u, t.p, form.scale], [flat])
 
 
+@symbolic
 @functools.lru_cache(maxsize=256)
 def exact_function(structure: Structure) -> ca.Function:
     """Return the function (x, u, p, s) -> what the set-valued simulation needs, flat.
@@ -156,6 +160,7 @@ def _stack(items: list[ca.SX]) -> ca.SX:
 
 
 @functools.lru_cache(maxsize=256)
+@symbolic
 def exact_tape(structure: Structure) -> Tape:
     """Return `exact_function` as a tape whose head is F, g and dg/dt: what a step without stuck surfaces needs."""
     t = trace(structure)
@@ -163,12 +168,14 @@ def exact_tape(structure: Structure) -> Tape:
 
 
 @functools.lru_cache(maxsize=256)
+@symbolic
 def smooth_tape(structure: Structure, order: int) -> Tape:
     """Return `smooth_function` as a tape whose head is f_j."""
     return Tape.of(smooth_function(structure, order), trace(structure).x.numel())
 
 
 @functools.lru_cache(maxsize=256)
+@symbolic
 def linear_tape(structure: Structure, order: int, method: str) -> tuple[Tape, dict[str, Row]]:
     """Return `linear_function` as a tape."""
     function, rows = linear_function(structure, order, method)
@@ -185,12 +192,12 @@ def scales(model: Model) -> NDArray[np.float64]:
     surfaces = model.trace.surfaces
     if model.sign_scale > 0.0 or not surfaces:
         return np.full(len(surfaces), model.sign_scale or 1.0)
-    return 3.0 / model.sign_order * _largest(model)
+    return 3.0 / model.sign_order * _largest(model, model.trace, model.p)
 
 
-def _largest(model: Model) -> NDArray[np.float64]:
+@symbolic
+def _largest(model: Model, t: Trace, p: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest |g| of every surface over the corners of the operating range."""
-    t = model.trace
     g = ca.vertcat(*(s.g for s in t.surfaces))
     symbols = ca.vertcat(*(s.symbol for s in t.surfaces))
     needed = {str(s) for s in ca.symvar(g)} & {*t.states, *t.inputs}
@@ -208,7 +215,7 @@ def _largest(model: Model) -> NDArray[np.float64]:
     function = ca.Function("g", [t.x, t.u, t.p, symbols], [ca.densify(g)])
     best = np.zeros(len(t.surfaces))
     for sign in (-1.0, 1.0):
-        values = Tape.of(function).batch([*columns, *model.p, *([sign] * len(t.surfaces))])
+        values = Tape.of(function).batch([*columns, *p, *([sign] * len(t.surfaces))])
         best = np.maximum(best, np.max(np.abs(values), axis=1))
     return np.where(best > 0, best, 1.0)
 

@@ -25,7 +25,7 @@ from signlin_ros.names import TIME
 from signlin_ros.par import Par, check_values
 from signlin_ros.plants import Plant, find_plant
 from signlin_ros.sensors import Sensor
-from signlin_ros.trace import EffectSlot, Structure, Trace, resolve_unit, trace
+from signlin_ros.trace import EffectSlot, Structure, Trace, delay_of, resolve_unit, trace
 
 METHODS = ("optimal", "termwise", "jacobian")
 OPERATING_POINTS = ("start", "midpoint")
@@ -222,14 +222,17 @@ class Model:
             with_load_torque=self.with_load_torque,
         )
 
-    @functools.cached_property
+    @property
     def trace(self) -> Trace:
         """The equations with recorded signs."""
-        return trace(self.structure)
+        found: Trace | None = self.__dict__.get("_trace")
+        if found is None:  # no cached property: its lock would be held while another thread writes expressions
+            found = self.__dict__["_trace"] = trace(self.structure)
+        return found
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled: no expressions, which CasADi does not let go."""
-        return {name: value for name, value in self.__dict__.items() if name != "trace"}
+        return {name: value for name, value in self.__dict__.items() if name != "_trace"}
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -302,9 +305,7 @@ class Model:
     @functools.cached_property
     def delay(self) -> float:
         """Delay of the input in s."""
-        import casadi as ca
-
-        return float(ca.Function("delay", [self.trace.p], [self.trace.delay])(self.p))
+        return delay_of(self.trace, self.p)
 
     def value(self, name: str) -> float:
         """Return a parameter's value by dotted name: ``J`` or ``parameters.J``, ``coulomb_friction.mu``."""

@@ -18,6 +18,7 @@ from signlin_ros.compiled import exact_tape, linear_tape, scales, smooth_tape, w
 from signlin_ros.errors import InputError, SimulationError, choices, suggest
 from signlin_ros.model import Model
 from signlin_ros.native import native
+from signlin_ros.symbolic import symbolic
 from signlin_ros.trace import Structure, trace
 
 Array = NDArray[np.float64]
@@ -104,6 +105,7 @@ def _checked(model: Model, t: ArrayLike, u: ArrayLike, x0: ArrayLike | None) -> 
 
 
 @functools.lru_cache(maxsize=256)
+@symbolic
 def _exact_plan(structure: Structure) -> tuple[np.void, NDArray[np.int64]]:
     """Return what the exact kernel needs to know: a plan, and which surface is a coordinate and which a switch."""
     t = trace(structure)
@@ -117,6 +119,7 @@ def _exact_plan(structure: Structure) -> tuple[np.void, NDArray[np.int64]]:
 
 
 @functools.lru_cache(maxsize=256)
+@symbolic
 def _smooth_plan(structure: Structure, order: int) -> np.void:
     t = trace(structure)
     sizes = (t.x.numel(), t.u.numel(), t.p.numel() + len(t.surfaces), t.y.numel())
@@ -124,6 +127,7 @@ def _smooth_plan(structure: Structure, order: int) -> np.void:
 
 
 @functools.lru_cache(maxsize=256)
+@symbolic
 def _piecewise_plan(structure: Structure, order: int, method: str) -> np.void:
     t, n = trace(structure), trace(structure).x.numel()
     sizes = (n, t.u.numel(), t.p.numel() + len(t.surfaces) + n, t.y.numel())

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from signlin_ros.sign import sign_j_change, sign_j_expression
+from signlin_ros.symbolic import symbolic
 from signlin_ros.terms import Change, Groups, TermSplitter
 from signlin_ros.trace import Structure, Trace, trace
 
@@ -107,6 +108,7 @@ class SmoothForm:
         return own.split(row)
 
 
+@symbolic
 @functools.lru_cache(maxsize=256)
 def smooth_form(structure: Structure, order: int) -> SmoothForm:
     """Return the smooth form of a structure at one order; cached."""

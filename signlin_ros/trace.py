@@ -18,6 +18,7 @@ from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
 from signlin_ros.par import POWERS, Namespace
 from signlin_ros.plants import Plant
+from signlin_ros.symbolic import symbolic
 
 
 @dataclass(frozen=True)
@@ -228,9 +229,14 @@ def _check_switches(result: Trace) -> None:
         raise ModelError("the equations are not affine in sign(.): two signs are multiplied, or one is squared")
 
 
-@functools.lru_cache(maxsize=256)
+@functools.cache
+@symbolic
 def trace(structure: Structure) -> Trace:
-    """Trace the equations of a structure; raise `ModelError` if an effect does not apply to the plant."""
+    """Trace the equations of a structure; raise `ModelError` if an effect does not apply to the plant.
+
+    What was traced is kept until the process ends, as is its machine code: expressions that are forgotten in one thread
+    must not be written in another (`signlin_ros.symbolic`).
+    """
     tracer = _Tracer(structure)
     results, delay = tracer.run()
     states, inputs = tuple(tracer.symbols), tuple(tracer.input_symbols)
@@ -251,3 +257,9 @@ def trace(structure: Structure) -> Trace:
     )
     _check_switches(result)
     return result
+
+
+@symbolic
+def delay_of(t: Trace, p: Any) -> float:
+    """Return the delay of the input in s for values p of the parameters."""
+    return float(ca.Function("delay", [t.p], [t.delay])(p))

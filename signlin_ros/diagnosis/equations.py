@@ -14,6 +14,7 @@ from signlin_ros.diagnosis.steps import DECLARED, carrier, corrected, pace, padd
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Surface
 from signlin_ros.native import caller, native, translated
+from signlin_ros.symbolic import symbolic
 from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
@@ -152,6 +153,7 @@ def _row_major(matrix: ca.SX) -> ca.SX:
 
 
 @functools.lru_cache(maxsize=1024)
+@symbolic
 def equations(structure: Structure, channels: tuple[str, ...], free: tuple[str, ...]) -> Equations:
     """Return the equations of a structure that shows ``channels`` (states or outputs), with respect to ``free``."""
     t = trace(structure)

@@ -18,7 +18,8 @@ from signlin_ros.diagnosis.observer import TRUSTS, Design, Observer
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.native import compiled
-from signlin_ros.trace import trace
+from signlin_ros.symbolic import symbolic
+from signlin_ros.trace import Trace
 
 Array = NDArray[np.float64]
 
@@ -172,21 +173,21 @@ def _backwards(back, weigh, e, out):  # type: ignore[no-untyped-def]
 def per_force(model: Model) -> Array:
     """Return the change of every state's rate (n,) for a unit force on the mass: 1/m in the velocity's row."""
     probed = model.with_effect("constant_load", key="probe")
-    t = trace(probed.structure)
-    return _slope(probed, t.p[t.parameters.index("probe.F0")], 0.0)
+    t = probed.trace
+    return _slope(t, "p", t.parameters.index("probe.F0"), probed.p, 0.0)
 
 
 def _per_input(model: Model) -> Array:
     """Return the change of every state's rate (n,) for a unit of the first input, where nothing stands in its way."""
-    return _slope(model, trace(model.structure).u[0], 1.0)
+    return _slope(model.trace, "u", 0, model.p, 1.0)
 
 
-def _slope(model: Model, symbol: ca.SX, sign: float) -> Array:
-    """Return dF/d symbol (n,) at rest with every sign at ``sign``."""
-    t = trace(model.structure)
-    slope = ca.densify(ca.jacobian(t.f, symbol))
+@symbolic
+def _slope(t: Trace, what: str, i: int, p: Array, sign: float) -> Array:
+    """Return dF (n,) per unit of a parameter ("p") or an input ("u"), at rest with every sign at ``sign``."""
+    slope = ca.densify(ca.jacobian(t.f, getattr(t, what)[i]))
     symbols = [t.x, t.u, t.p, *(s.symbol for s in t.surfaces)]
-    values = [np.zeros(t.x.numel()), np.zeros(t.u.numel()), model.p, *([sign] * len(t.surfaces))]
+    values = [np.zeros(t.x.numel()), np.zeros(t.u.numel()), p, *([sign] * len(t.surfaces))]
     return np.asarray(ca.Function("slope", symbols, [slope])(*values)).ravel()
 
 
