@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.dependence import dependence
 from signlin_ros.diagnosis.fit import Filter, Fit, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
-from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.diagnosis.rank import Ranked
 
 Array = NDArray[np.float64]
 
 ROUNDED = 0.6
 """A residual smaller than this share of the step in which a channel is shown is its rounding."""
-DRAWS, SENSITIVE = 4, 0.1
-"""Draws of uncertain parameters, and the share of what is left that they must make where motion is chaotic."""
+DRAWS, MORE, SENSITIVE = 4, 32, 0.1
+"""Draws of uncertain parameters where motion may be chaotic, and where only they may be to blame; and the share of what
+is left that they must make."""
 MATTERS = 0.05
 """Share of the noise, in squares, that what is left must make in a channel for that."""
 AWAKE = 1.35
@@ -108,6 +109,12 @@ class Findings:
         left = [r.depending(s.dependent) for r, s in zip(left, self.left, strict=True)]
         return np.array([r.noise if r.structure < 0.5 else s.noise for r, s in zip(left, self.left, strict=True)])
 
+    @functools.cached_property
+    def uncertain(self) -> bool:
+        """Whether the error on unseen data is what noise and the uncertainty of the parameters make there."""
+        at = judged(self.problem, self.final.ranked)
+        return _by_chance(self.unseen, at, at.gains, self.held_out[1], self.unseen_noise**2, MORE)
+
     @property
     def unaccounted(self) -> bool:
         """Whether structure is left that is not what noise in the input leaves."""
@@ -127,22 +134,29 @@ def judged(problem: Problem, r: Ranked) -> Fit:
     if reference is None:
         return low
     floor = np.nanmean(np.concatenate(r.fit.innovations) ** 2, axis=0)
-    left = np.nanmean(np.concatenate(reference[0]) ** 2, axis=0) - floor
-    w, V = np.linalg.eigh(np.linalg.pinv(r.fit.hessian, hermitian=True))
+    return r.fit if _by_chance(problem, r.fit, low.gains, reference[0], floor, DRAWS) else low
+
+
+def _by_chance(problem: Problem, f: Fit, gains: Gains, left: Sequence[Array], floor: Array, draws: int) -> bool:
+    """Tell whether noise, of variance ``floor`` (ny), and the uncertainty of the parameters make what a model leaves
+    beyond it at a gain, ``left`` (T, ny): some ``draws`` of both change that as much.
+    """
+    excess = np.nanmean(np.concatenate(left) ** 2, axis=0) - floor
+    w, V = np.linalg.eigh(np.linalg.pinv(f.hessian, hermitian=True))
     root = V * np.sqrt(np.maximum(w, 0.0))
-    spread = np.zeros_like(left)
+    spread = np.zeros_like(excess)
     draw = np.random.default_rng(0).standard_normal
-    for _ in range(DRAWS):
-        theta = np.clip(r.fit.theta + root @ draw(w.size), *c.bounds)
+    for _ in range(draws):
+        theta = np.clip(f.theta + root @ draw(w.size), *f.candidate.bounds)
         noise = [draw(s.y.shape) * np.sqrt(floor) for s in problem.segments]
         noisy = tuple(replace(s, y=s.y + n) for s, n in zip(problem.segments, noise, strict=True))
-        moved = follow_records(problem, c, theta, low.gains, False, noisy)
+        moved = follow_records(problem, f.candidate, theta, gains, False, noisy)
         if moved is None:
-            return r.fit
-        change = [a - b - n for a, b, n in zip(moved[0], reference[0], noise, strict=True)]
-        spread += np.nanmean(np.concatenate(change) ** 2, axis=0) / DRAWS
-    matters = left > MATTERS * floor
-    return r.fit if matters.any() and bool((spread > SENSITIVE * left)[matters].all()) else low
+            return True
+        change = [a - b - n for a, b, n in zip(moved[0], left, noise, strict=True)]
+        spread += np.nanmean(np.concatenate(change) ** 2, axis=0) / draws
+    matters = excess > MATTERS * floor
+    return bool(matters.any() and (spread > SENSITIVE * excess)[matters].all())
 
 
 def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:

@@ -28,6 +28,8 @@ AGAIN = 3
 MANY = 12_000
 """Samples above which points are compared on stretches of the records even where motion is sensitive, to which the
 uncertain starts of stretches do much."""
+STRIDES, ONWARD = (0.25, 0.5, 2.0, 4.0, 8.0), 8
+"""Factors by which a parameter is moved where deeper minima are looked for far away, and steps of a fit from there."""
 BESIDE = np.array([-5.0, -2.5, 2.5, 5.0])
 """Where neighbouring minima of an order are looked for, in radians of phase from end to end of the travel."""
 
@@ -80,6 +82,25 @@ def deepened(problem: Problem, found: Fit, key: str, each: Each) -> Fit:
     return found
 
 
+def widened(problem: Problem, found: Fit, name: str, each: Each) -> Fit:
+    """Return a fit gone on from with a parameter several times smaller or larger, as long as one is deeper."""
+    c = found.candidate
+    i = [k.name for k in c.coordinates].index(name)
+    k = c.coordinates[i]
+    for _ in range(AGAIN):
+        first = found
+
+        def moved(stride: float, first: Fit = first) -> Fit | None:
+            theta = first.theta.copy()
+            theta[i] = np.clip(k.theta(stride * k.value(float(theta[i]))), k.low, k.high)
+            return fit(problem, c, first.gains, theta, ONWARD, first.filter)
+
+        found = min((f for f in each(moved, STRIDES) if f), key=lambda f: f.cost, default=first)
+        if found.cost > first.cost - 1.0:
+            return first
+    return found
+
+
 def tuned(problem: Problem, found: Fit, order: str, phase: str) -> Fit:
     """Return a fit of a periodic force with its order moved to a neighbouring minimum, as long as one is deeper."""
     c = found.candidate
@@ -121,4 +142,4 @@ def _bred(points: Array, cost: Callable[[Array], float], least: float, each: Eac
     return order
 
 
-__all__ = ["Each", "deepened", "narrowed", "tuned"]
+__all__ = ["Each", "deepened", "narrowed", "tuned", "widened"]

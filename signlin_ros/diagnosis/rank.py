@@ -15,10 +15,10 @@ from scipy.stats import norm
 
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, further, likelihood
 from signlin_ros.diagnosis.judge import any_structure
-from signlin_ros.diagnosis.narrow import Each, deepened, narrowed, tuned
+from signlin_ros.diagnosis.narrow import Each, deepened, narrowed, tuned, widened
 from signlin_ros.diagnosis.problem import Gains, Problem, added_keys, design
 from signlin_ros.diagnosis.scan import periodic_starts
-from signlin_ros.effects import EFFECTS, load_entry_points
+from signlin_ros.effects import EFFECTS, find_effect, load_entry_points
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
@@ -479,7 +479,36 @@ def deeper(problem: Problem, r: Ranked, each: Each) -> Ranked:
     if r.sensors:
         return r
     key = r.fit.candidate.label[-1]
-    best = deepened(problem, r.fit, key, each)
+    return _better(problem, r, _afloat(problem, deepened(problem, r.fit, key, each), each))
+
+
+def afloat(problem: Problem, r: Ranked, each: Each) -> Ranked:
+    """Return the fit of a single effect with a load that floats, gone on from to a deeper minimum further away if there
+    is one; others as they are.
+    """
+    return _better(problem, r, _afloat(problem, r.fit, each)) if roughness(r.fit) else r
+
+
+def _afloat(problem: Problem, f: Fit, each: Each) -> Fit:
+    """Return a fit of a load that floats as an extended Kalman filter follows it, if it does so to the noise: with a
+    play far from where a search arrived, if that is deeper, and as much wandering as makes it most likely.
+
+    A filter that corrects the load is content with a play much too small.
+    """
+    c, key = f.candidate, f.candidate.label[-1]
+    effect = find_effect(c.model.effects[key].type, "effects")
+    if not effect.floating:
+        return f
+    awake = f if c.alert else fit(problem, replace(c, alert=True), f.gains, f.theta, 10, f.filter)
+    if awake is None or not consistent(problem, awake):
+        return f
+    for name in effect.essential:
+        awake = widened(problem, awake, f"{key}.{name}", each)
+    return calmed(problem, awake)
+
+
+def _better(problem: Problem, r: Ranked, best: Fit) -> Ranked:
+    """Return a set of effects with a fit that was gone on to, if its evidence is no worse."""
     if best is r.fit:
         return r
     low = best if best.gains is problem.levels[-1] else fit(problem, best.candidate, problem.levels[-1], best.theta, 10)
@@ -542,6 +571,7 @@ def evidence_of(found: _Weighed) -> float:
 __all__ = [
     "Ranked",
     "Trial",
+    "afloat",
     "applicable",
     "assess",
     "calmed",

@@ -8,15 +8,18 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from signlin_ros.diagnosis.findings import NEEDED
-from signlin_ros.diagnosis.fit import fit
+from signlin_ros.diagnosis.fit import Fit, fit
+from signlin_ros.diagnosis.judge import any_structure
 from signlin_ros.diagnosis.problem import Problem
-from signlin_ros.diagnosis.rank import Ranked
+from signlin_ros.diagnosis.rank import Ranked, roughness
 from signlin_ros.effects import find_effect
 from signlin_ros.model import Model
 
-NOTHING, NEEDLESS = 1e-6, 0.1
-"""What a parameter is held at, as a share of its value, to see whether it is needed, and the share of an effect's gain
-that one must make without which it is another effect."""
+NOTHING, NEEDLESS = (0.1, 1e-2, 1e-6), 0.1
+"""What a parameter is held at in turn, as shares of its value, to see if it is needed, and the share of an effect's
+gain that one must make without which it is another effect."""
+STARTS = 3
+"""How many of an effect's starts are tried for that."""
 REAL = 3.0
 """Standard errors by which an added effect must differ from nothing."""
 SLIGHT = 1e-3
@@ -37,6 +40,8 @@ def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | No
         return slight, f"it would be less than {100 * SLIGHT:g} % of what drives"
     if _instant(problem, r, before):
         return r.label, f"it would be less than {BRIEF:g} of the time between two samples"
+    if _follows(problem, r, before):
+        return r.label, "a model without it explains as much where its motion is corrected as quickly"
     spare = _needless(problem, r, before)
     return spare and (spare[0], f"without its {spare[1]} it explains nearly as much")
 
@@ -54,26 +59,55 @@ def _is_essential(model: Model, parameter: str) -> bool:
     return key in model.effects and name in find_effect(model.effects[key].type, "effects").essential
 
 
+def _follows(problem: Problem, r: Ranked, before: Ranked) -> bool:
+    """Tell whether a load that floats gains no more than what an observer of ``before`` gains that is wide awake.
+
+    The filter that corrects the load may follow what noise in the input does to the motion.
+    """
+    enough = roughness(r.fit)
+    awake = fit(problem, before.fit.candidate, problem.levels[0], before.fit.theta, 6, r.fit.filter) if enough else None
+    return awake is not None and awake.cost - r.fit.cost < enough
+
+
 def _needless(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
     """Return an effect that was added to ``before``, and a parameter essential to it that the fit hardly needs.
 
-    What an effect gains may be what a filter gains that corrects its own states, whatever the effect.
+    What an effect gains may be what a filter gains that corrects its own states, whatever the effect. Where nothing but
+    noise is left, the parameter must do no more than how such a filter works differs by.
     """
     f, known = r.fit, {k.name for k in before.fit.candidate.coordinates}
     c, added = f.candidate, [i for i, k in enumerate(f.candidate.coordinates) if k.name not in known]
     essential = [i for i in added if _is_essential(c.model, c.coordinates[i].name)]
     start = fit(problem, before.fit.candidate, f.gains, before.fit.theta, 2, f.filter) if essential else None
     for i in essential:
-        k = c.coordinates[i]
-        none = k.theta(NOTHING * k.value(float(f.theta[i])))
-        held = tuple(replace(k, low=none, high=none) if j == i else o for j, o in enumerate(c.coordinates))
-        theta = np.where(np.arange(f.theta.size) == i, none, f.theta)
-        found = fit(problem, replace(c, coordinates=held), f.gains, theta, 10, f.filter)
+        without = _without(problem, f, i)
         gained = start.cost - f.cost if start else np.inf
-        if found and found.cost - f.cost < max(NEEDED, NEEDLESS * gained):
-            key, _, name = k.name.partition(".")
+        least = NEEDLESS * gained if any_structure(f.innovations, problem.noise) else roughness(f)
+        if without - f.cost < max(NEEDED, least):
+            key, _, name = c.coordinates[i].name.partition(".")
             return c.model.effects[key].type, name
     return None
+
+
+def _without(problem: Problem, f: Fit, i: int) -> float:
+    """Return the least cost of a fit with its coordinate i held at nearly nothing.
+
+    It is made less by degrees, and the effect's first starts are tried too: contacts that are very stiff, suddenly or
+    already, throw a filter off.
+    """
+    c, theta, least = f.candidate, f.theta, np.inf
+    k, key = c.coordinates[i], c.coordinates[i].name.partition(".")[0]
+    effect = find_effect(c.model.effects[key].type, "effects")
+    usual = [{f"{key}.{n}": v for n, v in one.items()} for one in effect.starts(problem.scale)[:STARTS]]
+    for share, values in [*((share, {}) for share in NOTHING), *((NOTHING[-1], values) for values in usual)]:
+        none = k.theta(share * k.value(float(f.theta[i])))
+        held = tuple(replace(o, low=none, high=none) if j == i else o for j, o in enumerate(c.coordinates))
+        start = np.array([o.theta(values[o.name]) if o.name in values else x for o, x in zip(held, theta, strict=True)])
+        start[i] = none
+        found = fit(problem, replace(c, coordinates=held), f.gains, start, 10, f.filter)
+        if found and found.cost < least:
+            theta, least = found.theta, found.cost
+    return float(least)
 
 
 def _negligible(problem: Problem, r: Ranked, before: Ranked) -> str:

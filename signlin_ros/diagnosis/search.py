@@ -30,6 +30,7 @@ from signlin_ros.diagnosis.rank import (
     FRONT,
     Ranked,
     Trial,
+    afloat,
     applicable,
     assess,
     compete,
@@ -281,6 +282,7 @@ class _Search:
     def _singles(self, base: Ranked, trials: list[Trial]) -> list[Ranked]:
         """Return every effect alone, best first; searched as thoroughly as is needed for one that is enough."""
         singles = compete(self.problem, base, trials, self.executor)
+        singles = [*(afloat(self.problem, r, self.executor.map) for r in singles[:1]), *singles[1:]]
         if not (self.filter.rho.any() or self._enough(min([base, *singles], key=evidence_of))):
             singles = [self._unborrowed(base, r) for r in searched(self.problem, trials, singles, self.executor)]
             singles = sorted(singles, key=evidence_of)
@@ -293,7 +295,7 @@ class _Search:
         first = singles[0].evidence if singles else 0.0
         reach = RIVAL * abs(base.evidence - first)
         front = [r for r in singles[:2] if r.evidence <= first + reach]
-        found = [deeper(self.problem, r, self.executor.map) for r in front]
+        found = [self._unborrowed(base, deeper(self.problem, r, self.executor.map)) for r in front]
         return sorted([*found, *singles[len(front) :]], key=evidence_of)
 
     def _unborrowed(self, base: Ranked, r: Ranked) -> Ranked:

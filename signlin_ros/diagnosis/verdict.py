@@ -363,7 +363,8 @@ def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> fl
 
 def _verdict(f: Findings, explained: float, rest: float) -> str:
     if len(f.steps) == 1 or not f.beyond_doubt:
-        return "unexplained" if f.unaccounted or (rest > ELSEWHERE and not f.structured) else "adequate"
+        elsewhere = rest > ELSEWHERE and not f.structured and not f.uncertain
+        return "unexplained" if f.unaccounted or elsewhere else "adequate"
     detail = NEARLY_ALL[0] if 1.0 + rest < DETAIL else NEARLY_ALL[1]
     much = explained >= (EXPLAINED if rest <= REST or not f.unaccounted else detail)
     return "missing" if much or not f.structured else "unexplained"
@@ -385,6 +386,9 @@ def _sentence(f: Findings, verdict: str, explained: float, over: float) -> str:
     effects = f.final.ranked.effects
     if verdict == "adequate":
         left = _noise_in_input(f) if f.structured else "the residual is noise"
+        if over > ELSEWHERE and not f.structured:
+            error = f"on unseen data its error is {1.0 + over:.2g} times that"
+            left += f"; {error}, no more than the uncertainty of the fitted parameters makes there"
         return f"Nothing is missing that this record could show: {left}."
     if verdict == "unexplained":
         return _unexplained(f, explained, over)

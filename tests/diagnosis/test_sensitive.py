@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.hidden.generator import draw, write
+from signlin_ros.diagnosis.data import load_records
 from signlin_ros.diagnosis.fit import _belief, candidate, fit, follow_records
 from signlin_ros.diagnosis.problem import _first_slope, prepare
 from signlin_ros.diagnosis.rank import consistent, trusted
 from signlin_ros.diagnosis.verdict import diagnose
+from signlin_ros.model import Model
 from tests.diagnosis.test_traps import BENCH, SMALL, proposed, recorded
 
 PLAY = {"backlash": {"gap": 0.05, "k": 300.0, "c": 1.5, "J": 0.3}}
@@ -77,6 +80,38 @@ def test_a_play_much_smaller_than_the_travel_is_named_through_a_fine_encoder(tmp
     fitted = next(e.parameters for e in found.ranking if e.effect == "backlash")
     for name in ("gap", "k", "J"):
         assert fitted[name].value == pytest.approx(play[name], rel=0.1)
+
+
+def drawn(folder, group, index, seed):
+    """Return a model and its two records, as `diagnose` takes them, and the truth of a drawn record."""
+    record = draw(group, index, seed)
+    place = write(record, folder)
+    parts = [str(place / f"{part}.csv") for part in ("estimation", "validation")]
+    model, data = load_records(Model.load(place / "model.yaml"), parts)
+    return (model, data[:1], data[1:]), record.truth
+
+
+@pytest.mark.parametrize(
+    "which",
+    [
+        pytest.param(("weak", 36, 19), id="a filter that corrects the load alone makes nearly all of it good"),
+        pytest.param(("single", 11, 19), id="a search ends at a play four times too small"),
+    ],
+)
+def test_a_play_that_a_filter_nearly_makes_good_is_named(tmp_path, which):
+    records, truth = drawn(tmp_path, *which)
+    found = diagnose(*records)
+    assert proposed(found) == {"backlash"}
+    fitted = next(e.parameters for e in found.ranking if e.effect == "backlash")
+    for name in ("gap", "k", "J"):
+        assert fitted[name].value == pytest.approx(truth["values"]["backlash"][name], rel=0.05)
+
+
+def test_the_uncertainty_of_parameters_is_no_missing_effect(tmp_path):
+    records, _ = drawn(tmp_path, "none", 29, 20)  # slow motion hardly shows the mass, a binary input does
+    found = diagnose(*records)
+    assert found.verdict == "adequate"
+    assert "no more than the uncertainty" in found.sentence
 
 
 def test_a_gain_of_a_sensor_does_not_tune_the_filter(tmp_path):

@@ -265,6 +265,11 @@ def test_noise_in_the_input_is_no_effect(tmp_path, level, share):
     assert "noise in the force" in found.sentence
 
 
+def test_a_play_is_not_what_follows_noise_in_the_input(tmp_path):
+    model, data, unseen = recorded(tmp_path, SMALL, {}, only=("speed",), level=1e-3)
+    assert not proposed(diagnose(model, noisy_input(data, 0.02, 1), noisy_input(unseen, 0.02, 2)))
+
+
 def test_an_effect_is_named_where_the_input_is_noisy_too(tmp_path):
     hidden = {"coulomb_friction": {"mu": 20.0}}
     model, data, unseen = recorded(tmp_path, AXIS, hidden, only=("displacement",), level=1e-5)
