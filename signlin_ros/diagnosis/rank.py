@@ -486,7 +486,9 @@ def afloat(problem: Problem, r: Ranked, each: Each) -> Ranked:
     """Return the fit of a single effect with a load that floats, gone on from to a deeper minimum further away if there
     is one; others as they are.
     """
-    return _better(problem, r, _afloat(problem, r.fit, each)) if roughness(r.fit) else r
+    if r.sensors or not roughness(r.fit):
+        return r
+    return _better(problem, r, _afloat(problem, r.fit, each))
 
 
 def _afloat(problem: Problem, f: Fit, each: Each) -> Fit:

@@ -114,6 +114,14 @@ def test_the_uncertainty_of_parameters_is_no_missing_effect(tmp_path):
     assert "no more than the uncertainty" in found.sentence
 
 
+def test_a_sensor_that_is_wrong_is_named_in_a_model_that_has_a_play(tmp_path):
+    model, *records = recorded(tmp_path, BENCH, PLAY, off=1.0)
+    shown = [[d.measured | {"displacement": 1.1 * d.measured["displacement"]} for d in part] for part in records]
+    wrong = [[replace(d, measured=m) for d, m in zip(*pair, strict=True)] for pair in zip(records, shown, strict=True)]
+    found = diagnose(model.with_effect("backlash", **PLAY["backlash"]), *wrong)
+    assert proposed(found) == {"sensor_gain"}
+
+
 def test_a_gain_of_a_sensor_does_not_tune_the_filter(tmp_path):
     problem = problem_of(tmp_path, SMALL, PLAY, off=1.0, only=("current", "position"))
     plain = with_effect(problem, "backlash", **PLAY["backlash"])
