@@ -301,7 +301,7 @@ def follow_records(
     ny, flags = eq.sizes[2], eq.flags(with_s, _turns(problem, c, p))
     scale = _scale(problem, c)
     delay = max(float(eq.delay @ p), 0.0)
-    lags = _lags(problem, c, p)
+    lags = seen_late(problem, c, p)
     shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
     rows = gains.rows(c.model.states) / np.array(shown)
     rows[:, [name in c.floating for name in c.model.states]] = 0.0  # corrected by the Kalman filter, or not at all
@@ -310,7 +310,8 @@ def follow_records(
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.empty((s.t.size if with_s else 0, ny, flags[-1]))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
-        rest = (p, scale, delay - s.early, ringing, lags, belief, variances)
+        late = _unseen_before(problem, s, lags)
+        rest = (p, scale, delay - s.early, ringing, late, belief, variances)
         x0 = _start(problem, c, s, (rows, *rest)) - _led_back(problem, c, s, delay)
         unknown = ceil(delay / problem.scale.step) + 1 if s.whole and delay > 0.0 else 0
         held, weights = rows, gains.weights[: s.t.size]
@@ -320,6 +321,9 @@ def follow_records(
         arguments = (flags, s.t, s.u, s.y, held, x0, *rest)
         if follow(eq.calls(with_s, c.filtered), *arguments, E, D, X) < s.t.size or np.isinf(E).any():
             return None
+        for i in np.flatnonzero(late[:, 3:]):  # what was before the record counts as noise
+            before = np.isnan(E[:, i]) & np.isfinite(s.y[:, i])
+            E[before, i] = problem.noise[i]
         E[: weights.shape[0]] *= weights
         E[:unknown] += np.where(np.isfinite(E[:unknown]), problem.noise, 0.0)
         if with_s:
@@ -379,10 +383,10 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
     fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best.
     """
     x0 = _initial(c, s)
-    unknown = _unknown(problem, c, s) if s.whole else {}
+    rows, *others = rest
+    unknown = {**_unknown(problem, c, s), **_late_states(s, others[4])} if s.whole else {}
     if not unknown:
         return x0
-    rows, *others = rest
     size, eq = min(s.t.size, MEMORY), c.equations
     t, u, y = s.t[:size], s.u[:size], s.y[:size]
 
@@ -409,7 +413,7 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
     """
     names, plant = c.model.states, problem.base.plant
     unknown: dict[int, tuple[int, float]] = {}
-    if abs(s.start.get(plant.velocity, np.inf)) > RESTING * problem.scale.velocity:
+    if _moving(problem, s):
         twins = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and not (c.filtered and n in c.floating)}
         unknown = {i: (names.index(twin) if twin else -1, 0.0) for i, twin in twins.items()}
         if plant.position in names and plant.position not in s.start:
@@ -417,6 +421,16 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
     if c.angular and plant.position in s.start and plant.position in problem.channels:
         unknown[names.index(plant.position)] = (-1, float(problem.noise[problem.channels.index(plant.position)]))
     return unknown
+
+
+def _late_states(s: Segment, lags: Array) -> dict[int, tuple[int, float]]:
+    """Return the states of which a record first shows what they were before it, and how far they get in that time."""
+    found, step = {}, float(np.median(np.diff(s.t)))
+    for y, (lag, state, _, marked) in zip(s.y.T, lags.tolist(), strict=False):
+        count = min(ceil(lag / step), s.t.size - 1)
+        if marked and count > 0:
+            found[int(state)] = (-1, float(np.sqrt(np.nanmean((y[count:] - y[:-count]) ** 2))))
+    return found
 
 
 def _by_secants(errors: Callable[[Array], Array], x: Array, e: Array, reach: Array) -> tuple[Array, Array]:
@@ -444,17 +458,29 @@ def _scale(problem: Problem, c: Candidate) -> Array:
     return np.array([size or own[units[name] == problem.base.plant.position_unit] for name, size in sizes.items()])
 
 
-def _lags(problem: Problem, c: Candidate, p: Array) -> Array:
+def seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
     """Return by how much every channel is seen late, for `follow`."""
     names = [f"sensor_delay.{channel}" for channel in problem.channels]
     free = [k.name for k in c.coordinates]
     if not any(name in free or c.values[name] for name in names):
-        return np.zeros((0, 3))
+        return np.zeros((0, 4))
     rows = []
     for name, channel in zip(names, problem.channels, strict=True):
         state = c.model.states.index(channel) if channel in c.model.states else 0
-        rows.append((p[c.equations.parameters.index(name)], state, free.index(name) if name in free else -1))
+        rows.append((p[c.equations.parameters.index(name)], state, free.index(name) if name in free else -1, 0.0))
     return np.array(rows, dtype=float)
+
+
+def _unseen_before(problem: Problem, s: Segment, lags: Array) -> Array:
+    """Return the lags of channels, late ones marked where a record starts in motion that nobody saw before it."""
+    marked: Array = lags.copy()
+    marked[:, 3:] = s.whole and _moving(problem, s) and not problem.scale.imposed
+    return marked
+
+
+def _moving(problem: Problem, s: Segment) -> bool:
+    """Tell whether a record starts in motion, for all that is known."""
+    return bool(abs(s.start.get(problem.base.plant.velocity, np.inf)) > RESTING * problem.scale.velocity)
 
 
 def _normal(
@@ -579,5 +605,6 @@ __all__ = [
     "follow_records",
     "further",
     "likelihood",
+    "seen_late",
     "tidied",
 ]

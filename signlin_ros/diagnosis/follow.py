@@ -404,6 +404,15 @@ def _lagged(k, t, lag, i, past, past_s, row, with_s):
     return value, rate
 
 
+@inner
+def _later_start(lags, out, S):
+    """Let states that are first shown as they were before the record start later by the lag; ``out``: their slope."""
+    for c in range(lags.shape[0]):
+        if lags[c, 2] >= 0.0 and lags[c, 3] > 0.0:
+            i = int(lags[c, 1])
+            S[i, int(lags[c, 2])] += out[i]
+
+
 @inlined
 def _aware(out, at, e, noise, P, K, row):
     """Fill the Kalman gains K (n, ny); P (n, n), the covariance of the state's error, becomes that after them.
@@ -501,8 +510,9 @@ def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, beli
     ``u`` (T, m) held from ``delay`` s after its sample on (before it, if negative), ``ringing``: the largest product of
     a substep and the fastest rate of the states that ring, ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny):
     those of the first G samples, the last one for all others. X (T, n) gets the state before the correction, if it is
-    not empty. ``lags`` (ny, 3): by how much every channel is seen late in s, the state that it shows, and the index of
-    its lag among the sensitivities (-1); empty if none is late. ``belief`` (3, n): variances that a step adds to the
+    not empty. ``lags`` (ny, 4): by how much every channel is seen late in s, the state that it shows, the index of its
+    lag among the sensitivities (-1), and whether it says nothing (nan) as long as it shows what was before the record;
+    empty if none is late. ``belief`` (3, n): variances that a step adds to the
     states and that they start with, from which an extended Kalman filter corrects them all, with the variances
     ``noise`` (ny), but nowhere where ``gains`` are 0; 2 in its last row: an own position that makes contact, over whose
     uncertainty derivatives are averaged. (3, 0): all are corrected by ``gains``.
@@ -556,6 +566,8 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                 for i in range(n):
                     S[i, i_delay] += before[i] - out[i]
         mode, s = _settle(code, sizes, z, out, mode, s, k == 0)
+        if k == 0 and late and with_s:
+            _later_start(lags, out, S)
         if X.shape[0]:
             copied(x, 0, X[k])
         gain = gains[min(k, gains.shape[0] - 1)]
@@ -567,8 +579,13 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             call_among(code[6], out, D[k], 0, S, step)
         for c in range(ny):
             E[k, c] = y[k, c] - out[at_h + c]
+            delayed = late and lags[c, 0] + lags[c, 2] > -1.0
+            if delayed and lags[c, 3] > 0.0 and t[k] - lags[c, 0] < t[0]:
+                E[k, c] = np.nan
+                for j in range(count if with_s else 0):
+                    D[k, c, j] = 0.0
             complete = complete and E[k, c] == E[k, c]
-            if late and k > 0 and lags[c, 0] + lags[c, 2] > -1.0:
+            if delayed and k > 0 and E[k, c] == E[k, c]:
                 i_state, i_lag = int(lags[c, 1]), int(lags[c, 2])
                 was, rate = _lagged(k, t, lags[c, 0], i_state, past, past_s, row, with_s)
                 slope = out[at_hx + c * n + i_state]

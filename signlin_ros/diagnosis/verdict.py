@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import arriving, as_list
 from signlin_ros.diagnosis.findings import Findings, Step
-from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records
+from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records, seen_late
 from signlin_ros.diagnosis.judge import correlations
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
 from signlin_ros.diagnosis.refusals import plausible
@@ -154,7 +154,8 @@ def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
     else:
         found = follow_records(problem, f.candidate, f.theta, problem.levels[1], False)
         if found:
-            errors = [_windowed(problem, f, s, X) for s, X in zip(problem.segments, found[2], strict=True)]
+            whole = zip(problem.segments, found[0], found[2], strict=True)
+            errors = [_windowed(problem, f, s, E, X) for s, E, X in whole]
     y, e = np.concatenate(measured), np.concatenate(errors)
     result = {}
     for c, name in enumerate(problem.channels):
@@ -163,9 +164,13 @@ def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
     return Scores(kind, result)
 
 
-def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
-    """Return the errors (T, ny) of runs over windows of the update period, each started from X (T, n)."""
+def _windowed(problem: Problem, f: Fit, s: Segment, E: Array, X: Array) -> Array:
+    """Return the errors (T, ny) of runs over windows of the update period, each started from X (T, n).
+
+    As long as a late sensor shows what was before a window, that is known: innovations E (T, ny) count there.
+    """
     errors = np.full_like(s.y, np.nan)
+    lags = seen_late(problem, f.candidate, f.candidate.p(f.theta))[:, 0]
     steady, names = problem.levels[1].values[-1:], problem.levels[1].names
     candidate, theta, delay = _in_time(f)
     u, early = (_delayed(problem, s, delay), s.early if problem.scale.imposed else 0.0) if delay else (s.u, s.early)
@@ -179,6 +184,9 @@ def _windowed(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
         run = follow_records(problem, candidate, theta, free, False, (window,))
         if run:
             errors[first + 1 : last + 1] = run[0][0][1:]
+        for c, lag in enumerate(lags):
+            known = slice(first + 1, 1 + min(last, np.searchsorted(s.t, s.t[first] + lag) - 1))
+            errors[known, c] = E[known, c]
     return errors
 
 

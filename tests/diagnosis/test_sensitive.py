@@ -122,6 +122,20 @@ def test_a_sensor_that_is_wrong_is_named_in_a_model_that_has_a_play(tmp_path):
     assert proposed(found) == {"sensor_gain"}
 
 
+@pytest.mark.parametrize(
+    ("drive", "channel", "lag", "level"),
+    [(BENCH, "velocity", 0.15, 0.01), (SMALL, "position", 0.0088, np.array([0.01, 0.01, 1e-5]))],
+    ids=["oscillator", "motor"],
+)
+def test_a_late_sensor_of_a_record_that_starts_in_motion_is_named(tmp_path, drive, channel, lag, level):
+    late = {"sensor_delay": {channel: lag}}
+    found = diagnose(*recorded(tmp_path, drive, late, exc=("steps", "multisine"), level=level, skip=300))
+    assert proposed(found) == {"sensor_delay"}
+    value = next(e.parameters for e in found.ranking if e.effect == "sensor_delay")[f"sensor_delay.{channel}"].value
+    assert value == pytest.approx(lag, rel=0.03)
+    assert found.ladder[-1].validation.over_noise < 1.2
+
+
 def test_a_gain_of_a_sensor_does_not_tune_the_filter(tmp_path):
     problem = problem_of(tmp_path, SMALL, PLAY, off=1.0, only=("current", "position"))
     plain = with_effect(problem, "backlash", **PLAY["backlash"])
