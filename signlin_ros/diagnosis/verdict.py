@@ -41,6 +41,9 @@ ELSEWHERE = 0.5
 DETAIL, NEARLY_ALL = 10.0, (0.995, 0.999)
 """where more is left, as on a quiet record, where everything stands out, up to so many times the noise or beyond, the
 shares of what was missing that must be explained."""
+DRIVEN = 0.99
+"""Least share that must be explained where what is left is what noise in the input would leave: so is what is left of
+a law outside the list that a listed one imitates by 97 or 98 %."""
 WORTH, NEARLY = 0.3, 0.05
 """Share of the squared error that a rival must take beside what was found before, to be spoken of as one, and how much
 more what was found must take."""
@@ -373,9 +376,16 @@ def _verdict(f: Findings, explained: float, rest: float) -> str:
     if len(f.steps) == 1 or not f.beyond_doubt:
         elsewhere = rest > ELSEWHERE and not f.structured and not f.uncertain
         return "unexplained" if f.unaccounted or elsewhere else "adequate"
-    detail = NEARLY_ALL[0] if 1.0 + rest < DETAIL else NEARLY_ALL[1]
-    much = explained >= (EXPLAINED if rest <= REST or not f.unaccounted else detail)
-    return "missing" if much or not f.structured else "unexplained"
+    return "missing" if explained >= _enough(f, rest) or not f.structured else "unexplained"
+
+
+def _enough(f: Findings, rest: float) -> float:
+    """Return the least share of the missing motion on unseen data that is enough, for what is left beyond the noise."""
+    if rest <= REST or not f.structured:
+        return EXPLAINED
+    if f.driven_by_noise:
+        return DRIVEN
+    return NEARLY_ALL[0] if 1.0 + rest < DETAIL else NEARLY_ALL[1]
 
 
 def _rest(f: Findings) -> float:
