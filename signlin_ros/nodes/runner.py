@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import signal
 import sys
 import threading
@@ -22,6 +23,8 @@ RCLError = rclpy_implementation.RCLError
 """What rclpy raises for a parameter file that is not there or cannot be read, and for a bad command line."""
 
 
+END_PATIENCE = 10.0
+"""Seconds that taking a node down may last; the middleware has been seen to hang then."""
 MOMENT = 0.01
 """Time in s after which something is interrupted that could not be at once."""
 
@@ -95,11 +98,13 @@ def _again(swallowed: Any) -> None:
 
 
 def _end(executor: SingleThreadedExecutor | None, node: Node | None) -> None:
-    """Take everything down; a second signal must not interrupt this."""
+    """Take everything down; a second signal must not interrupt this. If it hangs, say where, and end all the same."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, signal.SIG_IGN)
+    faulthandler.dump_traceback_later(END_PATIENCE, exit=True, file=2)
     if executor is not None:
         executor.shutdown()
     if node is not None:
         node.destroy_node()
     rclpy.try_shutdown()
+    faulthandler.cancel_dump_traceback_later()

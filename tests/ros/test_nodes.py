@@ -388,6 +388,28 @@ sys.exit(run("late", create, []))
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 
+def test_an_end_that_hangs_is_ended_and_says_where() -> None:
+    script = """
+import os, signal, sys, threading, time
+import rclpy.node
+from signlin_ros.nodes import runner
+
+class Hanging(rclpy.node.Node):
+    def destroy_node(self):
+        time.sleep(60)
+
+def create():
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGTERM)).start()
+    return Hanging("hanging")
+
+runner.END_PATIENCE = 1.0
+sys.exit(runner.run("hanging", create, []))
+"""
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, check=False)
+    assert ended.returncode == 1
+    assert "in destroy_node" in ended.stderr
+
+
 def test_stale_states_and_who_comes_late(graph: Any) -> None:
     """Without states the diagnostics turn to ERROR, nothing more comes, and the last model stays latched."""
     graph.start("linearizer", "update_period:=0.02")
