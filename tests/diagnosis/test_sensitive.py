@@ -107,6 +107,14 @@ def test_a_play_that_a_filter_nearly_makes_good_is_named(tmp_path, which):
         assert fitted[name].value == pytest.approx(truth["values"]["backlash"][name], rel=0.05)
 
 
+def test_what_a_law_outside_the_list_leaves_is_not_put_down_to_noise_in_the_input(tmp_path):
+    records, truth = drawn(tmp_path, "outside", 24, 23)
+    assert truth["laws"] == ["root_friction"]
+    found = diagnose(*records)
+    assert found.verdict == "unexplained"
+    assert "only 98 % of the missing motion" in found.sentence
+
+
 def test_the_uncertainty_of_parameters_is_no_missing_effect(tmp_path):
     records, _ = drawn(tmp_path, "none", 29, 20)  # slow motion hardly shows the mass, a binary input does
     found = diagnose(*records)
