@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.equations import Equations, equations
-from signlin_ros.diagnosis.follow import MOST, follow
+from signlin_ros.diagnosis.follow import MOST, NONE_LATE, follow
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, _twin
 from signlin_ros.effects import find_effect
 from signlin_ros.model import Model
@@ -384,7 +384,7 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
     """
     x0 = _initial(c, s)
     rows, *others = rest
-    unknown = {**_unknown(problem, c, s), **_late_states(s, others[4])} if s.whole else {}
+    unknown = {**_unknown(problem, c, s), **_late_states(problem, s, others[4])} if s.whole else {}
     if not unknown:
         return x0
     size, eq = min(s.t.size, MEMORY), c.equations
@@ -423,11 +423,11 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
     return unknown
 
 
-def _late_states(s: Segment, lags: Array) -> dict[int, tuple[int, float]]:
+def _late_states(problem: Problem, s: Segment, lags: Array) -> dict[int, tuple[int, float]]:
     """Return the states of which a record first shows what they were before it, and how far they get in that time."""
-    found, step = {}, float(np.median(np.diff(s.t)))
+    found = {}
     for y, (lag, state, _, marked) in zip(s.y.T, lags.tolist(), strict=False):
-        count = min(ceil(lag / step), s.t.size - 1)
+        count = min(ceil(lag / problem.scale.step), s.t.size - 1)
         if marked and count > 0:
             found[int(state)] = (-1, float(np.sqrt(np.nanmean((y[count:] - y[:-count]) ** 2))))
     return found
@@ -463,7 +463,7 @@ def seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
     names = [f"sensor_delay.{channel}" for channel in problem.channels]
     free = [k.name for k in c.coordinates]
     if not any(name in free or c.values[name] for name in names):
-        return np.zeros((0, 4))
+        return NONE_LATE
     rows = []
     for name, channel in zip(names, problem.channels, strict=True):
         state = c.model.states.index(channel) if channel in c.model.states else 0

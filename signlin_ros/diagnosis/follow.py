@@ -497,6 +497,10 @@ def _copy_rows(source, to):
         copied(source[i], 0, to[i])
 
 
+NONE_LATE = np.zeros((0, 4))
+"""``lags`` of channels that are all seen in time."""
+
+
 @compiled
 def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, belief, noise, E, D, X):
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, w) is not empty, their derivatives.
@@ -729,4 +733,4 @@ def _one_more(A, H, Q, noise, P, AP, K, row, e, gains, variances, k):
     return moved
 
 
-__all__ = ["follow", "kalman_gains"]
+__all__ = ["NONE_LATE", "follow", "kalman_gains"]

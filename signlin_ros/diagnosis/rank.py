@@ -18,7 +18,7 @@ from signlin_ros.diagnosis.judge import any_structure
 from signlin_ros.diagnosis.narrow import Each, deepened, narrowed, tuned, widened
 from signlin_ros.diagnosis.problem import Gains, Problem, added_keys, design
 from signlin_ros.diagnosis.scan import periodic_starts
-from signlin_ros.effects import EFFECTS, find_effect, load_entry_points
+from signlin_ros.effects import EFFECTS, load_entry_points
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
@@ -33,6 +33,8 @@ LATE = (1.5, 5.0)
 """Delays of a sensor that a fit starts from, in samples."""
 FRONT = 4
 """How many of the best singles are taken for what they contain."""
+FEW = 3
+"""Starts of an effect with many that are tried where a few must do."""
 MOST_STARTS = 6
 """Starts that are descended from: those most likely after two steps."""
 CONSISTENT = (2.0, 4.0)
@@ -393,7 +395,7 @@ def _warm(trial: Trial, fits: Mapping[str, Fit]) -> Trial:
         if effect in _children(simple):
             starts += [
                 {n: pars[n].nearest(v) for n, v in {**start, **_stiffer(values, factor)}.items()}
-                for start in trial.starts[:3]
+                for start in trial.starts[:FEW]
                 for factor in (1, 3)
             ]
     if effect.rugged:
@@ -460,7 +462,7 @@ def compete(problem: Problem, base: Ranked, trials: Sequence[Trial], run: Execut
     points; see `searched`.
     """
     many = [EFFECTS[t.effect].rugged or EFFECTS[t.effect].sticking for t in trials]
-    trials = [replace(t, starts=t.starts[:3]) if m else t for t, m in zip(trials, many, strict=True)]
+    trials = [replace(t, starts=t.starts[:FEW]) if m else t for t, m in zip(trials, many, strict=True)]
     middle = fit(problem, base.fit.candidate, problem.levels[1], None, 10)
     reference = middle.cost if middle else np.inf
     climbed = _climbed(problem, trials, run)
@@ -498,7 +500,7 @@ def _afloat(problem: Problem, f: Fit, each: Each) -> Fit:
     A filter that corrects the load is content with a play much too small.
     """
     c, key = f.candidate, f.candidate.label[-1]
-    effect = find_effect(c.model.effects[key].type, "effects")
+    effect = EFFECTS[c.model.effects[key].type]
     if not effect.floating:
         return f
     awake = f if c.alert else fit(problem, replace(c, alert=True), f.gains, f.theta, 10, f.filter)

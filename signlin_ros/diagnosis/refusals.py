@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -11,15 +12,13 @@ from signlin_ros.diagnosis.findings import NEEDED
 from signlin_ros.diagnosis.fit import Fit, fit
 from signlin_ros.diagnosis.judge import any_structure
 from signlin_ros.diagnosis.problem import Problem
-from signlin_ros.diagnosis.rank import Ranked, roughness
+from signlin_ros.diagnosis.rank import FEW, Ranked, roughness
 from signlin_ros.effects import find_effect
 from signlin_ros.model import Model
 
 NOTHING, NEEDLESS = (0.1, 1e-2, 1e-6), 0.1
 """What a parameter is held at in turn, as shares of its value, to see if it is needed, and the share of an effect's
 gain that one must make without which it is another effect."""
-STARTS = 3
-"""How many of an effect's starts are tried for that."""
 REAL = 3.0
 """Standard errors by which an added effect must differ from nothing."""
 SLIGHT = 1e-3
@@ -80,17 +79,16 @@ def _needless(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | 
     essential = [i for i in added if _is_essential(c.model, c.coordinates[i].name)]
     start = fit(problem, before.fit.candidate, f.gains, before.fit.theta, 2, f.filter) if essential else None
     for i in essential:
-        without = _without(problem, f, i)
         gained = start.cost - f.cost if start else np.inf
         least = NEEDLESS * gained if any_structure(f.innovations, problem.noise) else roughness(f)
-        if without - f.cost < max(NEEDED, least):
+        if any(cost - f.cost < max(NEEDED, least) for cost in _without(problem, f, i)):
             key, _, name = c.coordinates[i].name.partition(".")
             return c.model.effects[key].type, name
     return None
 
 
-def _without(problem: Problem, f: Fit, i: int) -> float:
-    """Return the least cost of a fit with its coordinate i held at nearly nothing.
+def _without(problem: Problem, f: Fit, i: int) -> Iterator[float]:
+    """Yield ever smaller costs of a fit with its coordinate i held at nearly nothing.
 
     It is made less by degrees, and the effect's first starts are tried too: contacts that are very stiff, suddenly or
     already, throw a filter off.
@@ -98,7 +96,7 @@ def _without(problem: Problem, f: Fit, i: int) -> float:
     c, theta, least = f.candidate, f.theta, np.inf
     k, key = c.coordinates[i], c.coordinates[i].name.partition(".")[0]
     effect = find_effect(c.model.effects[key].type, "effects")
-    usual = [{f"{key}.{n}": v for n, v in one.items()} for one in effect.starts(problem.scale)[:STARTS]]
+    usual = [{f"{key}.{n}": v for n, v in one.items()} for one in effect.starts(problem.scale)[:FEW]]
     for share, values in [*((share, {}) for share in NOTHING), *((NOTHING[-1], values) for values in usual)]:
         none = k.theta(share * k.value(float(f.theta[i])))
         held = tuple(replace(o, low=none, high=none) if j == i else o for j, o in enumerate(c.coordinates))
@@ -107,7 +105,7 @@ def _without(problem: Problem, f: Fit, i: int) -> float:
         found = fit(problem, replace(c, coordinates=held), f.gains, start, 10, f.filter)
         if found and found.cost < least:
             theta, least = found.theta, found.cost
-    return float(least)
+            yield least
 
 
 def _negligible(problem: Problem, r: Ranked, before: Ranked) -> str:

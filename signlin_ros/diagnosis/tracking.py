@@ -15,7 +15,7 @@ from scipy.linalg import expm
 
 from signlin_ros.diagnosis.data import Stretch
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.follow import follow
+from signlin_ros.diagnosis.follow import NONE_LATE, follow
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ class Tracker:
         innovation, state = np.full((total, ny), np.nan), np.full((total, n), np.nan)
         late, ringing = self.model.delay - self.early, e.ringing(self._p, self.scale)
         record = (self.t, self.u, self.y, gains, np.array(x0, dtype=float), self._p, self.scale, late, ringing)
-        rest = (np.zeros((0, 4)), np.zeros((3, 0)), np.ones(ny), innovation, np.zeros((0, ny, 0)), state)
+        rest = (NONE_LATE, np.zeros((3, 0)), np.ones(ny), innovation, np.zeros((0, ny, 0)), state)
         done = follow(e.calls(False), e.flags(False), *record, *rest)
         innovation[done:], state[done:] = np.nan, np.nan
         return Run(innovation, state, int(done) if done < total else None)

@@ -188,7 +188,7 @@ def _windowed(problem: Problem, f: Fit, s: Segment, E: Array, X: Array) -> Array
         if run:
             errors[first + 1 : last + 1] = run[0][0][1:]
         for c, lag in enumerate(lags):
-            known = slice(first + 1, 1 + min(last, np.searchsorted(s.t, s.t[first] + lag) - 1))
+            known = slice(first + 1, min(last + 1, np.searchsorted(s.t, s.t[first] + lag)))
             errors[known, c] = E[known, c]
     return errors
 

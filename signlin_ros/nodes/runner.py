@@ -24,7 +24,7 @@ RCLError = rclpy_implementation.RCLError
 
 
 END_PATIENCE = 10.0
-"""Seconds that taking a node down may last; the middleware has been seen to hang then."""
+"""Seconds that taking a node down may last."""
 MOMENT = 0.01
 """Time in s after which something is interrupted that could not be at once."""
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.follow import follow
+from signlin_ros.diagnosis.follow import NONE_LATE, follow
 from signlin_ros.diagnosis.steps import padded
 from signlin_ros.model import Model
 from signlin_ros.simulate import simulate
@@ -44,7 +44,7 @@ def run(model, free=(), change=None, y=None, gains=None, lags=None):
     y = np.zeros((T, 3)) if y is None else y
     gains = np.zeros((1, n, 3)) if gains is None else gains
     E, D, X = np.zeros((T, 3)), np.zeros((T if free else 0, 3, padded(count))), np.zeros((T, n))
-    lags, ringing = np.zeros((0, 4)) if lags is None else lags, eq.ringing(p, SCALE[:n])
+    lags, ringing = NONE_LATE if lags is None else lags, eq.ringing(p, SCALE[:n])
     arguments = (eq.flags(bool(free)), TIMES, INPUT, y, gains, np.zeros(n), p, SCALE[:n], delay, ringing, lags)
     plain = (np.zeros((3, 0)), np.ones(3))
     assert follow(eq.calls(bool(free)), *arguments, *plain, E, D, X) == T
@@ -130,6 +130,6 @@ def test_a_run_out_of_bounds_says_where():
     p = np.concatenate([model.p, neutral_sensors(1)])
     E, X = np.zeros((T, 1)), np.zeros((T, 2))
     arguments = (eq.flags(False), TIMES, 100 * INPUT, np.zeros((T, 1)), np.zeros((1, 2, 1)), np.zeros(2), p)
-    rest = (np.ones(2), 0.0, np.inf, np.zeros((0, 4)), np.zeros((3, 0)), np.ones(1), E, np.zeros((0, 1, 0)), X)
+    rest = (np.ones(2), 0.0, np.inf, NONE_LATE, np.zeros((3, 0)), np.ones(1), E, np.zeros((0, 1, 0)), X)
     done = follow(eq.calls(False), *arguments, *rest)
     assert 0 < done < T

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from benchmarks.hidden.generator import draw, write
-from signlin_ros.diagnosis.data import load_records
 from signlin_ros.diagnosis.fit import _belief, candidate, fit, follow_records
 from signlin_ros.diagnosis.problem import _first_slope, prepare
 from signlin_ros.diagnosis.rank import consistent, trusted
 from signlin_ros.diagnosis.verdict import diagnose
-from signlin_ros.model import Model
+from tests.diagnosis.test_hidden_effects import records
 from tests.diagnosis.test_traps import BENCH, SMALL, proposed, recorded
 
 PLAY = {"backlash": {"gap": 0.05, "k": 300.0, "c": 1.5, "J": 0.3}}
@@ -85,10 +84,7 @@ def test_a_play_much_smaller_than_the_travel_is_named_through_a_fine_encoder(tmp
 def drawn(folder, group, index, seed):
     """Return a model and its two records, as `diagnose` takes them, and the truth of a drawn record."""
     record = draw(group, index, seed)
-    place = write(record, folder)
-    parts = [str(place / f"{part}.csv") for part in ("estimation", "validation")]
-    model, data = load_records(Model.load(place / "model.yaml"), parts)
-    return (model, data[:1], data[1:]), record.truth
+    return records(write(record, folder)), record.truth
 
 
 @pytest.mark.parametrize(
@@ -99,8 +95,8 @@ def drawn(folder, group, index, seed):
     ],
 )
 def test_a_play_that_a_filter_nearly_makes_good_is_named(tmp_path, which):
-    records, truth = drawn(tmp_path, *which)
-    found = diagnose(*records)
+    given, truth = drawn(tmp_path, *which)
+    found = diagnose(*given)
     assert proposed(found) == {"backlash"}
     fitted = next(e.parameters for e in found.ranking if e.effect == "backlash")
     for name in ("gap", "k", "J"):
@@ -108,24 +104,24 @@ def test_a_play_that_a_filter_nearly_makes_good_is_named(tmp_path, which):
 
 
 def test_what_a_law_outside_the_list_leaves_is_not_put_down_to_noise_in_the_input(tmp_path):
-    records, truth = drawn(tmp_path, "outside", 24, 23)
+    given, truth = drawn(tmp_path, "outside", 24, 23)
     assert truth["laws"] == ["root_friction"]
-    found = diagnose(*records)
+    found = diagnose(*given)
     assert found.verdict == "unexplained"
     assert "only 98 % of the missing motion" in found.sentence
 
 
 def test_the_uncertainty_of_parameters_is_no_missing_effect(tmp_path):
-    records, _ = drawn(tmp_path, "none", 29, 20)  # slow motion hardly shows the mass, a binary input does
-    found = diagnose(*records)
+    given, _ = drawn(tmp_path, "none", 29, 20)  # slow motion hardly shows the mass, a binary input does
+    found = diagnose(*given)
     assert found.verdict == "adequate"
     assert "no more than the uncertainty" in found.sentence
 
 
 def test_a_sensor_that_is_wrong_is_named_in_a_model_that_has_a_play(tmp_path):
-    model, *records = recorded(tmp_path, BENCH, PLAY, off=1.0)
-    shown = [[d.measured | {"displacement": 1.1 * d.measured["displacement"]} for d in part] for part in records]
-    wrong = [[replace(d, measured=m) for d, m in zip(*pair, strict=True)] for pair in zip(records, shown, strict=True)]
+    model, *parts = recorded(tmp_path, BENCH, PLAY, off=1.0)
+    shown = [[d.measured | {"displacement": 1.1 * d.measured["displacement"]} for d in part] for part in parts]
+    wrong = [[replace(d, measured=m) for d, m in zip(*pair, strict=True)] for pair in zip(parts, shown, strict=True)]
     found = diagnose(model.with_effect("backlash", **PLAY["backlash"]), *wrong)
     assert proposed(found) == {"sensor_gain"}
 

@@ -12,7 +12,6 @@ import yaml
 from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
 from benchmarks.hidden.generator import simulate
 from benchmarks.hidden.laws import STEP
-from signlin_ros.diagnosis.data import load_records
 from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.diagnosis.verdict import add, diagnose
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
@@ -20,6 +19,7 @@ from signlin_ros.errors import RecordError, SimulationError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate as our_simulation
+from tests.diagnosis.test_hidden_effects import records
 
 SMALL = Drive(MOTOR, {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}, 5.0, 4.0)
 STRONG = Drive(MOTOR, {"R_a": 0.38, "L_a": 0.0013, "K_t": 0.52, "K_m": 0.52, "B": 0.105, "J": 0.066}, 45.0, 3.0)
@@ -65,9 +65,7 @@ def recorded(
         nominal["K_m"] = nominal["K_t"]
     content = {"plant": drive.plant, "parameters": {n: float(v) for n, v in nominal.items()}}
     (folder / "model.yaml").write_text(yaml.safe_dump({"/**": {"ros__parameters": content}}))
-    model = Model.load(folder / "model.yaml")
-    model, data = load_records(model, [str(folder / f"{part}.csv") for part in ("estimation", "validation")])
-    return model, data[:1], data[1:]
+    return records(folder)
 
 
 def proposed(found) -> set[str]:
