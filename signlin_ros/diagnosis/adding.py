@@ -12,8 +12,20 @@ import numpy as np
 
 from signlin_ros.diagnosis.findings import Beside, structured
 from signlin_ros.diagnosis.fit import Filter, Fit, fit, further, likelihood
-from signlin_ros.diagnosis.problem import Problem
-from signlin_ros.diagnosis.rank import Ranked, Trial, cost_of, descend, evidence, evidence_of, extended, ranked, trusted
+from signlin_ros.diagnosis.problem import Gains, Problem
+from signlin_ros.diagnosis.rank import (
+    Ranked,
+    Trial,
+    cost_of,
+    descend,
+    evidence,
+    evidence_of,
+    extended,
+    ranked,
+    remainder,
+    rescanned,
+    trusted,
+)
 from signlin_ros.effects import EFFECTS
 
 WIDE = 6
@@ -24,6 +36,8 @@ MOST_FINISHED = 4
 """How many of these are fitted out."""
 MOST_IMPOSED = 12
 """The same where motion is imposed: no observer helps there to find the shape of a hysteresis in a few steps."""
+EXCHANGES = 4
+"""How often at most the best pairs are sought where an observer is wide awake, each time from the parts of the best."""
 CLOSE = 30.0
 """Difference in what they promise to the best one, if that is enough, within which others are fitted out."""
 
@@ -36,6 +50,12 @@ class _Promise:
     before: Ranked
     trial: Trial
     fit: Fit
+
+    @property
+    def ranked(self) -> Ranked:
+        """The set of effects, as if it were fitted out."""
+        effects, sensors = (*self.before.effects, self.trial.effect), (*self.before.sensors, *self.trial.sensors)
+        return Ranked(effects, sensors, self.fit, self.fit, self.evidence)
 
 
 class Adding:
@@ -50,17 +70,8 @@ class Adding:
 
         Faults of sensors are tried on the first start only.
         """
-        jobs = [
-            (before, t)
-            for i, before in enumerate(starts)
-            for t in trials
-            if t.effect not in before.effects and (i == 0 or not t.sensors)
-        ]
         enough = bool(starts) and not structured(self.problem, starts[0], filter)
-        tried = [r for r in self.executor.map(lambda j: self._tried(j[0], j[1], enough), jobs) if r]
-        tried.sort(key=evidence_of)
-        going_on = [p for before in starts for p in _going_on([p for p in tried if p.before is before])]
-        promising = sorted((p for p in self.executor.map(self._further, going_on) if p), key=evidence_of)
+        tried, promising = self._screened(starts, trials, enough)
         self._remember(starts, [*tried, *promising])
         most = MOST_IMPOSED if self.problem.scale.imposed else MOST_FINISHED
         front, rest = promising[:2], promising[2:most]
@@ -69,9 +80,46 @@ class Adding:
             rest = [p for p in rest if p.evidence < front[0].evidence + CLOSE]
         return sorted(finished + self._finished(rest, filter), key=evidence_of)
 
-    def _tried(self, before: Ranked, trial: Trial, enough: bool) -> _Promise | None:
-        """Return a trial on top of what was fitted, after two steps at the gain that suits what was fitted."""
-        gains = before.fit.gains if before.fit is not before.low else self.problem.levels[1]
+    def awake(self, starts: Sequence[Ranked], trials: Sequence[Trial], filter: Filter) -> list[Ranked]:
+        """Return the best pairs that an observer finds that is wide awake, fitted out, best first: all trials on top of
+        the starts, then either part of the best pair exchanged for all others, the rest as it was.
+
+        At the highest gain hardly a minimum is left but the right one, and little of weak effects.
+        """
+        high, pairs = self.problem.levels[0], dict[frozenset[str], _Promise]()
+        for _ in range(EXCHANGES):
+            _, promising = self._screened(starts, trials, False, high)
+            for p in promising:
+                key = frozenset(p.ranked.effects)
+                if key not in pairs or p.evidence < pairs[key].evidence:
+                    pairs[key] = p
+            best = min(pairs.values(), key=evidence_of).ranked if pairs else None
+            if best is None or {r.label for r in starts} == set(best.effects):
+                break
+            starts = [r for r in (remainder(self.problem.short, best, n) for n in best.effects) if r]
+        return self._finished(sorted(pairs.values(), key=evidence_of)[:MOST_FINISHED], filter)
+
+    def _screened(
+        self, starts: Sequence[Ranked], trials: Sequence[Trial], enough: bool, gains: Gains | None = None
+    ) -> tuple[list[_Promise], list[_Promise]]:
+        """Return all trials on top of the starts, and the more promising of them gone on with, best first; at a gain or
+        at those that suit the starts.
+        """
+        jobs = [
+            (before, t)
+            for i, before in enumerate(starts)
+            for t in trials
+            if t.effect not in before.effects and (i == 0 or not t.sensors)
+        ]
+        tried = [r for r in self.executor.map(lambda j: self._tried(j[0], j[1], enough, gains), jobs) if r]
+        tried.sort(key=evidence_of)
+        going_on = [p for before in starts for p in _going_on([p for p in tried if p.before is before])]
+        return tried, sorted((p for p in self.executor.map(self._further, going_on) if p), key=evidence_of)
+
+    def _tried(self, before: Ranked, trial: Trial, enough: bool, gains: Gains | None) -> _Promise | None:
+        """Return a trial on top of what was fitted, after two steps, else at the gain that suits what was fitted."""
+        trial = rescanned(self.problem, trial, before) if gains else trial
+        gains = gains or (before.fit.gains if before.fit is not before.low else self.problem.levels[1])
         known, found = before.fit.parameters(), []
         few = None if self.problem.scale.imposed else 1 if enough else 3  # of an imposed motion none leads to another
         if EFFECTS[trial.effect].resonant and not enough:
@@ -99,8 +147,7 @@ class Adding:
 
         def finished(p: _Promise) -> Ranked | None:
             fits = descend(self.problem, p.fit.candidate, p.fit.theta, self.problem.levels, 10, filter)
-            effects, sensors = (*p.before.effects, p.trial.effect), (*p.before.sensors, *p.trial.sensors)
-            return ranked(self.problem, effects, sensors, fits)
+            return ranked(self.problem, p.ranked.effects, p.ranked.sensors, fits)
 
         return sorted((r for r in self.executor.map(finished, promising) if r is not None), key=evidence_of)
 

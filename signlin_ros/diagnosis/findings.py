@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.dependence import dependence
 from signlin_ros.diagnosis.fit import Filter, Fit, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
-from signlin_ros.diagnosis.problem import Gains, Problem
+from signlin_ros.diagnosis.problem import Gains, Problem, design
 from signlin_ros.diagnosis.rank import Ranked
+from signlin_ros.noise import fourth_difference_share
 
 Array = NDArray[np.float64]
 
@@ -104,10 +105,16 @@ class Findings:
 
     @functools.cached_property
     def unseen_noise(self) -> Array:
-        """Standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure."""
+        """Standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure; where it
+        leaves some, no more than the sensors' can be.
+        """
         left = residues(self.held_out[1], self.unseen.noise)
         left = [r.depending(s.dependent) for r, s in zip(left, self.left, strict=True)]
-        return np.array([r.noise if r.structure < 0.5 else s.noise for r, s in zip(left, self.left, strict=True)])
+        found = np.array([r.noise if r.structure < 0.5 else s.noise for r, s in zip(left, self.left, strict=True)])
+        if not self.unaccounted or not self.filter.rho.any():
+            return found
+        most, rho = _as_coloured(self.problem, self.filter, judged(self.problem, self.final.ranked))
+        return np.where(rho > 0.0, np.minimum(found, AWAKE * most), found)
 
     @functools.cached_property
     def uncertain(self) -> bool:
@@ -186,13 +193,33 @@ def driven_by_noise(problem: Problem, r: Ranked) -> bool:
     c = r.fit.candidate
     if problem.scale.imposed or c.filtered:
         return False
-    if bool((dependence(problem, judged(problem, r), of_input=False) > AT_RANDOM).any()):
+    at = judged(problem, r)
+    if bool((dependence(problem, at, of_input=False) > AT_RANDOM).any()):
         return False
-    found = fit(problem, c, problem.levels[0], r.fit.theta, 10)
+    noise, rho = _as_coloured(problem, r.low.filter, at)
+    found = fit(problem, c, _awake(problem, noise, rho), r.fit.theta, 10)
     if found is None or any_structure(found.innovations, problem.noise):
         return False
     left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
-    return bool((left < AWAKE * problem.noise).all())
+    return bool((left < AWAKE * noise).all())
+
+
+def _as_coloured(problem: Problem, filter: Filter, f: Fit) -> tuple[Array, Array]:
+    """Return the standard deviation (ny) of the noise, of which fourth differences show a share where it has the colour
+    of a filter, and its correlation (ny) from sample to sample.
+    """
+    rho = np.array([one.rho for one in residues(f.innovations, problem.noise)])
+    rho = np.where(filter.rho > 0.0, rho, 0.0)
+    return problem.noise / np.sqrt(fourth_difference_share(rho)), rho
+
+
+def _awake(problem: Problem, noise: Array, rho: Array) -> Gains:
+    """Return the highest gain in a noise (ny) of some colour: an observer must not take what lasts of it for motion."""
+    high = problem.levels[0]
+    if not rho.any():
+        return high
+    lasting = noise * np.sqrt((1.0 + rho) / (1.0 - rho))
+    return design(problem.base, problem.channels, lasting, problem.x_scale, problem.scale.step, high.tau)
 
 
 __all__ = ["NEEDED", "Beside", "Findings", "Step", "driven_by_noise", "judged", "left_by", "structured"]

@@ -30,6 +30,8 @@ SETTLED = 25.0
 LEAST_SAMPLES = 100
 STILL = 1e-9
 """A channel whose deviation is a smaller share of its value never moves."""
+LOST = 3.0
+"""Standard deviations of the noise below which a velocity is not known."""
 EVEN = 0.5
 """A channel is shown in steps if more than this share of the distances between its values are the same."""
 FEWEST, LONG, CHUNKS = 2000, 6000, 4
@@ -418,9 +420,11 @@ def _scale(
 
 
 def _blur(model: Model, s: Segment) -> float:
-    """Return the noise of an imposed velocity, 0 of other motions."""
+    """Return which imposed velocity is lost in its noise, 0 of other motions."""
     plant = model.plant
-    return noise_level(s.t, s.u[:, model.inputs.index(plant.velocity)]).sigma if plant.motion_is_imposed() else 0.0
+    if not plant.motion_is_imposed():
+        return 0.0
+    return LOST * noise_level(s.t, s.u[:, model.inputs.index(plant.velocity)]).sigma
 
 
 def _inertia(model: Model) -> float:

@@ -213,6 +213,16 @@ def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
     return complete
 
 
+def rescanned(problem: Problem, trial: Trial, before: Ranked) -> Trial:
+    """Return a trial with orders and phases as they show in what was fitted before; others as they are."""
+    effect = EFFECTS[trial.effect]
+    if not effect.periodic:
+        return trial
+    pars, found = effect.pars(), periodic_starts(problem, before.fit.fitted())
+    values = [{n: pars[n].nearest(v) for n, v in zip(effect.periodic, one, strict=True)} for one in found]
+    return replace(trial, starts=tuple({**trial.starts[0], **one} for one in values) or trial.starts)
+
+
 def _sensor_trials(problem: Problem, name: str) -> list[Trial]:
     late = [steps * problem.scale.step for steps in LATE]
     starts = {"sensor_gain": [1.0], "sensor_delay": late}.get(name, [0.0])
@@ -333,6 +343,21 @@ def _effort(trial: Trial) -> tuple[bool, int]:
 
 def without(problem: Problem, r: Ranked, effect: str) -> Ranked | None:
     """Return what was fitted without one of its effects, fitted again from there; None if that diverges."""
+    c, effects, sensors = _reduced(problem, r, effect)
+    low = problem.levels[-1]
+    levels = [r.fit.gains, low] if r.fit.gains is not low else [low]
+    return ranked(problem, effects, sensors, descend(problem, c, None, levels, 10, r.low.filter))
+
+
+def remainder(problem: Problem, r: Ranked, effect: str) -> Ranked | None:
+    """Return what was fitted without one of its effects, all else as it was; None if that diverges."""
+    c, effects, sensors = _reduced(problem, r, effect)
+    found = fit(problem, c, r.fit.gains, c.start(r.fit.parameters()), 0)
+    return Ranked(effects, sensors, found, found, evidence(problem, found, len(effects))) if found else None
+
+
+def _reduced(problem: Problem, r: Ranked, effect: str) -> tuple[Candidate, tuple[str, ...], tuple[str, ...]]:
+    """Return the candidate that is left without one effect of what was fitted, its effects and its sensors."""
     model = r.fit.fitted()
     for key in added_keys(problem, model, effect):
         model = model.without_effect(key)
@@ -340,10 +365,7 @@ def without(problem: Problem, r: Ranked, effect: str) -> Ranked | None:
     sensors = {n: values[n] for n in r.sensors if n.partition(".")[0] != effect}
     added = tuple(e for e in r.fit.candidate.label if e in model.effects)
     c = replace(candidate(problem, model, added, sensors), wander=r.fit.candidate.wander)
-    low = problem.levels[-1]
-    levels = [r.fit.gains, low] if r.fit.gains is not low else [low]
-    fits = descend(problem, c, None, levels, 10, r.low.filter)
-    return ranked(problem, tuple(e for e in r.effects if e != effect), tuple(sensors), fits)
+    return c, tuple(e for e in r.effects if e != effect), tuple(sensors)
 
 
 def _pair_cost(pair: tuple[Fit, Fit]) -> float:
@@ -586,6 +608,8 @@ __all__ = [
     "evidence_of",
     "free_parameters",
     "ranked",
+    "remainder",
+    "rescanned",
     "roughness",
     "searched",
     "simplified",

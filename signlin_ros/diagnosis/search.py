@@ -78,6 +78,8 @@ SHARE, PART = 0.05, 0.2
 structure remains, it must also be that share of what the base model lacks, or `PART` of what the last step left."""
 SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
+TRIED = 3
+"""How many options for the next step are held against unseen data."""
 RIVAL = 0.5
 """How far from the best single, as a part of what that gains, the next is gone on from to deeper minima too."""
 BEAM = 4
@@ -207,9 +209,15 @@ def _prior(f: Fit) -> float:
 
 def _values(r: Ranked, effect: str) -> dict[str, float]:
     """Return the fitted parameters of an effect that was added last under its name; none for one of a sensor."""
-    model, label = r.fit.fitted(), r.fit.candidate.label
-    keys = [k for k in label if k in model.effects and model.effects[k].type == effect]
-    return dict(model.effects[keys[-1]].parameters) if keys else {}
+    keys = _keys(r, effect)
+    return dict(r.fit.fitted().effects[keys[-1]].parameters) if keys else {}
+
+
+def _keys(r: Ranked, effect: str) -> list[str]:
+    """Return the keys under which an effect was added; none for one of a sensor."""
+    candidate = r.fit.candidate
+    uses = candidate.model.effects
+    return [k for k in candidate.label if k in uses and uses[k].type == effect]
 
 
 def _simple(singles: Sequence[Ranked]) -> list[Ranked]:
@@ -248,6 +256,7 @@ class _Search:
         self.progress("single effects", 0.1)
         base, singles = self._whiten(base, self._singles(base, trials))
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
+        self.pairs += self._exchanged(base, path[-1].ranked, singles)
         self.progress("validation", 0.9)
         shown = self._shown(path, singles)
         at = judged(self.problem, path[-1].ranked)
@@ -437,7 +446,7 @@ class _Search:
             c = extended(self.problem, r, trial, {n: pars[n].nearest(v) for n, v in start.items()})
             c = replace(c, alert=alert)
             fits = descend(self.problem, c, c.start(r.fit.parameters()), self.problem.levels[1:], 10, self.filter)
-            found = ranked(self.problem, (*r.effects, trial.effect), r.sensors, fits)
+            found = ranked(self.problem, (*r.effects, trial.effect), (*r.sensors, *trial.sensors), fits)
             if found is None:
                 return None
             r = found
@@ -451,8 +460,14 @@ class _Search:
         return [first, self._compared(first, self._polished(singles[0]))]
 
     def _best_step(self, path: list[Step], options: list[Ranked]) -> Step | None:
-        """Return the best option that lowers the error on unseen data beyond doubt, or None."""
-        for option in self._simplest_first(sorted(options, key=evidence_of))[:3]:
+        """Return the best option that lowers the error on unseen data beyond doubt, or None; where one is refused that
+        would have been enough, the simplest is sought anew.
+        """
+        left, anew = sorted(options, key=evidence_of), True
+        for _ in range(min(TRIED, len(left))):
+            option = self._simplest(left) if anew else left[0]
+            anew = option is left[0] and self._enough(option)
+            left = [r for r in left if r is not option]
             if option.evidence >= path[-1].ranked.evidence - (TIE if len(path) > 1 else 0.0):
                 return None
             r = self._plainer(self._pruned(option, path))
@@ -551,17 +566,17 @@ class _Search:
         if f and f.evidence < path[0].ranked.evidence - TIE and plausible(self.problem, f):
             path[0] = self._step(self._polished(f))
 
-    def _simplest_first(self, options: list[Ranked]) -> list[Ranked]:
-        """Where even the best leaves structure, put simpler ones before it that explain nearly as much.
+    def _simplest(self, options: Sequence[Ranked]) -> Ranked:
+        """Return the best of options, best first; where even that leaves structure, the simplest that explains nearly
+        as much.
 
         Likelihoods then exaggerate: what an imperfect model gains by one more parameter is often imitation.
         """
-        if not options or self._enough(options[0]):
-            return options
         best = options[0]
+        if self._enough(best):
+            return best
         near = [r for r in options if r.fit.cost - best.fit.cost < SIMPLE * float(best.fit.count.max())]
-        first = min(near, key=lambda r: (free_parameters(self.problem, r.fit), r.evidence))
-        return [first, *(r for r in options if r is not first)]
+        return min(near, key=lambda r: (free_parameters(self.problem, r.fit), r.evidence))
 
     def _enough(self, r: Ranked) -> bool:
         """Tell whether a set of effects leaves nothing but noise; what was told once is remembered."""
@@ -577,18 +592,40 @@ class _Search:
     def _more(self, now: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Ranked]:
         """Return sets with one effect more than ``now``; where one is not enough, on top of other singles too, and
         then with either effect of the best pair exchanged for every other.
+
+        Where that is not enough either, one rich effect may stand for two, of which each explains little alone.
         """
         starts = [now] if now.effects else []
         if len(now.effects) <= 1 and not (self._enough(now) and _prior(now.fit) <= STRAINED):
-            starts += [r for r in _simple(singles) if r.effects != now.effects][: BEAM - len(starts)]
+            starts += _simple([r for r in singles if r.effects != now.effects])[: BEAM - len(starts)]
         found = self.adding.best(starts, trials, self.filter)
         if found and len(starts) > 1 and len(found[0].effects) == 2:
             done = {r.effects for r in starts}
             halves = [s for s in singles if len(s.effects) == 1 and s.effects[0] in found[0].effects]
-            more = self.adding.best([h for h in halves if h.effects not in done], trials, self.filter)
-            found = sorted(found + more, key=evidence_of)
+            found += self.adding.best([h for h in halves if h.effects not in done], trials, self.filter)
+            if not self._enough(min(found, key=evidence_of)):
+                found += self.adding.awake([r for r in starts if r is not now], trials, self.filter)
         self.pairs += found
-        return found
+        return sorted(found, key=evidence_of)
+
+    def _exchanged(self, base: Ranked, final: Ranked, singles: Sequence[Ranked]) -> list[Ranked]:
+        """Return what is proposed with each of several effects exchanged for what explained as much alone."""
+        alone = {r.label: r for r in singles if base.evidence - r.evidence > STRONG}
+        jobs = [
+            (effect, r)
+            for effect in (final.effects if len(final.effects) > 1 else ())
+            for r in alone.values()
+            if effect in alone and r.label not in final.effects and abs(r.evidence - alone[effect].evidence) < TIE
+        ]
+        return [r for r in self.executor.map(lambda job: self._in_place(final, *job), jobs) if r]
+
+    def _in_place(self, final: Ranked, effect: str, r: Ranked) -> Ranked | None:
+        """Return what is proposed with a single effect, as it was fitted, in place of one of its own."""
+        before, values = without(self.problem, final, effect), r.fit.parameters()
+        if before is None:
+            return None
+        trial = Trial(r.label, tuple(_keys(r, r.label)), {n: values[n] for n in r.sensors})
+        return self._together(before, [(trial, _values(r, r.label))], final.fit.candidate.alert)
 
     # ------------------------------------------------------------ unseen data
 

@@ -20,7 +20,7 @@ from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, l
 from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
-from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SURE, TIE, Progress, search
+from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SIMPLE, SURE, TIE, Progress, search
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model
@@ -319,6 +319,9 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     )
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
     verdict = _verdict(f, explained, rest)
+    if verdict == "missing" and f.unaccounted and rest > ELSEWHERE:
+        beside = _beside(ladder)
+        verdict, explained = ("unexplained", beside) if beside < EXPLAINED else (verdict, explained)
     partly = explained if verdict == "unexplained" else None
     ranking = _ranking(f, kind, unseen, partly)
     proposed = f if whole or not _too_little(f, partly) else replace(f, steps=f.steps[:1])
@@ -370,6 +373,19 @@ def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> fl
         return 1.0
     shares = 1.0 - after[weight] / before[weight]
     return float(max(np.average(shares, weights=np.sqrt(before[weight])), 0.0))
+
+
+def _beside(ladder: Sequence[Rung]) -> float:
+    """Return the least share that the last rung explains of what those between the first and it left, in squares beyond
+    the noise: a strong effect must not hide that what is added to it explains little.
+    """
+    last, shares = ladder[-1].validation.channels, [1.0]
+    for rung in ladder[1:-1]:
+        for name, one in rung.validation.channels.items():
+            before, after = ((s.rmse_over_noise or 0.0) ** 2 - 1.0 for s in (one, last[name]))
+            if before > 1.0:
+                shares.append(1.0 - max(after, 0.0) / before)
+    return max(min(shares), 0.0)
 
 
 def _verdict(f: Findings, explained: float, rest: float) -> str:
@@ -465,10 +481,17 @@ def _rivals(f: Findings, effect: str) -> list[str]:
             if abs(r.evidence - final.evidence) < TIE and new not in found:
                 found.append(new)
     values, cls = {n: p.value for n, p in _added_parameters(f, final, effect).items()}, find_effect(effect, "effects")
-    alike = [*cls.simpler(values), *cls.blurred(values, f.problem.scale.blur)]
+    alike = [*cls.simpler(values), *(n for n in cls.blurred(values, f.problem.scale.blur) if _as_good(f, n, effect))]
     alike += cls.single_channel_twins if len(f.problem.channels) == 1 else ()
     nearly = [n for n in alike if n not in (*found, *final.effects)]
     return found + [n for n in nearly if any(s.ranked.label == n for s in f.singles)]
+
+
+def _as_good(f: Findings, effect: str, other: str) -> bool:
+    """Tell whether an effect alone leaves hardly more than another one alone."""
+    cost = {s.ranked.label: s.ranked.fit.cost for s in f.singles}
+    most = SIMPLE * float(f.final.ranked.fit.count.max())
+    return effect in cost and other in cost and cost[effect] - cost[other] < most
 
 
 def _ranking(f: Findings, kind: str, noise: Array, partly: float | None) -> tuple[Entry, ...]:

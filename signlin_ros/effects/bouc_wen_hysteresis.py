@@ -58,6 +58,8 @@ class BoucWenHysteresis(Effect):
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        if "k" in p and p["alpha"] > 1 - SLIGHT:
+            return {"linear_stiffness": {"k": p["alpha"] * p["k"]}}
         if "k" not in p or p["n"] != 1.0 or p["alpha"] > SLIGHT or not abs(p["gamma"]) < 5 * SLIGHT * p["beta"]:
             return {}
         k = (1 - p["alpha"]) * p["k"] * p["lambda"]

@@ -30,8 +30,8 @@ class GravityLoad(Effect):
 
     @classmethod
     def starts(cls, scale: Scale) -> list[dict[str, float]]:
-        """Two phases a quarter turn apart: the angle is in radians whatever the travel."""
-        return [{"A": 0.02 * scale.force, "q0": 0.0}, {"A": 0.02 * scale.force, "q0": 1.5}]
+        """Two phases a quarter turn apart: in radians whatever the travel. Of a small load the angle runs away."""
+        return [{"A": 0.2 * scale.force, "q0": 0.0}, {"A": 0.2 * scale.force, "q0": 1.5}]
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.A * m.sin(x.position - p.q0)

@@ -54,6 +54,11 @@ class LuGreFriction(Effect):
         return [{name: values, "viscous_friction": {"b": p["sigma2"]}} for name, values in dry.items()]
 
     @classmethod
+    def blurred(cls, p: Mapping[str, float], blur: float) -> tuple[str, ...]:
+        """Return friction without presliding, and presliding without a rising level."""
+        return ("coulomb_friction", "dahl_presliding") if p["F_c"] / p["sigma0"] < blur else ()
+
+    @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         return p["F_s"] > 0.8 * p["F_c"]  # breaking away takes no less than sliding
 

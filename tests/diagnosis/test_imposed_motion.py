@@ -12,6 +12,7 @@ from signlin_ros.diagnosis.data import driving
 from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.diagnosis.rank import applicable
 from signlin_ros.diagnosis.verdict import diagnose
+from signlin_ros.effects.lugre_friction import LuGreFriction
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
 
@@ -19,6 +20,8 @@ STEP, FINE = 0.01, 50
 BASE = {"plant": "force_element", "parameters": {"c": 800.0, "k": 0.0}, "tolerance": {"c": 0.5}, "update_period": 0.02}
 YIELD, BEND = 50.0, 0.3e-3
 """Dahl's friction: N, and how far it bends in m."""
+ZEROS = {"constant_load", "sensor_offset"}
+"""What moves the zero of a measured force, and is the same where motion is imposed."""
 
 
 def record(seed: int, zero: float = 0.0, seconds: float = 20.0) -> ModelData:
@@ -52,8 +55,9 @@ def test_a_hysteresis_is_found_beneath_an_offset(zero):
     assert found.verdict == "missing"
     assert len(effects & {"dahl_presliding", "lugre_friction", "bouc_wen_hysteresis"}) == 1
     assert "coulomb_friction" not in effects
-    assert bool(effects & {"constant_load", "sensor_offset"}) == bool(zero)
+    assert bool(effects & ZEROS) == bool(zero)
     assert len(effects) == (2 if zero else 1)
+    assert {n for e in found.ranking for n in e.indistinguishable_from if n in ZEROS} == (ZEROS if zero else set())
 
 
 @pytest.mark.parametrize("late", [1, 4])
@@ -149,6 +153,12 @@ def test_holes_of_an_imposed_displacement_leave_the_velocity_as_it_is(lost):
     u, known, _ = driving(model, record)
     assert np.abs(u[:, 0] - v).max() < 0.02 * np.abs(v).max()
     assert np.abs(known["displacement"] - 0.5 - np.sin(12.0 * record.t)).max() < 0.02
+
+
+def test_a_bristle_that_bends_less_than_the_motion_is_known_is_no_more_than_friction():
+    lugre = {"sigma0": 6e7, "sigma1": 3e4, "sigma2": 0.0, "F_c": 28.0, "F_s": 27.0, "v_s": 5e-3}
+    assert LuGreFriction.blurred(lugre, 6e-7) == ("coulomb_friction", "dahl_presliding")
+    assert LuGreFriction.blurred(lugre, 4e-7) == ()
 
 
 def test_coulomb_friction_is_among_the_ties_where_the_motion_is_known_no_better():

@@ -24,6 +24,7 @@ from tests.diagnosis.test_hidden_effects import records
 SMALL = Drive(MOTOR, {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}, 5.0, 4.0)
 STRONG = Drive(MOTOR, {"R_a": 0.38, "L_a": 0.0013, "K_t": 0.52, "K_m": 0.52, "B": 0.105, "J": 0.066}, 45.0, 3.0)
 BENCH = Drive(MASS, {"m": 1.0, "c": 0.8, "k": 40.0}, 9.0, 6.3)
+STAGE = Drive(MASS, {"m": 0.61, "c": 14.5, "k": 8500.0}, 25.0, 118.0)
 AXIS = Drive(MASS, {"m": 95.0, "c": 200.0, "k": 0.0}, 80.0, 2.0)
 FS, DURATION = 200.0, 16.0
 WITH_MEMORY = {"bouc_wen_hysteresis", "dahl_presliding", "lugre_friction"}
@@ -261,6 +262,22 @@ def test_noise_in_the_input_is_no_effect(tmp_path, level, share):
     found = diagnose(model, noisy_input(data, share, 1), noisy_input(unseen, share, 2))
     assert found.verdict == "adequate"
     assert "noise in the force" in found.sentence
+
+
+def test_noise_in_the_input_is_no_effect_beside_coloured_noise_of_a_sensor(tmp_path):
+    model, *parts = recorded(tmp_path, SMALL, {}, only=("speed", "position"), level=1e-4)
+    noisy = [noisy_input(part, 0.005, seed) for seed, part in enumerate(parts)]
+    for part in noisy:
+        error = noise(np.random.default_rng(5), "coloured", (len(part[0]), 1))[:, 0]
+        speed = part[0].measured["speed"]
+        part[0] = replace(part[0], measured={**part[0].measured, "speed": speed + 0.002 * speed.std() * error})
+    assert diagnose(model, *noisy).verdict == "adequate"
+
+
+def test_an_amplifier_that_is_weaker_one_way_is_no_load(tmp_path):
+    model, *parts = recorded(tmp_path, STAGE, {}, only=("displacement",), level=0.01)
+    commanded = [[replace(d, u=np.where(d.u < 0, d.u / 0.85, d.u)) for d in part] for part in parts]
+    assert diagnose(model, *commanded).verdict == "unexplained"
 
 
 def test_a_play_is_not_what_follows_noise_in_the_input(tmp_path):

@@ -1,0 +1,79 @@
+"""Servos in closed loop: their motion is small and smooth, and rich laws imitate several simple ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis.results import Diagnosis
+from signlin_ros.diagnosis.verdict import diagnose
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from tests.diagnosis.test_traps import proposed
+
+STEP, FINE = 0.005, 50
+ARM = {"R_a": 3.93, "L_a": 0.0, "K_t": 0.62, "K_m": 0.573, "B": 0.0103, "J": 0.00393}
+NOMINAL = {"R_a": 4.0, "L_a": 0.0, "K_t": 0.6, "K_m": 0.6, "B": 0.01, "J": 0.004}
+
+
+def steps(rng: np.random.Generator, t: np.ndarray) -> np.ndarray:
+    """Return angles that are held for a while each, one after the other."""
+    at = np.cumsum(rng.uniform(0.25, 0.8, 200))
+    return rng.uniform(-1.2, 1.2, at.size)[np.searchsorted(at, t)]
+
+
+def sines(rng: np.random.Generator, t: np.ndarray) -> np.ndarray:
+    """Return angles that swing slowly."""
+    tones, phases = 2 * np.pi * np.array([0.5, 1.7]) * rng.uniform(0.9, 1.1, 2), rng.uniform(0, 6, 2)
+    return (np.array([0.7, 0.35]) * np.sin(tones * t[:, None] + phases)).sum(axis=1)
+
+
+def arm(seed: int, wanted: Callable, friction: Callable[[float], float], load: Callable[[float], float]) -> ModelData:
+    """Return voltage and position of a servo that moves an arm, with dry friction by speed and a load by position, N·m.
+
+    Small steps with the friction clipped at standstill.
+    """
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(20.0 / STEP)) * STEP
+    angles, u, shown = wanted(rng, t), np.empty_like(t), np.empty_like(t)
+    q, v, h = 0.0, 0.0, STEP / FINE
+    for k in range(t.size):
+        shown[k] = q + rng.normal(0.0, 0.002)
+        u[k] = np.clip(25.0 * (angles[k] - shown[k]) - 0.5 * v, -9.0, 9.0)
+        for _ in range(FINE):
+            torque = ARM["K_t"] / ARM["R_a"] * (u[k] - ARM["K_m"] * v) - ARM["B"] * v + load(q)
+            slips, stops = v + h * torque / ARM["J"], h * friction(abs(v)) / ARM["J"]
+            v = np.copysign(max(abs(slips) - stops, 0.0), slips)
+            q += h * v
+    recorded = u + rng.normal(0.0, 0.01, u.size)
+    units = {"position": "rad", "voltage": "V"}
+    return ModelData(t, recorded[:, None], {"position": shown}, None, ("voltage",), ("position",), units)
+
+
+def diagnosed(seed: int, friction: Callable[[float], float], load: Callable[[float], float]) -> Diagnosis:
+    """Return the diagnosis on steps, validated on sines."""
+    model = Model.from_dict({"plant": "dc_motor", "parameters": NOMINAL, "tolerance": 0.06})
+    return diagnose(model, *(arm(seed, wanted, friction, load) for wanted in (steps, sines)))
+
+
+def test_one_rich_law_does_not_stand_for_two_simple_ones():
+    found = diagnosed(1, lambda v: 0.06, lambda q: -0.16 * np.sin(q))
+    assert found.verdict == "missing"
+    assert "coulomb_friction" in proposed(found)
+    assert len(proposed(found)) == 2
+    other = next(e for e in found.missing if e.effect != "coulomb_friction")
+    assert "gravity_load" in (other.effect, *other.indistinguishable_from)
+
+
+def test_cogging_is_sought_in_what_gravity_leaves():
+    found = diagnosed(1, lambda v: 0.0, lambda q: -0.16 * np.sin(q) - 0.05 * np.sin(12 * q + 0.4))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"gravity_load", "cogging_torque"}
+    assert found.parameters["cogging_torque.N"].value == pytest.approx(12.0, abs=0.1)
+
+
+def test_a_strong_effect_does_not_hide_that_nothing_explains_the_rest():
+    found = diagnosed(2, lambda v: 0.03 * v**0.5, lambda q: -0.16 * np.sin(q))
+    assert found.verdict == "unexplained"

@@ -1,0 +1,78 @@
+"""Measured machines: a ball-screw axis, a servo that swings a pendulum, a damper on a shaking table."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from signlin_ros.diagnosis.comparison import compare
+from signlin_ros.diagnosis.data import load_records
+from signlin_ros.diagnosis.results import Diagnosis
+from signlin_ros.diagnosis.verdict import diagnose
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data"))
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")
+EMPS = {
+    "plant": "mass_spring_damper",
+    "parameters": {"m": 95.109, "c": 203.5, "k": 0.0},
+    "signals": {"force": "force [N] (=gtau*u)", "displacement": "q_meas [m]"},
+}
+DAMPER = {
+    "plant": "force_element",
+    "parameters": {"c": 800.0, "k": 0.0},
+    "tolerance": 0.5,
+    "effects": {"sensor_offset": {"force": 132.0}},
+    "signals": {"velocity": "v [mm/s]", "force": "F [N]"},
+}
+
+
+def diagnosed(model: Model, folder: str, names: Sequence[str], unseen: str) -> tuple[Diagnosis, ModelData]:
+    """Return the diagnosis on some records, validated on another one, and that one."""
+    _, data = load_records(model, [str(DATA / folder / f"{name}.csv") for name in (*names, unseen)])
+    return diagnose(model, data[:-1], data[-1:]), data[-1]
+
+
+def proposed(found: Diagnosis) -> set[str]:
+    return set(found.ladder[-1].effects)
+
+
+def falls(found: Diagnosis, channel: str) -> float:
+    """Return the error on unseen data with what is proposed, over that of the model as it was."""
+    return found.ladder[-1].validation.channels[channel].rmse / found.ladder[0].validation.channels[channel].rmse
+
+
+def test_a_ball_screw_axis_without_its_friction():
+    """Published: Coulomb friction of 20.39 N; 5.98 % of the force are left on the record with pulses."""
+    found, unseen = diagnosed(Model.from_dict(EMPS), "emps", ["DATA_EMPS"], "DATA_EMPS_PULSES")
+    status = {e.effect: e.status for e in found.ranking}
+    assert [r.effects for r in found.ladder[1:]] == [
+        ("coulomb_friction",),
+        ("coulomb_friction", "asymmetric_viscous_friction"),
+    ]
+    assert {status[n] for n in ("stribeck_friction", "dahl_presliding", "lugre_friction")} == {"rejected"}
+    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(20.39, rel=0.1)
+    assert falls(found, "displacement") < 0.5
+    inverse = compare(found.model, unseen).inverse["force"]
+    assert inverse.relative_error_percent < 1.1 * 5.98
+
+
+def test_a_servo_whose_friction_grows_with_its_load():
+    """Published: with load-dependent friction the error falls to about half of what Coulomb friction alone leaves."""
+    names = [f"xl330_kp100_{motion}" for motion in ("lift_and_drop", "sin_sin", "sin_time_square", "up_and_down")]
+    found, _ = diagnosed(Model.load("xl330"), "xl330", names[:3], names[3])
+    assert proposed(found) == {"load_dependent_friction"}
+    assert falls(found, "displacement") < 0.5
+
+
+def test_a_magneto_rheological_damper_remembers():
+    """Published: Dahl's friction; Coulomb friction leaves half as much again."""
+    names = [f"ensaio{number}.1_0V" for number in (1, 4, 7, 10)]
+    found, _ = diagnosed(Model.from_dict(DAMPER), "mr_damper", names[:3], names[3])
+    assert len(proposed(found)) == 1
+    assert proposed(found) <= {"dahl_presliding", "bouc_wen_hysteresis", "lugre_friction"}
+    assert falls(found, "force") < 0.5
