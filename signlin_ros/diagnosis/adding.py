@@ -86,7 +86,7 @@ class Adding:
 
         At the highest gain hardly a minimum is left but the right one, and little of weak effects.
         """
-        high, pairs = self.problem.levels[0], dict[frozenset[str], _Promise]()
+        high, pairs, done = self.problem.levels[0], dict[frozenset[str], _Promise](), set[str]()
         for _ in range(EXCHANGES):
             _, promising = self._screened(starts, trials, False, high)
             for p in promising:
@@ -94,8 +94,9 @@ class Adding:
                 if key not in pairs or p.evidence < pairs[key].evidence:
                     pairs[key] = p
             best = min(pairs.values(), key=evidence_of).ranked if pairs else None
-            if best is None or {r.label for r in starts} == set(best.effects):
+            if best is None or set(best.effects) == done:
                 break
+            done = set(best.effects)
             starts = [r for r in (remainder(self.problem.short, best, n) for n in best.effects) if r]
         return self._finished(sorted(pairs.values(), key=evidence_of)[:MOST_FINISHED], filter)
 
@@ -117,7 +118,7 @@ class Adding:
         return tried, sorted((p for p in self.executor.map(self._further, going_on) if p), key=evidence_of)
 
     def _tried(self, before: Ranked, trial: Trial, enough: bool, gains: Gains | None) -> _Promise | None:
-        """Return a trial on top of what was fitted, after two steps, else at the gain that suits what was fitted."""
+        """Return a trial on top of what was fitted, after two steps, at a gain or that which suits it."""
         trial = rescanned(self.problem, trial, before) if gains else trial
         gains = gains or (before.fit.gains if before.fit is not before.low else self.problem.levels[1])
         known, found = before.fit.parameters(), []

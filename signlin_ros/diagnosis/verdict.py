@@ -318,10 +318,7 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
         for s in f.steps
     )
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
-    verdict = _verdict(f, explained, rest)
-    if verdict == "missing" and f.unaccounted and rest > ELSEWHERE:
-        beside = _beside(ladder)
-        verdict, explained = ("unexplained", beside) if beside < EXPLAINED else (verdict, explained)
+    verdict = _verdict(f, ladder, explained, rest)
     partly = explained if verdict == "unexplained" else None
     ranking = _ranking(f, kind, unseen, partly)
     proposed = f if whole or not _too_little(f, partly) else replace(f, steps=f.steps[:1])
@@ -388,10 +385,12 @@ def _beside(ladder: Sequence[Rung]) -> float:
     return max(min(shares), 0.0)
 
 
-def _verdict(f: Findings, explained: float, rest: float) -> str:
+def _verdict(f: Findings, ladder: Sequence[Rung], explained: float, rest: float) -> str:
     if len(f.steps) == 1 or not f.beyond_doubt:
         elsewhere = rest > ELSEWHERE and not f.structured and not f.uncertain
         return "unexplained" if f.unaccounted or elsewhere else "adequate"
+    if f.unaccounted and rest > ELSEWHERE and _beside(ladder) < EXPLAINED:
+        return "unexplained"
     return "missing" if explained >= _enough(f, rest) or not f.structured else "unexplained"
 
 
