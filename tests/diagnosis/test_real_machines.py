@@ -14,6 +14,7 @@ from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.verdict import diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
+from tests.diagnosis.test_traps import proposed
 
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data"))
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")
@@ -35,10 +36,6 @@ def diagnosed(model: Model, folder: str, names: Sequence[str], unseen: str) -> t
     """Return the diagnosis on some records, validated on another one, and that one."""
     _, data = load_records(model, [str(DATA / folder / f"{name}.csv") for name in (*names, unseen)])
     return diagnose(model, data[:-1], data[-1:]), data[-1]
-
-
-def proposed(found: Diagnosis) -> set[str]:
-    return set(found.ladder[-1].effects)
 
 
 def falls(found: Diagnosis, channel: str) -> float:
