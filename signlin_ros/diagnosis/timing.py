@@ -38,8 +38,8 @@ def better_hold(problem: Problem, options: Sequence[Ranked], filter: Filter, eac
     ways = {h: _earlier(problem, h) for h, steps in HOLDS.items() if abs(steps - present) > 0.1}
     work = [(p.short, r, white, 3) for p in (problem, *ways.values()) for r in options]
     looks = np.array(list(each(lambda w: _refitted(*w), work))).reshape(-1, len(options))
-    limit = looks[0].min() - CLEARLY / 2
-    likely = {h: np.argsort(row)[:CLOSEST] for h, row in zip(ways, looks[1:], strict=True) if row.min() < limit}
+    limit = looks[0] - CLEARLY / 2  # of each option itself: one that imitates the timing is as good without
+    likely = {h: np.argsort(row)[:CLOSEST] for h, row in zip(ways, looks[1:], strict=True) if (row < limit).any()}
     colours = [white, filter] if filter.rho.any() else [white]
     work = [(ways[h], options[i], colour, 12) for h, first in likely.items() for i in first for colour in colours]
     found = list(each(lambda w: _refitted(*w), work))
