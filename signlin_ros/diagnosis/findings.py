@@ -113,14 +113,18 @@ class Findings:
         found = np.array([r.noise if r.structure < 0.5 else s.noise for r, s in zip(left, self.left, strict=True)])
         if not self.unaccounted or not self.filter.rho.any():
             return found
-        most, rho = _as_coloured(self.problem, self.filter, judged(self.problem, self.final.ranked))
+        most, rho = _as_coloured(self.problem, self.filter, self._judged)
         return np.where(rho > 0.0, np.minimum(found, AWAKE * most), found)
 
     @functools.cached_property
     def uncertain(self) -> bool:
         """Whether the error on unseen data is what noise and the uncertainty of the parameters make there."""
-        at = judged(self.problem, self.final.ranked)
+        at = self._judged
         return _by_chance(self.unseen, at, at.gains, self.held_out[1], self.unseen_noise**2, MORE)
+
+    @functools.cached_property
+    def _judged(self) -> Fit:
+        return judged(self.problem, self.final.ranked)
 
     @property
     def unaccounted(self) -> bool:

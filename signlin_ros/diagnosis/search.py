@@ -19,6 +19,7 @@ from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residues
 from signlin_ros.diagnosis.problem import (
     Gains,
     Problem,
+    added_keys,
     linear_base,
     pieces,
     prepare,
@@ -209,15 +210,9 @@ def _prior(f: Fit) -> float:
 
 def _values(r: Ranked, effect: str) -> dict[str, float]:
     """Return the fitted parameters of an effect that was added last under its name; none for one of a sensor."""
-    keys = _keys(r, effect)
-    return dict(r.fit.fitted().effects[keys[-1]].parameters) if keys else {}
-
-
-def _keys(r: Ranked, effect: str) -> list[str]:
-    """Return the keys under which an effect was added; none for one of a sensor."""
-    candidate = r.fit.candidate
-    uses = candidate.model.effects
-    return [k for k in candidate.label if k in uses and uses[k].type == effect]
+    model, label = r.fit.fitted(), r.fit.candidate.label
+    keys = [k for k in label if k in model.effects and model.effects[k].type == effect]
+    return dict(model.effects[keys[-1]].parameters) if keys else {}
 
 
 def _simple(singles: Sequence[Ranked]) -> list[Ranked]:
@@ -624,7 +619,8 @@ class _Search:
         before, values = without(self.problem, final, effect), r.fit.parameters()
         if before is None:
             return None
-        trial = Trial(r.label, tuple(_keys(r, r.label)), {n: values[n] for n in r.sensors})
+        keys = tuple(added_keys(self.problem, r.fit.candidate.model, r.label))
+        trial = Trial(r.label, keys, {n: values[n] for n in r.sensors})
         return self._together(before, [(trial, _values(r, r.label))], final.fit.candidate.alert)
 
     # ------------------------------------------------------------ unseen data

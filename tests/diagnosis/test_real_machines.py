@@ -10,6 +10,7 @@ import pytest
 
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.data import load_records
+from signlin_ros.diagnosis.problem import bare
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.verdict import diagnose
 from signlin_ros.model import Model
@@ -18,11 +19,6 @@ from tests.diagnosis.test_traps import proposed
 
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data"))
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")
-EMPS = {
-    "plant": "mass_spring_damper",
-    "parameters": {"m": 95.109, "c": 203.5, "k": 0.0},
-    "signals": {"force": "force [N] (=gtau*u)", "displacement": "q_meas [m]"},
-}
 DAMPER = {
     "plant": "force_element",
     "parameters": {"c": 800.0, "k": 0.0},
@@ -45,7 +41,7 @@ def falls(found: Diagnosis, channel: str) -> float:
 
 def test_a_ball_screw_axis_without_its_friction():
     """Published: Coulomb friction of 20.39 N; 5.98 % of the force are left on the record with pulses."""
-    found, unseen = diagnosed(Model.from_dict(EMPS), "emps", ["DATA_EMPS"], "DATA_EMPS_PULSES")
+    found, unseen = diagnosed(bare(Model.load("emps")), "emps", ["DATA_EMPS"], "DATA_EMPS_PULSES")
     status = {e.effect: e.status for e in found.ranking}
     assert [r.effects for r in found.ladder[1:]] == [
         ("coulomb_friction",),
