@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.dependence import dependence
 from signlin_ros.diagnosis.fit import Filter, Fit, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
-from signlin_ros.diagnosis.problem import Gains, Problem, design
+from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.noise import fourth_difference_share
 
@@ -223,7 +223,7 @@ def _awake(problem: Problem, noise: Array, rho: Array) -> Gains:
     if not rho.any():
         return high
     lasting = noise * np.sqrt((1.0 + rho) / (1.0 - rho))
-    return design(problem.base, problem.channels, lasting, problem.x_scale, problem.scale.step, high.tau)
+    return problem.observer(high.tau, lasting)
 
 
 __all__ = ["NEEDED", "Beside", "Findings", "Step", "driven_by_noise", "judged", "left_by", "structured"]

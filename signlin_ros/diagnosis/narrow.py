@@ -106,7 +106,7 @@ def tuned(problem: Problem, found: Fit, order: str, phase: str) -> Fit:
     c = found.candidate
     names = [k.name for k in c.coordinates]
     i, j = names.index(order), names.index(phase)
-    low, high = problem.ranges.get(problem.base.plant.position, (0.0, problem.scale.travel))
+    low, high = problem.stretch
     for _ in range(AGAIN):
         tried = []
         for shift in BESIDE / max(high - low, 1e-300):

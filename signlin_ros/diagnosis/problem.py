@@ -30,8 +30,9 @@ SETTLED = 25.0
 LEAST_SAMPLES = 100
 STILL = 1e-9
 """A channel whose deviation is a smaller share of its value never moves."""
-LOST = 3.0
-"""Standard deviations of the noise below which a velocity is not known."""
+LOST, RARE = 3.0, 0.05
+"""Standard deviations of the noise below which a velocity is not known, and up to which share of the samples those
+where an imposed one is not are left out."""
 EVEN = 0.5
 """A channel is shown in steps if more than this share of the distances between its values are the same."""
 FEWEST, LONG, CHUNKS = 2000, 6000, 4
@@ -116,6 +117,16 @@ class Problem:
     def short(self) -> Problem:
         """The problem on some stretches of its records, spread evenly, where it has many samples."""
         return _shortened(self)
+
+    def observer(self, tau: float, noise: Array | None = None) -> Gains:
+        """Return the gains of an observer with time constant tau (s), in a noise (ny) other than its own if given."""
+        noise = self.noise if noise is None else noise
+        return design(self.base, self.channels, noise, self.x_scale, self.scale.step, tau)
+
+    @property
+    def stretch(self) -> tuple[float, float]:
+        """Smallest and largest position, about, where only a velocity is measured."""
+        return self.ranges.get(self.base.plant.position, (0.0, self.scale.travel))
 
     @property
     def rotary(self) -> bool:
@@ -345,7 +356,7 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     """
     model = with_measured_position(model, data)
     channels = measured_channels(model, data) if channels is None else channels
-    segments = tuple(segment(model, channels, d) for d in data)
+    segments = tuple(_of_known_direction(model, segment(model, channels, d)) for d in data)
     dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
     duration = max(float(s.t[-1] - s.t[0]) for s in segments)
     everything, noise = np.concatenate([s.y for s in segments]), white_noise(segments)
@@ -425,6 +436,17 @@ def _blur(model: Model, s: Segment) -> float:
     if not plant.motion_is_imposed():
         return 0.0
     return LOST * noise_level(s.t, s.u[:, model.inputs.index(plant.velocity)]).sigma
+
+
+def _of_known_direction(model: Model, s: Segment) -> Segment:
+    """Return a record without what was measured where an imposed motion reverses: in its noise its direction is not
+    known, and what is dry would be wrong by twice its force. Where that is no rare moment, everything is kept.
+    """
+    blur = _blur(model, s)
+    if not blur:
+        return s
+    unknown = np.abs(s.u[:, model.inputs.index(model.plant.velocity)]) < blur
+    return s if unknown.mean() > RARE else replace(s, y=np.where(unknown[:, None], np.nan, s.y))
 
 
 def _inertia(model: Model) -> float:

@@ -16,7 +16,7 @@ from scipy.stats import norm
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, candidate, fit, further, likelihood
 from signlin_ros.diagnosis.judge import any_structure
 from signlin_ros.diagnosis.narrow import Each, deepened, narrowed, tuned, widened
-from signlin_ros.diagnosis.problem import Gains, Problem, added_keys, design
+from signlin_ros.diagnosis.problem import Gains, Problem, added_keys
 from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, load_entry_points
 from signlin_ros.effects.base import Effect, SensorEffect
@@ -50,6 +50,10 @@ SERIOUS = 0.25
 is"""
 MUCH, BEHIND = 1000.0, 200.0
 """much at all; and by how much less another one may gain where the best leaves nothing but noise."""
+
+
+GRADES = (0.5, 0.25, 0.1)
+"""Steps in which a power is changed."""
 
 
 @dataclass(frozen=True)
@@ -313,8 +317,7 @@ def _unstuck(problem: Problem, trial: Trial, each: Each) -> list[tuple[Fit, Fit]
     lower gains are so many that a fit must be at the end of its way before it descends. Best pair first.
     """
     (high, middle), short, first = problem.levels[:2], problem.short, extended(problem, None, trial, trial.starts[0])
-    step = problem.scale.step
-    awake = design(problem.base, problem.channels, problem.noise, problem.x_scale, step, AWAKE * step)
+    awake = problem.observer(AWAKE * problem.scale.step)
     starts = narrowed(short, first, trial.starts, trial.added[0], awake, each)
     tried = each(lambda s: descend(short, extended(problem, None, trial, s), None, (awake, high), 6, None), starts)
     best = min((fits[-1] for fits in tried if len(fits) == 2), key=cost_of, default=None)
@@ -542,6 +545,37 @@ def _better(problem: Problem, r: Ranked, best: Fit) -> Ranked:
     return r if found is None or found.evidence > r.evidence else found
 
 
+def sharpened(problem: Problem, r: Ranked, filter: Filter, each: Each) -> Ranked:
+    """Return the fit of a single effect with its powers between those that it was started from, where that gains what
+    one more parameter must.
+    """
+    for name in EFFECTS[r.label].graded:
+        f = _regraded(problem, r, name, each)
+        fits = descend(problem, f.candidate, f.theta, problem.levels[1:], 10, filter) if f else []
+        other = ranked(problem, r.effects, r.sensors, fits)
+        if other and other.evidence < r.evidence - PRICE - np.log(other.fit.count.sum()):
+            r = other
+    return r
+
+
+def _regraded(problem: Problem, r: Ranked, name: str, each: Each) -> Fit | None:
+    """Return the best fit of a single effect at the middle gain with a power near to its own."""
+    key, middle, (low, high) = r.fit.candidate.label[-1:], problem.levels[1], EFFECTS[r.label].graded[name]
+    values = r.fit.fitted().effects[key[0]].parameters
+
+    def at(power: float) -> Fit | None:
+        c = extended(problem, None, Trial(r.label, key), {**values, name: power})
+        return fit(problem, c, middle, c.start(r.fit.parameters()), 8)
+
+    best = values[name]
+    found = {best: at(best)}
+    for step in GRADES:
+        beside = [p for p in (round(best - step, 2), round(best + step, 2)) if low <= p <= high and p not in found]
+        found |= zip(beside, each(at, beside), strict=True)
+        best = min(found, key=lambda power: np.inf if (f := found[power]) is None else f.cost)
+    return found[best]
+
+
 def simplified(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked], run: Executor) -> list[Ranked]:
     """Return fits of single effects, the simpler ones also started from where richer ones arrived that contain them."""
     known = {t.effect: t for t in trials if t.added}
@@ -612,6 +646,7 @@ __all__ = [
     "rescanned",
     "roughness",
     "searched",
+    "sharpened",
     "simplified",
     "trusted",
     "unfiltered",

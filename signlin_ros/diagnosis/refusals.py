@@ -37,6 +37,9 @@ def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | No
     slight = _negligible(problem, r, before)
     if slight:
         return slight, f"it would be less than {100 * SLIGHT:g} % of what drives"
+    once = _unrepeated(problem, r, before)
+    if once:
+        return once
     if _instant(problem, r, before):
         return r.label, f"it would be less than {BRIEF:g} of the time between two samples"
     if _follows(problem, r, before):
@@ -124,6 +127,20 @@ def _negligible(problem: Problem, r: Ranked, before: Ranked) -> str:
         if sizes and max(sizes) < SLIGHT:
             return use.type
     return ""
+
+
+def _unrepeated(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
+    """Return an effect added to ``before`` that is said to repeat where the motion covers less than one period, and how
+    much of it: any smooth force is a part of some wave.
+    """
+    values, model, (low, high) = r.fit.parameters(), r.fit.candidate.model, problem.stretch
+    for key in r.fit.candidate.label:
+        use = model.effects.get(key)
+        order = find_effect(use.type, "effects").periodic[:1] if use and use.type not in before.effects else ()
+        seen = values[f"{key}.{order[0]}"] * (high - low) / (2 * np.pi) if order else 1.0
+        if use and seen < 1.0:
+            return use.type, f"the motion covers {seen:.0%} of what would be its period: nothing shows that it repeats"
+    return None
 
 
 def _instant(problem: Problem, r: Ranked, before: Ranked) -> bool:

@@ -44,6 +44,7 @@ from signlin_ros.diagnosis.rank import (
     ranked,
     roughness,
     searched,
+    sharpened,
     simplified,
     unfiltered,
     without,
@@ -250,6 +251,7 @@ class _Search:
         base = self._base()
         self.progress("single effects", 0.1)
         base, singles = self._whiten(base, self._singles(base, trials))
+        singles = self._sharpened(singles)
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.pairs += self._exchanged(base, path[-1].ranked, singles)
         self.progress("validation", 0.9)
@@ -293,6 +295,13 @@ class _Search:
             if not self._enough(min([base, *singles], key=evidence_of)):
                 singles = self._deeper(base, singles)
         return simplified(self.problem, trials, singles, self.executor)
+
+    def _sharpened(self, singles: list[Ranked]) -> list[Ranked]:
+        """Return every effect alone, the best with other powers where it is not enough."""
+        if not singles or not EFFECTS[singles[0].label].graded or self._enough(singles[0]):
+            return singles
+        best = sharpened(self.problem, singles[0], self.filter, self.executor.map)
+        return sorted([best, *singles[1:]], key=evidence_of)
 
     def _deeper(self, base: Ranked, singles: list[Ranked]) -> list[Ranked]:
         """Return every effect alone, the best gone on from to deeper minima, and the next where it explains as much."""

@@ -58,6 +58,8 @@ class Effect(HasPars):
     """Parameters that no record tells from the others, and what a fit holds them at (None: at the start)."""
     within: ClassVar[Mapping[str, tuple[float, float]]] = {}
     """Bounds that a fit keeps to, where a model file may go beyond."""
+    graded: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """Structural parameters that may have any value between two, as a power; a fit holds them, and tries others."""
     angular: ClassVar[bool] = False
     """Whether its force is periodic in the position, so that it matters where exactly a record starts."""
     rugged: ClassVar[bool] = False

@@ -161,27 +161,64 @@ def test_a_bristle_that_bends_less_than_the_motion_is_known_is_no_more_than_fric
     assert LuGreFriction.blurred(lugre, 4e-7) == ()
 
 
+MOUNT = {"plant": "force_element", "parameters": {"c": 610.0, "k": 6500.0}, "tolerance": 0.1}
+
+
+def sheared(seed: int) -> ModelData:
+    """Return force and motion of a mount with dry friction; at every reversal the noise of its velocity gives a few
+    samples the wrong sign.
+    """
+    rng, t = np.random.default_rng(seed), np.arange(5000) / 250.0
+    w, size = 2 * np.pi * np.array([0.4, 1.1, 2.3, 4.7]), np.array([6.0, 4.0, 3.0, 2.0]) * 1e-3
+    phase = rng.uniform(0, 6.3, 4)
+    q = (size * np.sin(w * t[:, None] + phase)).sum(axis=1)
+    v = (size * w * np.cos(w * t[:, None] + phase)).sum(axis=1)
+    force = 575.0 * v + 6280.0 * q + 29.0 * np.sign(v) + 4.0 * rng.normal(size=t.size)
+    shown = v + 6e-4 * rng.normal(size=t.size)
+    units = {"velocity": "m/s", "displacement": "m", "force": "N"}
+    measured = {"force": force, "displacement": q + 2e-6 * rng.normal(size=t.size)}
+    return ModelData(t, shown[:, None], measured, None, ("velocity",), ("displacement",), units)
+
+
 def test_coulomb_friction_is_among_the_ties_where_the_motion_is_known_no_better():
-    """At every reversal the noise gives a few samples the wrong sign, which presliding of less than it can smooth."""
-    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 610.0, "k": 6500.0}, "tolerance": 0.1})
-
-    def sheared(seed: int) -> ModelData:
-        rng, t = np.random.default_rng(seed), np.arange(5000) / 250.0
-        w, size, phase = (
-            2 * np.pi * np.array([0.4, 1.1, 2.3, 4.7]),
-            np.array([6.0, 4.0, 3.0, 2.0]) * 1e-3,
-            rng.uniform(0, 6.3, 4),
-        )
-        q = (size * np.sin(w * t[:, None] + phase)).sum(axis=1)
-        v = (size * w * np.cos(w * t[:, None] + phase)).sum(axis=1)
-        force = 575.0 * v + 6280.0 * q + 29.0 * np.sign(v) + 4.0 * rng.normal(size=t.size)
-        shown = v + 6e-4 * rng.normal(size=t.size)
-        units = {"velocity": "m/s", "displacement": "m", "force": "N"}
-        measured = {"force": force, "displacement": q + 2e-6 * rng.normal(size=t.size)}
-        return ModelData(t, shown[:, None], measured, None, ("velocity",), ("displacement",), units)
-
-    found = diagnose(model, sheared(1), sheared(2))
+    found = diagnose(Model.from_dict(MOUNT), sheared(1), sheared(2))
     assert found.verdict == "missing"
     (proposed,) = found.ladder[-1].effects
     entry = next(e for e in found.ranking if e.effect == proposed)
     assert "coulomb_friction" in (proposed, *entry.indistinguishable_from)
+
+
+def test_a_direction_that_is_lost_in_noise_is_no_structure():
+    known = Model.from_dict(MOUNT).with_effect("coulomb_friction", mu=30.0)
+    found = diagnose(known, sheared(1), sheared(2))
+    assert found.verdict == "adequate"
+    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(29.0, rel=0.02)
+
+
+def test_a_loop_may_yield_with_any_power():
+    """h' = v / D - (0.5 |v| |h|^0.6 h + 0.3 v |h|^1.6) / D, in small steps."""
+
+    def cycled(seed: int) -> ModelData:
+        rng, t = np.random.default_rng(seed), np.arange(3000) * 0.005
+        w, phase = 2 * np.pi * rng.uniform(0.3, 2.0, 3), rng.uniform(0, 6, 3)
+        held = 0.03 * np.sin(w * t[:, None] + phase).sum(axis=1)
+        h, loop = np.zeros(t.size), 0.0
+        for k, v in enumerate(held):
+            h[k] = loop
+            for _ in range(FINE):
+                yielding = 0.5 * abs(v) * abs(loop) ** 0.6 * loop + 0.3 * v * abs(loop) ** 1.6
+                loop += (v - yielding) / 0.003 * 0.005 / FINE
+        q = np.concatenate([[0.0], np.cumsum(held[:-1]) * 0.005])
+        force = 60.0 * held + 9000.0 * (0.4 * q + 0.6 * 0.003 * h) + rng.normal(0.0, 0.2, t.size)
+        units = {"displacement": "m", "force": "N", "velocity": "m/s"}
+        return ModelData(
+            t, held[:, None], {"displacement": q, "force": force}, None, ("velocity",), ("displacement",), units
+        )
+
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 61.0, "k": 8800.0}})
+    found = diagnose(model, cycled(1), cycled(2))
+    assert found.verdict == "missing"
+    assert found.ladder[-1].effects == ("bouc_wen_hysteresis",)
+    assert found.missing[0].parameters["n"].value == pytest.approx(1.6, abs=0.11)
+    assert found.parameters["bouc_wen_hysteresis.alpha"].value == pytest.approx(0.4, abs=0.02)
+    assert found.ladder[-1].validation.over_noise < 1.1

@@ -213,6 +213,28 @@ def test_what_is_only_outside_the_catalogue_is_not_named(tmp_path):
     assert set(found.model.effects) == proposed(found)
 
 
+def test_a_wave_of_which_less_than_a_period_is_seen_is_no_cogging():
+    """A spring with a quadratic term: a load and the trough of a long wave imitate it."""
+
+    def shaken(seed: int) -> ModelData:
+        rng, t, fine = np.random.default_rng(seed), np.arange(6000) * 1e-3, 20
+        tones, phases = 2 * np.pi * np.linspace(5, 40, 30), rng.uniform(0, 6, 30)
+        u, q, state, v = 0.5 * np.sin(tones * t[:, None] + phases).sum(axis=1), np.empty_like(t), 0.0, 0.0
+        for k, force in enumerate(u):
+            q[k] = state
+            for _ in range(fine):
+                v += (force - 3.2 * v - 5200.0 * state - 3.5e5 * state**2) / 0.35 * 1e-3 / fine
+                state += v * 1e-3 / fine
+        units = {"displacement": "m", "force": "N"}
+        shown = {"displacement": q + rng.normal(0.0, 4e-6, q.size)}
+        return ModelData(t, u[:, None], shown, None, ("force",), ("displacement",), units)
+
+    model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 0.344, "c": 3.23, "k": 5040.0}})
+    found = diagnose(model, shaken(1), shaken(2))
+    assert found.verdict == "unexplained"
+    assert status(found, "cogging_torque") == "rejected"
+
+
 def test_every_choice_of_channels_works(tmp_path):
     for number, only in enumerate((("velocity",), ("displacement",))):
         folder = tmp_path / str(number)
