@@ -301,7 +301,8 @@ def _converted(
         if how is None:
             label = signal.label or key
             raise RecordError(
-                f"{record.source}: {name} is in {signal.unit!r} (column {label!r}), the model in {wanted!r}"
+                f"{record.source}: {name} is in {signal.unit!r} (column {label!r}), the model in {wanted!r}; "
+                "if the model's numbers are for that unit, leave it out of the header"
             )
         values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
         if signal.unit and units.kind(wanted.split(" or ")[0]) == "linear":
