@@ -480,7 +480,7 @@ class _Search:
             least = roughness(last.fit) if set(last.effects) < set(r.effects) else 0.0
             if r.effects == last.effects or r.evidence >= last.evidence - least or self._refused(r, last):
                 continue
-            step = self._compared(path[-1], r)
+            step = self._seen_awake(path[-1], self._compared(path[-1], r))
             if self._unbent(path, step) or self._beyond_doubt(path, step):
                 return step
         return None
@@ -515,6 +515,17 @@ class _Search:
         if poor and (step.share < SHARE or (not self._enough(r) and self._patch(path, r))):
             return False
         return step.certainty > FURTHER or not self._wandering(last)
+
+    def _seen_awake(self, before: Step, step: Step) -> Step:
+        """Return a step as certain as it is at the highest gain, where that is beyond doubt and noise in the input may
+        be to blame below: there the observer follows what it leaves, and the rest is as good as independent.
+        """
+        if step.gain <= 0 or step.certainty > FURTHER or not self._wandering(before.ranked):
+            return step
+        block = max(int(BLOCK / self.problem.scale.step), 8)
+        first, second = (self._unseen(s.ranked, self.problem.levels[0]) for s in (before, step))
+        gain, certainty, _ = gain_on(first, second, block)
+        return replace(step, certainty=certainty) if gain > 0 and certainty > FURTHER else step
 
     def _patch(self, path: list[Step], r: Ranked) -> bool:
         """Tell whether a set of effects explains little beyond the last step: neither `SHARE` of what the base model

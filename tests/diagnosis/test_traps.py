@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
-from benchmarks.hidden.generator import simulate
+from benchmarks.hidden.generator import draw, simulate, write
 from benchmarks.hidden.laws import STEP
 from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.diagnosis.verdict import add, diagnose
@@ -300,6 +300,15 @@ def test_an_amplifier_that_is_weaker_one_way_is_no_load(tmp_path):
     model, *parts = recorded(tmp_path, STAGE, {}, only=("displacement",), level=0.01)
     commanded = [[replace(d, u=np.where(d.u < 0, d.u / 0.85, d.u)) for d in part] for part in parts]
     assert diagnose(model, *commanded).verdict == "unexplained"
+
+
+def test_what_is_certain_at_the_highest_gain_is_not_put_down_to_noise_in_the_input(tmp_path):
+    """Weak cogging acts now and then only, so that few blocks of the record show what it explains."""
+    record = draw("weak", 6, 26)
+    assert record.truth["hidden"] == ["cogging_torque"]
+    found = diagnose(*records(write(record, tmp_path / "record")))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"cogging_torque"}
 
 
 def test_a_play_is_not_what_follows_noise_in_the_input(tmp_path):
