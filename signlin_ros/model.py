@@ -668,10 +668,11 @@ def _own_names(option: str, own: dict[str, str]) -> dict[str, str]:
 
 
 def _signal_name(model: Model, name: str) -> str:
-    """Return the own name of what a record may hold: the time, a state, input or output, an input that may be left."""
+    """Return the own name of what a record may hold: the time, a state, input or output, or what may be one."""
     if name in TIME:
         return TIME[0]
-    return name if name in model.plant.optional_inputs else _state_name(model, "signals", name, None)
+    perhaps = name in model.plant.optional_inputs or name in model.plant.sometimes
+    return name if perhaps else _state_name(model, "signals", name, None)
 
 
 def _state_name(model: Model, option: str, name: str, allowed: tuple[str, ...] | None) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import html
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from signlin_ros.diagnosis.inverse import Inverse, inverse
 from signlin_ros.diagnosis.locate import Region, by_direction, locate
 from signlin_ros.diagnosis.missing import Missing, missing
 from signlin_ros.diagnosis.observer import TRUSTS, Observer
+from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.scores import Score, score
 from signlin_ros.diagnosis.tracking import mean_square
 from signlin_ros.diagnosis.whiteness import ResidualTest, residual_test
@@ -135,7 +137,8 @@ def compare(
     """
     records = as_list(data)
     channels, units = measured_channels(model, records), dict(records[0].units)
-    parts, notes = stretches(model, records, channels)
+    cleaned, left_out = zip(*(without_outliers(record, channels) for record in records), strict=True)
+    parts, notes = stretches(model, cleaned, channels)
     observer = _observer(model, parts, channels)
     horizon = _checked(model.update_period if horizon is None else horizon, observer.step)
     free, window = _free(observer, notes), _windowed(observer, horizon, notes)
@@ -150,7 +153,7 @@ def compare(
         horizon=horizon,
         samples=sum(len(record) for record in records),
         sources=tuple(record.source for record in records),
-        notes=(*_of_records(records), *notes, *_remarks(observer, lacking, where)),
+        notes=(*_of_records(records), *chain(*left_out), *notes, *_remarks(observer, lacking, where)),
         directions={m.name: by_direction(observer, m, units) for m in lacking if m.clear},
         units=units,
         traces=tuple(_traces(observer, k, free, window, residuals) for k in range(len(parts))),

@@ -14,6 +14,7 @@ from signlin_ros.diagnosis.data import driving, measured_channels, measured_part
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import kalman_gains
 from signlin_ros.diagnosis.missing import per_force
+from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
@@ -262,10 +263,12 @@ def _first_slope(t: Array, values: Array) -> float:
 
 def pieces(data: ModelData, channels: tuple[str, ...]) -> tuple[list[ModelData], list[str]]:
     """Cut a record at its gaps in time, each piece from where the channels are measured; pieces that are too short are
-    left out, if any is long enough. Returns notes on what is left out because it is not measured.
+    left out, if any is long enough. Returns notes on outliers, and on what is left out because it is not measured.
     """
-    edges, notes = measured_parts(data, channels, np.column_stack([data.measured[c] for c in channels]))
-    return [data.part(first, last) for first, last in edges if last - first >= LEAST_SAMPLES] or [data], notes
+    data, notes = without_outliers(data, channels)
+    edges, late = measured_parts(data, channels, np.column_stack([data.measured[c] for c in channels]))
+    parts = [data.part(first, last) for first, last in edges if last - first >= LEAST_SAMPLES]
+    return parts or [data], [*notes, *late]
 
 
 def added_keys(problem: Problem, model: Model, effect: str) -> list[str]:

@@ -24,6 +24,11 @@ REAL = 3.0
 SLIGHT = 1e-3
 """Share of the driving force, or of the largest input, beneath which an effect is not worth a name."""
 
+HELD = 10.0
+"""Breakaway friction beyond so many times what drives (RMS): nothing would ever move against it."""
+PERIODS, OTHERS, INDIFFERENT = 20.0, (0.9, 1.1), 0.5
+"""A wave of which the motion covers so many periods is no wave if one with its order multiplied by these explains so
+much of what it explains: fine waves of any order hold what is slow, as friction does."""
 BRIEF = 0.1
 """Part of the time between two samples beneath which a delay is not worth a name."""
 
@@ -37,9 +42,9 @@ def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | No
     slight = _negligible(problem, r, before)
     if slight:
         return slight, f"it would be less than {100 * SLIGHT:g} % of what drives"
-    once = _unrepeated(problem, r, before)
-    if once:
-        return once
+    wave = _unrepeated(problem, r, before) or _of_any_order(problem, r, before)
+    if wave:
+        return wave
     if _instant(problem, r, before):
         return r.label, f"it would be less than {BRIEF:g} of the time between two samples"
     if _follows(problem, r, before):
@@ -52,7 +57,9 @@ def plausible(problem: Problem, r: Ranked) -> bool:
     """Tell whether the parameters of all that was added are those of the effects, not of what they imitate."""
     model = r.fit.fitted()
     added = [use for key, use in model.effects.items() if key not in problem.base.effects]
-    return all(find_effect(use.type, "effects").plausible(use.parameters) for use in added)
+    most = HELD * max(problem.scale.force, problem.scale.inertia * problem.scale.acceleration)
+    effects = [(find_effect(use.type, "effects"), use.parameters) for use in added]
+    return all(e.plausible(p) and sum(abs(p[n]) for n in e.breakaway) <= most for e, p in effects)
 
 
 def _is_essential(model: Model, parameter: str) -> bool:
@@ -129,18 +136,50 @@ def _negligible(problem: Problem, r: Ranked, before: Ranked) -> str:
     return ""
 
 
+def _waves(problem: Problem, r: Ranked, before: Ranked) -> list[tuple[str, str, float]]:
+    """Return the waves that were added to ``before``: key, parameter of the order, periods that the motion covers."""
+    values, model, (low, high) = r.fit.parameters(), r.fit.candidate.model, problem.stretch
+    added = [k for k in r.fit.candidate.label if k in model.effects and model.effects[k].type not in before.effects]
+    orders = [(k, n) for k in added for n in find_effect(model.effects[k].type, "effects").periodic[:1]]
+    return [(k, f"{k}.{n}", values[f"{k}.{n}"] * (high - low) / (2 * np.pi)) for k, n in orders]
+
+
 def _unrepeated(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
     """Return an effect added to ``before`` that is said to repeat where the motion covers less than one period, and how
     much of it: any smooth force is a part of some wave.
     """
-    values, model, (low, high) = r.fit.parameters(), r.fit.candidate.model, problem.stretch
-    for key in r.fit.candidate.label:
-        use = model.effects.get(key)
-        order = find_effect(use.type, "effects").periodic[:1] if use and use.type not in before.effects else ()
-        seen = values[f"{key}.{order[0]}"] * (high - low) / (2 * np.pi) if order else 1.0
-        if use and seen < 1.0:
-            return use.type, f"the motion covers {seen:.0%} of what would be its period: nothing shows that it repeats"
+    for key, _, seen in _waves(problem, r, before):
+        if seen < 1.0:
+            why = f"the motion covers {seen:.0%} of what would be its period: nothing shows that it repeats"
+            return r.fit.candidate.model.effects[key].type, why
     return None
+
+
+def _of_any_order(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
+    """Return a fine wave added to ``before`` that waves of quite other orders do as well as, and that this is so.
+
+    What moves slowly rests in its valleys: it stands in for friction that holds more than the model's.
+    """
+    f, start = r.fit, None
+    for key, name, seen in _waves(problem, r, before):
+        if seen < PERIODS:
+            continue
+        start = start or fit(problem, before.fit.candidate, f.gains, before.fit.theta, 6, f.filter)
+        gained = start.cost - f.cost if start else 0.0
+        for other in (_at_order(problem, f, name, times) for times in OTHERS):
+            if other and start and start.cost - other.cost > INDIFFERENT * gained:
+                why = "a wave of any other order explains nearly as much: it holds what moves slowly, as friction does"
+                return f.candidate.model.effects[key].type, why
+    return None
+
+
+def _at_order(problem: Problem, f: Fit, name: str, times: float) -> Fit | None:
+    """Return a fit with the order of a wave multiplied and held, the rest fitted again."""
+    c, theta = f.candidate, f.theta.copy()
+    i = [k.name for k in c.coordinates].index(name)
+    theta[i] = c.coordinates[i].theta(times * c.coordinates[i].value(float(theta[i])))
+    held = (replace(k, low=theta[i], high=theta[i]) if j == i else k for j, k in enumerate(c.coordinates))
+    return fit(problem, replace(c, coordinates=tuple(held)), f.gains, theta, 8, f.filter)
 
 
 def _instant(problem: Problem, r: Ranked, before: Ranked) -> bool:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.adding import Adding
 from signlin_ros.diagnosis.data import measured_channels
+from signlin_ros.diagnosis.derived import without_derived
 from signlin_ros.diagnosis.findings import Findings, Step, driven_by_noise, judged, left_by, structured
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, tidied
 from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residues
@@ -68,6 +69,8 @@ CERTAIN, FURTHER = 2.5, 3.5
 effect, which is the best of some twenty that each might patch what is left.
 """
 STRONG = 30.0
+NOISE = 1.1
+"""What may be left of unseen data, in multiples of their white noise, that is nothing else."""
 SPARSE = 50.0
 """Samples so many times further apart than the fastest motion lasts may be why a model diverges."""
 STRAINED = 60.0
@@ -80,6 +83,8 @@ SHARE, PART = 0.05, 0.2
 structure remains, it must also be that share of what the base model lacks, or `PART` of what the last step left."""
 SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
+MUCH = 0.3
+"""Share of the squared innovations on unseen data that a model must leave less than one that evidence prefers."""
 TRIED = 3
 """How many options for the next step are held against unseen data."""
 RIVAL = 0.5
@@ -90,8 +95,8 @@ DEPTH = 3
 """Most effects that one diagnosis adds."""
 EXPLAINED = 0.95
 """Least share of the missing part of the motion that the named effects must explain on unseen data."""
-BLOCK = 0.25
-"""Length of the blocks in s by which errors on unseen data are compared."""
+BLOCK, BLOCKS = 0.25, 20
+"""Length of the blocks in s by which errors on unseen data are compared; shorter where there would be fewer of them."""
 
 Progress = Callable[[str, float], None]
 
@@ -110,7 +115,9 @@ def prepared(
     model = with_measured_position(model, [*first, *second])
     channels = measured_channels(model, [*first, *second])
     (known, notes), (unseen, more) = _cut(first, channels), _cut(second, channels)
-    problem = replace(prepare(model, known, channels), notes=notes)
+    own, position = without_derived(model, [*known, *unseen], channels), model.plant.position
+    notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
+    problem = replace(prepare(model, known, own), notes=notes)
     segments = tuple(segment(problem.base, problem.channels, part) for part in unseen)
     return problem, replace(problem, segments=segments, noise=white_noise(segments), notes=more)
 
@@ -241,6 +248,8 @@ class _Search:
         self.declined: dict[str, str] = {}
         self.known: dict[str, Trial] = {}
         self.told: dict[int, tuple[Ranked, Filter, bool]] = {}
+        samples = sum(s.t.size for s in unseen.segments)
+        self.block = max(min(int(BLOCK / problem.scale.step), samples // BLOCKS), 8)
 
     def run(self, only: str | None = None) -> Findings:
         self.progress("preparing", 0.0)
@@ -250,8 +259,7 @@ class _Search:
         self.known = {t.effect: t for t in trials if t.added}
         base = self._base()
         self.progress("single effects", 0.1)
-        base, singles = self._whiten(base, self._singles(base, trials))
-        singles = self._sharpened(singles)
+        base, singles = self._whiten(base, self._sharpened(self._singles(base, trials)))
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.pairs += self._exchanged(base, path[-1].ranked, singles)
         self.progress("validation", 0.9)
@@ -288,7 +296,8 @@ class _Search:
     def _singles(self, base: Ranked, trials: list[Trial]) -> list[Ranked]:
         """Return every effect alone, best first; searched as thoroughly as is needed for one that is enough."""
         singles = compete(self.problem, base, trials, self.executor)
-        singles = [*(afloat(self.problem, r, self.executor.map) for r in singles[:1]), *singles[1:]]
+        first = [self._unborrowed(base, afloat(self.problem, r, self.executor.map)) for r in singles[:1]]
+        singles = sorted([*first, *singles[1:]], key=evidence_of)
         if not (self.filter.rho.any() or self._enough(min([base, *singles], key=evidence_of))):
             singles = [self._unborrowed(base, r) for r in searched(self.problem, trials, singles, self.executor)]
             singles = sorted(singles, key=evidence_of)
@@ -465,25 +474,39 @@ class _Search:
 
     def _best_step(self, path: list[Step], options: list[Ranked]) -> Step | None:
         """Return the best option that lowers the error on unseen data beyond doubt, or None; where one is refused that
-        would have been enough, the simplest is sought anew.
+        would have been enough, the simplest is sought anew. Of those that leave structure, one that explains unseen
+        data much better is taken: by evidence, where a model is wrong, the one wins that bends furthest.
         """
-        left, anew = sorted(options, key=evidence_of), True
+        left, anew, best = sorted(options, key=evidence_of), True, None
         for _ in range(min(TRIED, len(left))):
             option = self._simplest(left) if anew else left[0]
             anew = option is left[0] and self._enough(option)
             left = [r for r in left if r is not option]
             if option.evidence >= path[-1].ranked.evidence - (TIE if len(path) > 1 else 0.0):
-                return None
-            r = self._plainer(self._pruned(option, path))
-            self._reached(r, path)
-            last = path[-1].ranked
-            least = roughness(last.fit) if set(last.effects) < set(r.effects) else 0.0
-            if r.effects == last.effects or r.evidence >= last.evidence - least or self._refused(r, last):
-                continue
-            step = self._seen_awake(path[-1], self._compared(path[-1], r))
-            if self._unbent(path, step) or self._beyond_doubt(path, step):
-                return step
-        return None
+                break
+            step = self._sure_step(path, option)
+            if step is not None and (best is None or self._better_unseen(best.ranked, step.ranked)):
+                best = step
+            if best is not None and self._enough(best.ranked):
+                break
+        return best
+
+    def _sure_step(self, path: list[Step], option: Ranked) -> Step | None:
+        """Return the step to an option, without what it does not need, if it is beyond doubt and no imitation."""
+        r = self._plainer(self._pruned(option, path))
+        self._reached(r, path)
+        last = path[-1].ranked
+        least = roughness(last.fit) if set(last.effects) < set(r.effects) else 0.0
+        if r.effects == last.effects or r.evidence >= last.evidence - least or self._refused(r, last):
+            return None
+        step = self._seen_awake(path[-1], self._compared(path[-1], r))
+        return step if self._unbent(path, step) or self._beyond_doubt(path, step) else None
+
+    def _better_unseen(self, a: Ranked, b: Ranked) -> bool:
+        """Tell whether a model explains unseen data much better than another, beyond doubt, at the middle gain."""
+        middle = self.problem.levels[1]
+        gain, certainty, share = gain_on(self._unseen(a, middle), self._unseen(b, middle), self.block)
+        return gain > 0 and certainty > CERTAIN and share > MUCH
 
     def _refused(self, r: Ranked, last: Ranked) -> bool:
         """Tell whether what a set adds is not what it is called, and note why."""
@@ -508,7 +531,7 @@ class _Search:
         """Tell whether a step lowers the error on unseen data beyond doubt, and is no patch."""
         last, r = path[-1].ranked, step.ranked
         strong = last.evidence - r.evidence > STRONG and not self.filter.rho.any()
-        needed = FURTHER if len(path) > 1 else LIKELY if strong else SURE
+        needed = SURE if self._to_the_noise(path, step) else FURTHER if len(path) > 1 else LIKELY if strong else SURE
         if step.gain <= 0 or step.certainty <= needed:
             return False
         poor = len(path) > 1 and not self._enough(last)
@@ -516,15 +539,23 @@ class _Search:
             return False
         return step.certainty > FURTHER or not self._wandering(last)
 
+    def _to_the_noise(self, path: list[Step], step: Step) -> bool:
+        """Tell whether a further step leaves nothing but noise, on unseen data too, where the last one left more: what
+        patches one record does not do that on another.
+        """
+        if len(path) < 2 or self._enough(path[-1].ranked) or not self._enough(step.ranked):
+            return False
+        left = np.sqrt(np.nanmean(np.concatenate(step.unseen) ** 2, axis=0))
+        return bool((left < NOISE * self.unseen.noise).all())
+
     def _seen_awake(self, before: Step, step: Step) -> Step:
         """Return a step as certain as it is at the highest gain, where that is beyond doubt and noise in the input may
         be to blame below: there the observer follows what it leaves, and the rest is as good as independent.
         """
         if step.gain <= 0 or step.certainty > FURTHER or not self._wandering(before.ranked):
             return step
-        block = max(int(BLOCK / self.problem.scale.step), 8)
         first, second = (self._unseen(s.ranked, self.problem.levels[0]) for s in (before, step))
-        gain, certainty, _ = gain_on(first, second, block)
+        gain, certainty, _ = gain_on(first, second, self.block)
         return replace(step, certainty=certainty) if gain > 0 and certainty > FURTHER else step
 
     def _patch(self, path: list[Step], r: Ranked) -> bool:
@@ -663,8 +694,7 @@ class _Search:
         """Return a set of effects with what it gains on unseen data: at the gain of its fit or, where that is little,
         block by block and at the middle gain too: motion that is lost for once counts for no more than that.
         """
-        step = self._step(r)
-        block = max(int(BLOCK / self.problem.scale.step), 8)
+        step, block = self._step(r), self.block
         first = [before.ranked.fit.filter.apply(e) for e in before.unseen]
         second = [r.fit.filter.apply(e) for e in step.unseen]
         gain, certainty, share = gain_on(first, second, block)

@@ -77,6 +77,8 @@ class Effect(HasPars):
     floating: ClassVar[bool] = False
     """Whether its own states run away from where they should be (a load that is free in its play), so that an observer
     must correct them."""
+    breakaway: ClassVar[tuple[str, ...]] = ()
+    """Parameters whose sum is the largest force with which it holds what stands still."""
     turning: ClassVar[tuple[str, str] | tuple[()]] = ()
     """(amplitude, phase) of a force that is the same with the amplitude's sign changed and half a turn more."""
     periodic: ClassVar[tuple[str, ...]] = ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +11,8 @@ from signlin_ros.par import Par
 
 SLIGHT = 0.02
 """Share of the stiffness that may stay elastic where a loop is all but Dahl's."""
+STIFF = 10.0
+"""Ratio of -gamma to beta beyond which a loop has no width to speak of."""
 
 
 class BoucWenHysteresis(Effect):
@@ -65,6 +68,21 @@ class BoucWenHysteresis(Effect):
             return {}
         k = (1 - p["alpha"]) * p["k"] * p["lambda"]
         return {"dahl_presliding": {"F_c": p["D"] * k / p["beta"], "sigma": k}}
+
+    @classmethod
+    def plausible(cls, p: Mapping[str, float]) -> bool:
+        """Refuse a loop without width that hardens: it takes no energy, and is an elastic spring."""
+        return p["gamma"] >= -STIFF * p["beta"]
+
+    @classmethod
+    def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
+        """Return the springs that a loop without width is: they harden where h would run off to infinity."""
+        if cls.plausible(p) or "k" not in p:
+            return []
+        run_off = p["D"] * math.pi / 2 * (abs(p["gamma"]) + p["beta"]) ** (-1.0 / p["n"])
+        spring = {"linear_stiffness": {"k": p["k"]}}
+        stop, cubic = {"gap": run_off, "k_s": 3.0 * p["k"]}, {"k3": p["k"] / run_off**2}
+        return [{**spring, "hard_stop": stop}, {**spring, "cubic_stiffness": cubic}]
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -self.spring(m, x, p, p.k) if hasattr(p, "k") else 0

@@ -22,6 +22,7 @@ class CoulombFriction(Effect):
     )
     experiment = "reverse the motion slowly, many times"
     dissipative = True
+    breakaway = ("mu",)
 
     mu = Par("F", nominal=0.03, doc="friction while sliding")
     start = ({"mu": 0.05},)

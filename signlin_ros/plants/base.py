@@ -55,6 +55,8 @@ class Plant(HasPars):
     """Default method."""
     zero_matters: ClassVar[tuple[str, ...]] = ()
     """Parameters that change the equations when they are exactly 0."""
+    sometimes: ClassVar[dict[str, str]] = {}
+    """Quantities that are states for some parameters only, and when they are none."""
     built_in: ClassVar[dict[str, tuple[str, ...]]] = {}
     """Effects that are part of the plant, with the plant's parameters that they take."""
     own_state_names: ClassVar[dict[str, str]] = {}

@@ -27,6 +27,7 @@ class DcMotor(Plant):
     position, velocity, effort = "position", "speed", ""
     position_optional = True
     zero_matters = ("L_a",)
+    sometimes = {"current": "with L_a = 0 the current follows the voltage at once and is no state"}
     inputs = {"voltage": "V"}
     scaled_by_effort = ("R_a", "L_a", "K_m")
     optional_inputs = {"load_torque": "N·m"}

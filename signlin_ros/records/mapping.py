@@ -140,7 +140,8 @@ def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[d
     given = _canonical(model, signals, strict=True)
     own = _canonical(model, model.signals, strict=False)
     chosen: dict[str, str] = {}
-    notes: list[str] = []
+    idle = {name: why for name, why in model.plant.sometimes.items() if name in model.signals and name not in names}
+    notes = [f"{model.signals[name]!r} is not used: {why}" for name, why in idle.items()]
     for name in names:
         if name in given:
             chosen[name] = record.require(given[name], f"signal (mapped to {name})")

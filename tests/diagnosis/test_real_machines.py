@@ -69,3 +69,19 @@ def test_a_magneto_rheological_damper_remembers():
     assert len(proposed(found)) == 1
     assert proposed(found) <= {"dahl_presliding", "bouc_wen_hysteresis", "lugre_friction"}
     assert falls(found, "force") < 0.5
+
+
+@pytest.mark.parametrize("motion", ["up_and_down", "sin_time_square"])
+def test_a_servo_that_holds_its_weight_shows_no_cogging(motion):
+    """It rests where a fine wave of any order has its valleys; such a wave was "99.9 % explained"."""
+    found, _ = diagnosed(Model.load("xl330"), "xl330", [f"xl330_kp100_{motion}"], f"xl330_kp400_{motion}")
+    assert "cogging_torque" not in found.ladder[-1].effects
+    assert found.verdict == "unexplained"
+
+
+def test_a_servo_is_judged_by_what_explains_other_motions_too():
+    """At the higher gain, friction that only holds at rest fits the known motions best, and another one not at all."""
+    names = [f"xl330_kp400_{motion}" for motion in ("lift_and_drop", "sin_time_square", "sin_sin", "up_and_down")]
+    found, _ = diagnosed(Model.load("xl330"), "xl330", names[:3], names[3])
+    assert found.ladder[-1].effects == ("load_dependent_friction",)
+    assert falls(found, "displacement") < 0.7

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ import yaml
 from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
 from benchmarks.hidden.generator import draw, simulate, write
 from benchmarks.hidden.laws import STEP
-from signlin_ros.diagnosis.problem import prepare
+from signlin_ros.diagnosis.problem import Problem, prepare
+from signlin_ros.diagnosis.rank import Ranked, applicable, assess, descend, evidence_of, extended, ranked
+from signlin_ros.diagnosis.refusals import plausible, refusal
 from signlin_ros.diagnosis.verdict import add, diagnose
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.errors import RecordError, SimulationError
@@ -399,6 +402,94 @@ def test_a_loop_without_a_shape_of_its_own_is_dahls():
     assert BoucWenHysteresis.simpler(loop) == {"dahl_presliding": {"F_c": 20.0, "sigma": 5.0}}
     for shape in ({"gamma": 0.3}, {"n": 2.0}, {"alpha": 0.4}):
         assert BoucWenHysteresis.simpler(loop | shape) == {}
+
+
+def test_a_loop_without_width_is_a_spring_that_hardens():
+    tangent = {"alpha": 0.0, "D": 2.0, "lambda": 1.0, "beta": 0.01, "gamma": -4.0, "n": 2.0, "k": 5.0}
+    assert not BoucWenHysteresis.plausible(tangent)
+    stops, cubic = BoucWenHysteresis.parts(tangent)
+    assert stops["linear_stiffness"] == cubic["linear_stiffness"] == {"k": 5.0}
+    assert stops["hard_stop"]["gap"] == pytest.approx(2.0 * np.pi / 2 / 2.0, rel=0.01)  # h = tan(q) / 2 runs off there
+    assert set(cubic) == {"linear_stiffness", "cubic_stiffness"}
+    for shape in ({"gamma": -0.09}, {"gamma": 4.0}):
+        assert BoucWenHysteresis.plausible(tangent | shape)
+        assert BoucWenHysteresis.parts(tangent | shape) == []
+
+
+def test_a_spring_with_stops_is_no_loop(tmp_path):
+    """A flap with a return spring that runs onto its stop: a loop without width fits it to 1.7 times the noise."""
+
+    def flapped(seed: int) -> ModelData:
+        rng, t, h = np.random.default_rng(seed), np.arange(2400) * 0.005, 2.5e-4
+        level = np.repeat(rng.uniform(0.0, 7.0, 40), 60)
+        u, q, x, w = level + 0.2 * rng.normal(size=t.size), np.empty_like(t), 0.0, 0.0
+        for k, voltage in enumerate(u):
+            q[k] = x
+            for _ in range(20):
+                torque = 0.28 * (voltage - 0.28 * w) / 3.8 - 0.01 * w - 0.04 * x - 0.2 * max(x - 1.1, 0.0)
+                w += torque / 0.0012 * h
+                x += w * h
+        shown = {"position": q + rng.normal(0.0, 0.004, t.size)}
+        return ModelData(t, u[:, None], shown, None, ("voltage",), ("position",), {"voltage": "V", "position": "rad"})
+
+    values = {"R_a": 3.7, "L_a": 0.0, "K_t": 0.272, "K_m": 0.275, "B": 0.0103, "J": 0.00116}
+    model = Model.from_dict({"plant": "dc_motor", "parameters": values, "with_position": True})
+    found = diagnose(model, flapped(1), flapped(2))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"linear_stiffness", "hard_stop"}
+    assert found.parameters["hard_stop.gap"].value == pytest.approx(1.1, rel=0.02)
+
+
+def swung(level: float, hold: float, seed: int) -> tuple[Model, ModelData]:
+    """Return a model with Coulomb friction of a weight that is swung, and a record: friction of another ``level``, and
+    more, ``hold``, at rest.
+    """
+    rng, t, h = np.random.default_rng(seed), np.arange(3000) * 0.005, 5e-4
+    u = 0.25 * np.sin(2 * np.pi * rng.uniform(0.1, 0.5, 3) * t[:, None] + rng.uniform(0, 6, 3)).sum(axis=1)
+    q, x, w = np.empty_like(t), 0.0, 0.0
+    for k, torque in enumerate(u):
+        q[k] = x
+        for _ in range(10):
+            dry, free = level + hold * np.exp(-((w / 0.1) ** 2)), torque - 0.03 * w - 0.3 * np.sin(x)
+            after = w + (free - dry * np.sign(w if w else free)) / 0.006 * h
+            w = after if w * after > 0 or (w == 0 and abs(free) > dry) else 0.0
+            x += w * h
+    units = {"force": "N·m", "displacement": "rad"}
+    shown = {"displacement": q + rng.normal(0.0, 1e-3, t.size)}
+    effects = {"coulomb_friction": {"mu": 0.01}, "gravity_load": {"A": 0.3, "q0": 0.0}}
+    model = Model.from_dict(
+        {"plant": "mass_spring_damper", "parameters": {"m": 0.006, "c": 0.03, "k": 0.0}, "effects": effects}
+    )
+    return model, ModelData(t, u[:, None], shown, None, ("force",), ("displacement",), units)
+
+
+def with_a_wave(model: Model, data: ModelData, **wave: float) -> tuple[Problem, Ranked, Ranked]:
+    """Return the problem, the model as it is and the same with a wave, both fitted."""
+    problem = prepare(model, [data], ("displacement",))
+    trial, base = next(t for t in applicable(problem)[0] if t.effect == "cogging_torque"), assess(problem, None)
+
+    def fitted(phase: float) -> Ranked:
+        c = extended(problem, base, trial, wave | {"phi": phase})
+        return ranked(problem, ("cogging_torque",), (), descend(problem, c, None, problem.levels, 10, None))
+
+    return problem, base, min((fitted(phase) for phase in (0.0, 1.6, 3.1, 4.7)), key=evidence_of)
+
+
+def test_a_fine_wave_that_holds_what_is_slow_is_no_cogging():
+    problem, base, wave = with_a_wave(*swung(0.02, 0.1, 1), A=0.08, N=700.0)
+    assert wave.fit.cost < base.fit.cost - 100
+    effect, why = refusal(problem, wave, base)
+    assert effect == "cogging_torque"
+    assert "any other order" in why
+
+
+def test_friction_that_nothing_would_break_away_from_is_not_plausible():
+    model, data = swung(0.02, 0.0, 1)
+    problem = prepare(model, [data], ("displacement",))
+    for excess, plausible_one in ((0.3, True), (5.0, False)):
+        held = model.with_effect("stribeck_friction", mu=0.01, excess=excess, v_s=0.07)
+        fitted = SimpleNamespace(fit=SimpleNamespace(fitted=lambda held=held: held))
+        assert plausible(problem, fitted) is plausible_one
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

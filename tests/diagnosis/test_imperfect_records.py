@@ -1,0 +1,137 @@
+"""Readings that were lost for a moment, and velocities that are no measurement."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis.comparison import compare
+from signlin_ros.diagnosis.derived import without_derived
+from signlin_ros.diagnosis.outliers import without_outliers
+from signlin_ros.diagnosis.verdict import diagnose
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+FS, QUANTUM = 1000.0, 5e-6
+AXIS = {"plant": "mass_spring_damper", "parameters": {"m": 21.6, "c": 134.0, "k": 0.0}}
+KNOWN = AXIS | {"effects": {"coulomb_friction": {"mu": 17.0}}}
+UNITS = {"force": "N", "displacement": "m", "velocity": "m/s"}
+
+
+def axis(seed: int, samples: int = 4000, fine: int = 10) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return t, force, position and velocity of an axis with dry friction, in small steps."""
+    rng, t = np.random.default_rng(seed), np.arange(samples) / FS
+    tones, phases = 2 * np.pi * rng.uniform(0.3, 4.0, 6), rng.uniform(0, 6, 6)
+    u = 25.0 * np.sin(tones * t[:, None] + phases).sum(axis=1)
+    q, v, x, w = np.empty_like(t), np.empty_like(t), 0.0, 0.0
+    h = 1 / FS / fine
+    for k, force in enumerate(u):
+        q[k], v[k] = x, w
+        for _ in range(fine):
+            free = force - 130.0 * w
+            after = w + (free - 17.0 * np.sign(w)) / 22.0 * h
+            w = after if w * after > 0 else (w * 0.0 if abs(free) < 17.0 else (free - 17.0 * np.sign(free)) / 22.0 * h)
+            x += w * h
+    return t, u, q, v
+
+
+def read(t, u, **measured) -> ModelData:
+    states = ("displacement", "velocity")
+    return ModelData(t, u[:, None], measured, None, ("force",), states, UNITS, "axis.csv")
+
+
+def noisy(values: np.ndarray, level: float, seed: int = 0) -> np.ndarray:
+    return values + level * np.random.default_rng(seed).normal(size=values.size)
+
+
+@pytest.fixture(scope="module")
+def moved():
+    return axis(1)
+
+
+@pytest.mark.parametrize("lost", [[1234], [500, 501], [2000, 2001, 2002], [3999], [3998, 3999], [7 * 50, 9 * 50]])
+def test_a_reading_that_is_lost_for_a_moment_is_left_out_and_told(moved, lost):
+    t, u, _, v = moved
+    shown = noisy(v, 1e-3)
+    shown[lost] += 0.4
+    found, (note,) = without_outliers(read(t, u, velocity=shown), ("velocity",))
+    assert np.flatnonzero(np.isnan(found.measured["velocity"])).tolist() == lost or max(lost) > 3990
+    assert np.isnan(found.measured["velocity"][lost]).all()
+    assert f"{len(lost)} outlier" in note or max(lost) > 3990
+    kept = np.isfinite(found.measured["velocity"])
+    np.testing.assert_array_equal(found.measured["velocity"][kept], shown[kept])
+
+
+def _stepped(v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    return v + 0.4 * (np.arange(v.size) > 2000)
+
+
+def _often(v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    return v + 0.4 * (np.arange(v.size) % 300 == 150)
+
+
+def _at_a_step_of_the_input(v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    u[2000:] += 500.0
+    return v + 0.4 * (np.arange(v.size) == 2001)
+
+
+def _at_the_start(v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    return v + 0.4 * (np.arange(v.size) < 2)
+
+
+@pytest.mark.parametrize("what", [_stepped, _often, _at_a_step_of_the_input, _at_the_start])
+def test_what_a_machine_does_is_no_outlier(moved, what):
+    t, u, _, v = moved
+    u = u.copy()
+    shown = what(noisy(v, 1e-3), u)
+    found, notes = without_outliers(read(t, u, velocity=shown), ("velocity",))
+    assert not notes
+    np.testing.assert_array_equal(found.measured["velocity"], shown)
+
+
+def centred(q: np.ndarray, apart: int) -> np.ndarray:
+    """Return the velocity that is the difference of a position ``apart`` samples before and after."""
+    v = np.zeros_like(q)
+    v[apart:-apart] = (q[2 * apart :] - q[: -2 * apart]) * FS / (2 * apart)
+    return v
+
+
+def _filtered(q: np.ndarray) -> np.ndarray:
+    v, raw = np.zeros_like(q), np.diff(q, prepend=q[0]) * FS
+    for k in range(1, q.size):
+        v[k] = 0.75 * v[k - 1] + 0.25 * raw[k]
+    return v
+
+
+@pytest.mark.parametrize("law", [lambda q: centred(q, 1), lambda q: centred(q, 4), _filtered], ids=["1", "4", "filter"])
+def test_a_velocity_that_was_computed_from_the_position_is_no_channel_of_its_own(moved, law):
+    t, u, q, _ = moved
+    model, shown = Model.from_dict(AXIS), np.round(q / QUANTUM) * QUANTUM
+    own = without_derived(model, [read(t, u, displacement=shown, velocity=law(shown))], ("displacement", "velocity"))
+    assert own == ("displacement",)
+
+
+@pytest.mark.parametrize("level", [1e-5, 1e-3, 1e-2])
+@pytest.mark.parametrize("quantum", [1e-9, QUANTUM])
+def test_a_velocity_with_noise_of_its_own_is_one(moved, level, quantum):
+    t, u, q, v = moved
+    model, shown = Model.from_dict(AXIS), np.round(noisy(q, 1e-7) / quantum) * quantum
+    data = read(t, u, displacement=shown, velocity=noisy(v, level))
+    assert without_derived(model, [data], ("displacement", "velocity")) == ("displacement", "velocity")
+
+
+def encoder(seed: int, both: bool) -> ModelData:
+    """Return a record of an encoder and of its differences, which run out at the ends."""
+    t, u, q, _ = axis(seed)
+    shown = np.round(q / QUANTUM) * QUANTUM
+    return read(t, u, **({"displacement": shown} if both else {}), velocity=centred(shown, 2))
+
+
+@pytest.mark.parametrize("both", [True, False])
+def test_a_right_model_is_adequate_whatever_was_made_of_an_encoder(both):
+    data, unseen = encoder(1, both), encoder(2, both)
+    found = diagnose(Model.from_dict(KNOWN), data, unseen)
+    assert found.verdict == "adequate"
+    assert any("computed from displacement" in note for note in found.notes) == both
+    assert any("outlier" in note for note in found.notes)
+    assert any("outlier" in note for note in compare(Model.from_dict(KNOWN), unseen).notes)
