@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import gaps
+from signlin_ros.noise import quantum_of
 from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ LONGEST = 3
 FAR, BEYOND, BACK = 20.0, 3.0, 5.0
 """How far off they are: in robust standard deviations of such departures, in multiples of their `USUAL` quantile, and
 of how far apart the neighbours are."""
+STEPS = 5.0
+"""How many steps of a channel that is shown in steps."""
 USUAL = 0.995
 STEP = 2.0
 """An input that changes nearby by more than this many times the 95 % quantile of its changes may be the cause."""
@@ -71,16 +74,17 @@ def _stepping(u: Array) -> NDArray[np.bool_]:
 def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
     """Return the samples of y (T,), without missing ones, that are off."""
     found: set[int] = set()
+    least = STEPS * quantum_of(y)
     for length in range(1, LONGEST + 1):
         before, after = y[: -length - 1], y[length + 1 :]
         share = np.arange(1, length + 1)[:, None] / (length + 1)
         inside = np.stack([y[1 + k : 1 + k + before.size] for k in range(length)])
         away = inside - (before + share * (after - before))
         away = np.where((np.sign(away) == np.sign(away[0])).all(axis=0), np.abs(away).min(axis=0), 0.0)
-        limit = np.maximum(_unusual(away), BACK * np.abs(after - before))
+        limit = np.maximum(max(_unusual(away), least), BACK * np.abs(after - before))
         for k in np.flatnonzero((away > limit) & ~stepping[1 : 1 + before.size]):
             found |= set(range(k + 1, k + 1 + length))
-    ends = 0 if stepping[-LONGEST:].any() else _off_at_the_end(y)
+    ends = 0 if stepping[-LONGEST:].any() else _off_at_the_end(y, least)
     found |= {y.size - 1 - k for k in range(ends)}
     return found
 
@@ -90,12 +94,12 @@ def _unusual(away: Array) -> float:
     return float(max(FAR * np.median(away) / 0.6745, BEYOND * np.quantile(away, USUAL)))
 
 
-def _off_at_the_end(y: Array) -> int:
+def _off_at_the_end(y: Array, least: float) -> int:
     """Return how many samples at the end of y (T,) are off: none of them is where the ones before lead."""
     count = 0
     for length in range(1, LONGEST + 1):
         away = np.abs(y[1 + length :] - (y[1:-length] + length * (y[1:-length] - y[: -length - 1])))
-        count = length if away[-1] > _unusual(away[:-1]) > 0 else count
+        count = length if away[-1] > max(_unusual(away[:-1]), least) else count
     return count
 
 

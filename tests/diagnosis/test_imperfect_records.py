@@ -79,7 +79,11 @@ def _at_the_start(v: np.ndarray, u: np.ndarray) -> np.ndarray:
     return v + 0.4 * (np.arange(v.size) < 2)
 
 
-@pytest.mark.parametrize("what", [_stepped, _often, _at_a_step_of_the_input, _at_the_start])
+def _flickering(v: np.ndarray, u: np.ndarray) -> np.ndarray:
+    return 0.4 * np.isin(np.arange(v.size), [700, 1900]) - 0.4 * (np.arange(v.size) > 2500)
+
+
+@pytest.mark.parametrize("what", [_stepped, _often, _at_a_step_of_the_input, _at_the_start, _flickering])
 def test_what_a_machine_does_is_no_outlier(moved, what):
     t, u, _, v = moved
     u = u.copy()
