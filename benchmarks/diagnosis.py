@@ -64,9 +64,9 @@ def _speed(report: Report) -> None:
     base = Model.load("dc_motor").without_effect("coulomb_friction").with_options(with_position=True)
     one = base.with_effect("coulomb_friction", mu=0.033)
     two = one.with_effect("quadratic_drag", c2=6e-5)
-    cold, *_ = _timed(base, one, LENGTHS[0])
-    report.line("first run in this process", f"{cold:8.1f} s (kernels from the cache if there is one)")
     for label, truth, lengths in (("one effect", one, LENGTHS), ("two effects", two, LENGTHS[:1])):
+        cold, *_ = _timed(base, truth, LENGTHS[0])
+        report.line(f"{label}, first run in this process", f"{cold:8.1f} s (kernels from the cache if there is one)")
         for samples in lengths:
             seconds, steps, effects = _timed(base, truth, samples)
             parts = ", ".join(f"{k} {v:.1f}" for k, v in steps.items())
