@@ -4,6 +4,7 @@ out.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -14,8 +15,10 @@ from signlin_ros.diagnosis.findings import Beside, structured
 from signlin_ros.diagnosis.fit import Filter, Fit, fit, further, likelihood
 from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.diagnosis.rank import (
+    STRAINED,
     Ranked,
     Trial,
+    base_names,
     cost_of,
     descend,
     evidence,
@@ -24,6 +27,7 @@ from signlin_ros.diagnosis.rank import (
     ranked,
     remainder,
     rescanned,
+    strain,
     trusted,
 )
 from signlin_ros.effects import EFFECTS
@@ -118,16 +122,22 @@ class Adding:
         return tried, sorted((p for p in self.executor.map(self._further, going_on) if p), key=evidence_of)
 
     def _tried(self, before: Ranked, trial: Trial, enough: bool, gains: Gains | None) -> _Promise | None:
-        """Return a trial on top of what was fitted, after two steps, at a gain or that which suits it."""
-        trial = rescanned(self.problem, trial, before) if gains else trial
+        """Return a trial on top of what was fitted, after two steps, at a gain or that which suits it.
+
+        Where known parameters were moved far to imitate what is missing, it is also tried with these as they were.
+        """
+        trial = trial if enough else rescanned(self.problem, trial, before)
         gains = gains or (before.fit.gains if before.fit is not before.low else self.problem.levels[1])
         known, found = before.fit.parameters(), []
         few = None if self.problem.scale.imposed else 1 if enough else 3  # of an imposed motion none leads to another
-        if EFFECTS[trial.effect].resonant and not enough:
+        effect, ways = EFFECTS[trial.effect], [known]
+        if (effect.resonant or effect.periodic) and not enough:
             few = None
-        for start in trial.starts[:few]:
+        if strain(before.fit) > STRAINED:
+            ways.append({n: v for n, v in known.items() if n not in base_names(self.problem)})
+        for start, way in itertools.product(trial.starts[:few], ways):
             c = extended(self.problem, before, trial, start)
-            found.append(fit(self.problem.short, c, gains, c.start(known), 2))
+            found.append(fit(self.problem.short, c, gains, c.start(way), 2))
         best = min((f for f in found if f), key=cost_of, default=None)
         return self._promise(before, trial, best)
 

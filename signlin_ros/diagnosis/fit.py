@@ -313,7 +313,7 @@ def follow_records(
         late = _unseen_before(problem, s, lags)
         rest = (p, scale, delay - s.early, ringing, late, belief, variances)
         x0 = _start(problem, c, s, (rows, *rest)) - _led_back(problem, c, s, delay)
-        unknown = ceil(delay / problem.scale.step) + 1 if s.whole and delay > 0.0 else 0
+        unknown = ceil(delay / problem.scale.step) + 1 if delay > 0.0 else 0
         held, weights = rows, gains.weights[: s.t.size]
         if unknown:
             held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
@@ -474,7 +474,7 @@ def seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
 def _unseen_before(problem: Problem, s: Segment, lags: Array) -> Array:
     """Return the lags of channels, late ones marked where a record starts in motion that nobody saw before it."""
     marked: Array = lags.copy()
-    marked[:, 3:] = s.whole and _moving(problem, s) and not problem.scale.imposed
+    marked[:, 3:] = (s.cut or (s.whole and _moving(problem, s))) and not problem.scale.imposed
     return marked
 
 

@@ -47,6 +47,7 @@ class Segment:
     """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
 
     ``whole``: whether what an effect remembers at the start is fitted; not so for stretches and windows of a record.
+    ``cut``: whether it is a stretch of a record in motion, so that what late sensors show at first came before it.
     ``early``: by how many s the input precedes its sample, see `signlin_ros.diagnosis.data.driving`.
     """
 
@@ -57,6 +58,7 @@ class Segment:
     source: str
     whole: bool = True
     early: float = 0.0
+    cut: bool = False
 
 
 @dataclass(frozen=True)
@@ -222,19 +224,28 @@ def _shortened(problem: Problem) -> Problem:
         for first in np.linspace(0, max(s.t.size - size, 0), share).astype(int):
             part = slice(first, first + size)
             t, u, y = s.t[part], s.u[part], s.y[part]
-            start = _start(problem.base, problem.channels, t, y) | _imposed_at(problem.base, s, first)
-            parts.append(Segment(t, u, y, start, s.source, False, s.early))
+            start = _start(problem.base, problem.channels, t, y) | _led_to(problem, s, first)
+            parts.append(Segment(t, u, y, start, s.source, False, s.early, bool(first)))
     return replace(problem, segments=tuple(parts))
 
 
-def _imposed_at(model: Model, s: Segment, at: int) -> dict[str, float]:
-    """Return the position to which an imposed motion has led at a sample."""
-    plant = model.plant
-    if not plant.motion_is_imposed():
+def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
+    """Return the position, which is not measured itself, to which an imposed or measured velocity has led at a sample.
+
+    What acts at some positions only is elsewhere in every stretch if each starts from the same.
+    """
+    plant, t, early = problem.base.plant, s.t[: at + 1], 0.0
+    if plant.motion_is_imposed():
+        velocity, early = s.u[: at + 1, problem.base.inputs.index(plant.velocity)], s.early
+    elif plant.velocity in problem.channels and plant.position not in problem.channels:
+        measured = s.y[: at + 1, problem.channels.index(plant.velocity)]
+        there = np.isfinite(measured)
+        if not there.any():
+            return {}
+        velocity = np.interp(t, t[there], measured[there])
+    else:
         return {}
-    velocity = s.u[: at + 1, model.inputs.index(plant.velocity)]
-    led = travelled(s.t[: at + 1], velocity, s.early)[-1]
-    return {plant.position: s.start.get(plant.position, 0.0) + float(led)}
+    return {plant.position: s.start.get(plant.position, 0.0) + float(travelled(t, velocity, early)[-1])}
 
 
 def _first_slope(t: Array, values: Array) -> float:

@@ -51,7 +51,9 @@ is"""
 MUCH, BEHIND = 1000.0, 200.0
 """much at all; and by how much less another one may gain where the best leaves nothing but noise."""
 
-
+STRAINED = 60.0
+"""What the priors may cost, in -2 log likelihood, of a model that needs no second opinion: beyond, known parameters may
+be bent so that a wrong effect fits."""
 GRADES = (0.5, 0.25, 0.1)
 """Steps in which a power is changed."""
 
@@ -245,6 +247,12 @@ def extended(problem: Problem, before: Ranked | None, trial: Trial, start: dict[
     return replace(_from_nominal(problem, c), wander=before.fit.candidate.wander if before else c.wander)
 
 
+def strain(f: Fit) -> float:
+    """Return what the priors cost: large where known parameters had to move far to imitate what is missing."""
+    pairs = zip(f.candidate.coordinates, f.theta, strict=True)
+    return float(sum(((x - c.prior) / c.spread) ** 2 for c, x in pairs))
+
+
 def _from_nominal(problem: Problem, c: Candidate) -> Candidate:
     """Return the candidate with the base parameters at nominal: the base-only fit has run off to imitate effects."""
     values = dict(c.values)
@@ -260,7 +268,7 @@ def _from_nominal(problem: Problem, c: Candidate) -> Candidate:
 
 def free_parameters(problem: Problem, f: Fit) -> int:
     """Return how many free parameters a fit has beyond those of the base model."""
-    base = _base_names(problem)
+    base = base_names(problem)
     return sum(1 for c in f.candidate.coordinates if c.name not in base)
 
 
@@ -269,7 +277,8 @@ def evidence(problem: Problem, f: Fit, effects: int) -> float:
     return f.cost + free_parameters(problem, f) * float(np.log(f.count.sum())) + PRICE * effects
 
 
-def _base_names(problem: Problem) -> set[str]:
+def base_names(problem: Problem) -> set[str]:
+    """Return the names of the parameters of the base model and of its effects."""
     known = {f"{key}.{n}" for key, use in problem.base.effects.items() for n in use.parameters}
     return set(problem.base.parameters) | known
 
@@ -433,6 +442,11 @@ def _values(f: Fit, key: str) -> dict[str, float]:
     return {n.partition(".")[2]: v for n, v in f.parameters().items() if n.startswith(f"{key}.")}
 
 
+def extends(name: str) -> list[str]:
+    """Return the effects that an effect extends: what it is a subclass of."""
+    return [n for n in EFFECTS if EFFECTS[name] in _children(n)]
+
+
 def _children(name: str) -> list[type[Effect]]:
     parent = EFFECTS[name]
     return [e for e in EFFECTS.values() if e is not parent and issubclass(e, parent)]
@@ -583,7 +597,7 @@ def simplified(problem: Problem, trials: Sequence[Trial], found: Sequence[Ranked
     for r in found[:FRONT]:
         richer = EFFECTS[r.label]
         values = {**{n: par.nominal for n, par in richer.pars().items()}, **_values(r.fit, r.label)}
-        parents = [n for n in known if richer in _children(n)]
+        parents = [n for n in extends(r.label) if n in known]
         wanted = {n: {k: values[k] for k in EFFECTS[n].pars()} for n in parents} if r.label in known else {}
         wanted |= richer.simpler(values) if r.label in known else {}
         jobs += [(replace(known[n], starts=(p,)), r.fit) for n, p in wanted.items() if n in known]
@@ -629,17 +643,20 @@ def evidence_of(found: _Weighed) -> float:
 
 
 __all__ = [
+    "STRAINED",
     "Ranked",
     "Trial",
     "afloat",
     "applicable",
     "assess",
+    "base_names",
     "calmed",
     "compete",
     "cost_of",
     "deeper",
     "descend",
     "evidence_of",
+    "extends",
     "free_parameters",
     "ranked",
     "remainder",
@@ -648,6 +665,7 @@ __all__ = [
     "searched",
     "sharpened",
     "simplified",
+    "strain",
     "trusted",
     "unfiltered",
     "without",

@@ -30,6 +30,7 @@ from signlin_ros.diagnosis.problem import (
 )
 from signlin_ros.diagnosis.rank import (
     FRONT,
+    STRAINED,
     Ranked,
     Trial,
     afloat,
@@ -41,12 +42,14 @@ from signlin_ros.diagnosis.rank import (
     evidence,
     evidence_of,
     extended,
+    extends,
     free_parameters,
     ranked,
     roughness,
     searched,
     sharpened,
     simplified,
+    strain,
     unfiltered,
     without,
 )
@@ -73,9 +76,6 @@ NOISE = 1.1
 """What may be left of unseen data, in multiples of their white noise, that is nothing else."""
 SPARSE = 50.0
 """Samples so many times further apart than the fastest motion lasts may be why a model diverges."""
-STRAINED = 60.0
-"""What the priors may cost, in -2 log likelihood, of a model that needs no second opinion: beyond, known parameters may
-be bent so that a wrong effect fits."""
 MOVED = 12.0
 """What an effect must save of the priors, in -2 log likelihood, if it stands for parameters moved far from nominal."""
 SHARE, PART = 0.05, 0.2
@@ -208,12 +208,6 @@ def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
         why = "the model has it already" if has else f"it does not apply to {model.plant.name}"
         raise InputError(f"effect {name!r} cannot be added: {why}")
     return found
-
-
-def _prior(f: Fit) -> float:
-    """Return what the priors cost: large where known parameters had to move far to imitate what is missing."""
-    pairs = zip(f.candidate.coordinates, f.theta, strict=True)
-    return float(sum(((x - c.prior) / c.spread) ** 2 for c, x in pairs))
 
 
 def _values(r: Ranked, effect: str) -> dict[str, float]:
@@ -398,7 +392,7 @@ class _Search:
             step = half
             if step is not None:
                 path = self._onto(path, step, path[-1])
-            elif depth > 0 or (self._enough(path[0].ranked) and _prior(path[0].ranked.fit) <= STRAINED):
+            elif depth > 0 or (self._enough(path[0].ranked) and strain(path[0].ranked.fit) <= STRAINED):
                 break
             self.progress("more effects", 0.3 + 0.15 * depth)
             if depth + 1 < self.depth or step is None:
@@ -496,11 +490,33 @@ class _Search:
         r = self._plainer(self._pruned(option, path))
         self._reached(r, path)
         last = path[-1].ranked
-        least = roughness(last.fit) if set(last.effects) < set(r.effects) else 0.0
-        if r.effects == last.effects or r.evidence >= last.evidence - least or self._refused(r, last):
+        if not self._gains(r, last):
             return None
-        step = self._seen_awake(path[-1], self._compared(path[-1], r))
+        kept = self._parent(r, last) if self._refused(r, last) else r
+        if kept is None:
+            return None
+        step = self._seen_awake(path[-1], self._compared(path[-1], kept))
         return step if self._unbent(path, step) or self._beyond_doubt(path, step) else None
+
+    def _gains(self, r: Ranked, last: Ranked) -> bool:
+        """Tell whether a set is another one than the last, and explains more than it beyond what does not count."""
+        least = roughness(last.fit) if set(last.effects) < set(r.effects) else 0.0
+        return r.effects != last.effects and r.evidence < last.evidence - least
+
+    def _parent(self, r: Ranked, last: Ranked) -> Ranked | None:
+        """Return a set that was refused with the simpler effect, which one of it extends, in that one's place, if this
+        is not refused: a play of next to nothing beside friction is an elastic coupling.
+        """
+        for effect in (e for e in r.effects if e not in last.effects):
+            values = _values(r, effect)
+            names = [n for n in extends(effect) if n in self.known and n not in r.effects]
+            before = without(self.problem, r, effect) if names else None
+            for name in names:
+                part = (self.known[name], {n: values[n] for n in EFFECTS[name].pars() if n in values})
+                found = self._together(before, [part]) if before else None
+                if found and self._gains(found, last) and not self._refused(found, last):
+                    return found
+        return None
 
     def _better_unseen(self, a: Ranked, b: Ranked) -> bool:
         """Tell whether a model explains unseen data much better than another, beyond doubt, at the middle gain."""
@@ -521,7 +537,7 @@ class _Search:
         which is out of the question.
         """
         last, r = path[-1].ranked, step.ranked
-        freed = _prior(last.fit) - _prior(r.fit)
+        freed = strain(last.fit) - strain(r.fit)
         if freed <= MOVED or step.certainty <= -SURE:
             return False
         other = not set(last.effects) < set(r.effects)
@@ -642,7 +658,7 @@ class _Search:
         Where that is not enough either, one rich effect may stand for two, of which each explains little alone.
         """
         starts = [now] if now.effects else []
-        if len(now.effects) <= 1 and not (self._enough(now) and _prior(now.fit) <= STRAINED):
+        if len(now.effects) <= 1 and not (self._enough(now) and strain(now.fit) <= STRAINED):
             starts += _simple([r for r in singles if r.effects != now.effects])[: BEAM - len(starts)]
         found = self.adding.best(starts, trials, self.filter)
         if found and len(starts) > 1 and len(found[0].effects) == 2:
