@@ -18,6 +18,9 @@ LAGS = 12
 """Lags over which the colour of the noise is told from slow structure."""
 MOST_COLOUR = 0.9
 """Largest rho of what counts as noise; what lasts longer counts as structure."""
+PURE, TIMES = 0.99, 50.0
+"""Noise of one pole may last longer, up to this rho, where it is nothing else: whitened by that pole, nothing is left;
+and a record must be so many times as long as it lasts to tell."""
 SPAN, NEAR = 12, 5
 """Lags either way at which channels are compared, and how many are averaged."""
 ALIKE = 0.2
@@ -36,7 +39,8 @@ class Residue:
     ``structure``, ``coloured``, ``white`` are shares of the variance; ``rho`` belongs to the AR(1) part. ``odd``: the
     share of the squared autocorrelations that the three do not explain. ``dependent``: the share of the variance that
     follows from the model's own motion. ``alone``: the first autocorrelation if all are those of AR(1) and white noise:
-    where there is no structure, what passes for some by chance was taken from the colour.
+    where there is no structure, what passes for some by chance was taken from the colour. ``pure``: it is AR(1) noise
+    and nothing else, however long that lasts.
     """
 
     variance: float
@@ -48,6 +52,7 @@ class Residue:
     odd: float = 0.0
     dependent: float = 0.0
     alone: float = 0.0
+    pure: bool = False
 
     @property
     def structured(self) -> bool:
@@ -66,7 +71,7 @@ class Residue:
     @property
     def lasting(self) -> bool:
         """Whether what seems to be coloured noise lasts too long to be any."""
-        return self.rho > MOST_COLOUR - 0.02 and self.coloured > 0.0
+        return self.rho > MOST_COLOUR - 0.02 and self.coloured > 0.0 and not self.pure
 
     @property
     def noise(self) -> float:
@@ -102,6 +107,8 @@ def correlations(parts: Sequence[Array], lags: int) -> tuple[Array, float, int]:
 def residue(parts: Sequence[Array]) -> Residue:
     """Take a residual apart by its autocorrelation: r_k = structure + coloured rho^k at k = 1..`LAGS`."""
     r, variance, count = correlations(parts, LAGS)
+    if _pure(parts, float(r[0]), count):
+        return Residue(variance, 0.0, 1.0, 0.0, float(r[0]), count, alone=float(r[0]), pure=True)
     k = np.arange(1, LAGS + 1)
     best, alone = (np.inf, 0.0, 0.0, 0.0), (np.inf, 0.0)
     for rho in np.linspace(0.1, MOST_COLOUR, 33):
@@ -122,6 +129,13 @@ def residue(parts: Sequence[Array]) -> Residue:
         fast = 0.0
     slow, fast = min(slow, 1.0), min(fast, 1.0 - min(slow, 1.0))
     return Residue(variance, slow, fast, 1.0 - slow - fast, rho, count, miss / max(float(r @ r), 1e-300), 0.0, alone[1])
+
+
+def _pure(parts: Sequence[Array], rho: float, count: int) -> bool:
+    """Tell whether a residual is noise of one pole that lasts long, and nothing else."""
+    if not MOST_COLOUR - 0.02 < rho <= PURE or count * (1.0 - rho) < TIMES:
+        return False
+    return whiteness([part[1:] - rho * part[:-1] for part in parts if part.size > 1]).white
 
 
 def residues(innovations: Sequence[Array], white: Array | None = None) -> list[Residue]:
