@@ -313,6 +313,12 @@ def follow_records(
         late = _unseen_before(problem, s, lags)
         rest = (p, scale, delay - s.early, ringing, late, belief, variances)
         x0 = _start(problem, c, s, (rows, *rest)) - _led_back(problem, c, s, delay)
+        own = [i for i, name in enumerate(c.model.states) if "." in name]
+        if s.before and own:
+            lead = follow_records(problem, c, theta, gains, False, (s.before,))
+            if lead is None:
+                return None
+            x0[own] = lead[2][0][-1, own]
         unknown = ceil(delay / problem.scale.step) + 1 if delay > 0.0 else 0
         held, weights = rows, gains.weights[: s.t.size]
         if unknown:
@@ -474,7 +480,7 @@ def seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
 def _unseen_before(problem: Problem, s: Segment, lags: Array) -> Array:
     """Return the lags of channels, late ones marked where a record starts in motion that nobody saw before it."""
     marked: Array = lags.copy()
-    marked[:, 3:] = (s.cut or (s.whole and _moving(problem, s))) and not problem.scale.imposed
+    marked[:, 3:] = (s.before is not None or (s.whole and _moving(problem, s))) and not problem.scale.imposed
     return marked
 
 

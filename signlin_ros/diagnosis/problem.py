@@ -36,8 +36,9 @@ LOST, RARE = 3.0, 0.05
 where an imposed one is not are left out."""
 EVEN = 0.5
 """A channel is shown in steps if more than this share of the distances between its values are the same."""
-FEWEST, LONG, CHUNKS = 2000, 6000, 4
-"""Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches."""
+FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
+"""Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches; and how many
+samples before each tell what an effect remembers at its start."""
 SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 
@@ -47,7 +48,7 @@ class Segment:
     """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
 
     ``whole``: whether what an effect remembers at the start is fitted; not so for stretches and windows of a record.
-    ``cut``: whether it is a stretch of a record in motion, so that what late sensors show at first came before it.
+    ``before``: of a stretch of a record, what came before it: there an effect took up what it remembers.
     ``early``: by how many s the input precedes its sample, see `signlin_ros.diagnosis.data.driving`.
     """
 
@@ -58,7 +59,7 @@ class Segment:
     source: str
     whole: bool = True
     early: float = 0.0
-    cut: bool = False
+    before: Segment | None = None
 
 
 @dataclass(frozen=True)
@@ -221,12 +222,17 @@ def _shortened(problem: Problem) -> Problem:
     size = most // chunks
     for s in problem.segments:
         share = max(1, round(chunks * s.t.size / problem.samples))
-        for first in np.linspace(0, max(s.t.size - size, 0), share).astype(int):
-            part = slice(first, first + size)
-            t, u, y = s.t[part], s.u[part], s.y[part]
-            start = _start(problem.base, problem.channels, t, y) | _led_to(problem, s, first)
-            parts.append(Segment(t, u, y, start, s.source, False, s.early, bool(first)))
+        for first in np.linspace(0, max(s.t.size - size, 0), share).astype(int).tolist():
+            before = _stretch(problem, s, slice(max(first - LEAD, 0), first + 1)) if first else None
+            parts.append(replace(_stretch(problem, s, slice(first, first + size)), before=before))
     return replace(problem, segments=tuple(parts))
+
+
+def _stretch(problem: Problem, s: Segment, part: slice) -> Segment:
+    """Return a stretch of a record, from where that had led."""
+    t, u, y = s.t[part], s.u[part], s.y[part]
+    start = _start(problem.base, problem.channels, t, y) | _led_to(problem, s, part.start)
+    return Segment(t, u, y, start, s.source, False, s.early)
 
 
 def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
