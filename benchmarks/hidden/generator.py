@@ -42,8 +42,8 @@ Effects = dict[str, dict[str, float]]
 DEVELOPMENT, HELD_OUT = 1, 2
 GROUPS = ("single", "weak", "none", "none_coloured", "outside", "similar", "pair")
 POSITION = ("position", "displacement")
-AR = 0.8
-"""Coloured noise: its correlation from sample to sample."""
+BRIEFEST, LONGEST = 0.7, 0.025
+"""Coloured noise: 1 less its correlation from sample to sample, which every channel has its own of."""
 ENOUGH, DISTINCT, UNLIKE = 300.0, 60.0, 300.0
 """Evidence for an effect; beyond its simpler siblings; of one outside the catalogue, beyond all common shapes."""
 ATTEMPTS = 400
@@ -91,7 +91,9 @@ class Plan:
 
 @dataclass(frozen=True)
 class Conditions:
-    """How the record is taken: noise and tolerance relative, fs in Hz, T in s."""
+    """How the record is taken: noise and tolerance relative, fs in Hz, T in s; ``colour``: the noise's correlation from
+    sample to sample in every channel.
+    """
 
     kind: str
     noise: float
@@ -102,6 +104,7 @@ class Conditions:
     tolerance: float
     channels: tuple[str, ...]
     exc: tuple[str, str]
+    colour: Array
 
 
 @dataclass(frozen=True)
@@ -193,7 +196,14 @@ def _conditions(rng: np.random.Generator, p: Plan) -> Conditions:
         tolerance=max(detune, 0.05),
         channels=channels,
         exc=(str(rng.choice(suited)), str(rng.choice(suited))),
+        colour=_colour(rng, kind, len(CHANNELS[p.plant])),
     )
+
+
+def _colour(rng: np.random.Generator, kind: str, channels: int) -> Array:
+    """Return the correlation (ny,) of noise from sample to sample; what else is drawn does not depend on it."""
+    own = rng.spawn(1)[0]
+    return 1.0 - np.array([spread(own, LONGEST, BRIEFEST) if kind == "coloured" else 1.0 for _ in range(channels)])
 
 
 def _play(u: Array, half: float) -> Array:
@@ -313,16 +323,17 @@ def _moves(run: Run, expected: Scale) -> bool:
 
 
 def _sigma(run: Run, drive: Drive, c: Conditions) -> Array:
-    """Return the noise of each channel, infinite where it is not measured."""
+    """Return the noise of each channel, infinite where it is not measured; where it is coloured, that of white noise
+    which hides as much: correlated samples say less.
+    """
     measured = np.array([n in c.channels for n in CHANNELS[drive.plant]])
-    return np.where(measured, c.noise * run.motion.shown.std(axis=0), np.inf)
+    lasting = np.sqrt((1.0 + c.colour) / (1.0 - c.colour))
+    return np.where(measured, lasting * c.noise * run.motion.shown.std(axis=0), np.inf)
 
 
 def _visible(p: Plan, drive: Drive, run: Run, c: Conditions, factor: float) -> bool:
     """Tell whether each hidden effect shows, beyond what the base and simpler laws can imitate."""
     sigma = _sigma(run, drive, c)
-    if c.kind == "coloured":
-        factor = factor * (1 + AR) / (1 - AR)  # correlated samples say less
 
     def shows(shapes: tuple[str, ...], threshold: float) -> bool:
         return evidence(drive, run.motion, sigma, c.tolerance, tuple(dict.fromkeys(shapes))) > threshold * factor
@@ -365,12 +376,11 @@ def _run(
     return (run, sizes) if run else None
 
 
-def _noise(rng: np.random.Generator, kind: str, sigma: Array, count: int) -> Array:
-    white = rng.normal(size=(count, len(sigma)))
-    if kind == "coloured":
-        for k in range(1, count):
-            white[k] = AR * white[k - 1] + np.sqrt(1 - AR**2) * white[k]
-    return white * sigma
+def _noise(rng: np.random.Generator, colour: Array, sigma: Array, count: int) -> Array:
+    noise = rng.normal(size=(count, len(sigma)))
+    for k in range(1, count) if colour.any() else ():
+        noise[k] = colour * noise[k - 1] + np.sqrt(1 - colour**2) * noise[k]
+    return noise * sigma
 
 
 def _measure(
@@ -379,7 +389,7 @@ def _measure(
     """Return the data with noise, and the noise; ``step``: of the encoder, where there is one."""
     names = CHANNELS[drive.plant]
     sigma: Array = c.noise * run.motion.shown.std(axis=0)
-    shown = run.motion.shown + _noise(rng, c.kind, sigma, len(run.motion.u))
+    shown = run.motion.shown + _noise(rng, c.colour, sigma, len(run.motion.u))
     if c.kind == "quantised":
         for j, name in enumerate(names):
             if name in POSITION:
@@ -418,8 +428,7 @@ def _evidence(p: Plan, found: Found) -> dict[str, float]:
     c, run = found.conditions, found.estimation
     sigma = _sigma(run, found.drive, c)
     shapes = {"base": (), "siblings": SIBLINGS.get(p.hidden[0], COMMON) if len(p.hidden) == 1 else ()}
-    share = (1 - AR) / (1 + AR) if c.kind == "coloured" else 1.0
-    return {n: share * evidence(found.drive, run.motion, sigma, c.tolerance, s) for n, s in shapes.items()}
+    return {n: evidence(found.drive, run.motion, sigma, c.tolerance, s) for n, s in shapes.items()}
 
 
 def _truth(
@@ -438,6 +447,7 @@ def _truth(
         "noise_sigma": sigma,
         "kind": c.kind,
         "noise": c.noise,
+        "colour": c.colour.tolist(),
         "rest": c.rest,
         "exc": list(c.exc),
         "fs": c.fs,

@@ -159,6 +159,42 @@ def test_gravity_and_cogging_of_order_one_are_the_same(tmp_path):
 
 
 @pytest.mark.parametrize("seed", range(4))
+def lasting(data, colours: dict[str, float], seed: int, share=0.02):
+    """Return records with noise of a colour of its own in every channel."""
+    rng, made = np.random.default_rng(seed), []
+    for d in data:
+        shown = {}
+        for name, y in d.measured.items():
+            e = rng.normal(size=y.size)
+            for k in range(1, e.size):
+                e[k] = colours[name] * e[k - 1] + np.sqrt(1 - colours[name] ** 2) * e[k]
+            shown[name] = y + share * y.std() * e
+        made.append(replace(d, measured=shown))
+    return made
+
+
+COLOURS = [
+    pytest.param(SMALL, {"current": 0.97, "speed": 0.3, "position": 0.6}, id="a current sensor's"),
+    pytest.param(BENCH, {"displacement": 0.95, "velocity": 0.3}, id="a displacement's"),
+    pytest.param(BENCH, {"displacement": 0.3, "velocity": 0.96}, id="a velocity's"),
+]
+
+
+@pytest.mark.parametrize(("drive", "colours"), COLOURS)
+def test_noise_that_lasts_in_one_channel_is_no_structure(tmp_path, drive, colours):
+    model, data, unseen = recorded(tmp_path, drive, {}, level=1e-4)
+    assert diagnose(model, lasting(data, colours, 1), lasting(unseen, colours, 2)).verdict == "adequate"
+
+
+@pytest.mark.parametrize(("drive", "colours"), COLOURS[:2])
+def test_an_effect_is_named_beside_noise_that_lasts(tmp_path, drive, colours):
+    hidden = {"coulomb_friction": {"mu": 0.06 if drive is SMALL else 1.0}}
+    model, data, unseen = recorded(tmp_path, drive, hidden, level=1e-4)
+    found = diagnose(model, lasting(data, colours, 1), lasting(unseen, colours, 2))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"coulomb_friction"}
+
+
 @pytest.mark.parametrize("drive", [SMALL, BENCH], ids=["motor", "oscillator"])
 def test_coloured_noise_is_no_effect(tmp_path, drive, seed):
     found = diagnose(*recorded(tmp_path, drive, {}, kind="coloured", level=0.02, seed=seed))

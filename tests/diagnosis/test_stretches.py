@@ -1,0 +1,77 @@
+"""Searches look at stretches of a record: what is right leaves nothing but noise there, as it does on the whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis.fit import candidate, fit
+from signlin_ros.diagnosis.problem import prepare
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.simulate import simulate
+
+STEP, SAMPLES = 0.005, 4000
+
+
+def record(model: Model, channels, u, level=0.01) -> ModelData:
+    """Return a record of a model from rest, with white noise."""
+    t = np.arange(u.size) * STEP
+    x = simulate(model, t, u[:, None]).x
+    rng, names = np.random.default_rng(3), model.states
+    shown = {n: x[:, names.index(n)] for n in channels}
+    noisy = {n: v + level * v.std() * rng.normal(size=v.size) for n, v in shown.items()}
+    return ModelData(t, u[:, None], noisy, None, model.inputs, model.states, dict(model.units))
+
+
+def motor(**effects) -> Model:
+    model = Model.load("dc_motor").without_effect("coulomb_friction")
+    for name, values in effects.items():
+        model = model.with_effect(name, **values)
+    return model
+
+
+def bench(**effects) -> Model:
+    model = Model.load("mass_spring_damper")
+    for name in list(model.effects):
+        model = model.without_effect(name)
+    for name, values in effects.items():
+        model = model.with_effect(name, **values)
+    return model
+
+
+def steps(size: float) -> np.ndarray:
+    return np.repeat(size * np.random.default_rng(1).uniform(-1, 1, SAMPLES // 200), 200)
+
+
+def slow(size: float) -> np.ndarray:
+    return size * np.sin(2 * np.pi * 0.06 * np.arange(SAMPLES) * STEP)
+
+
+LOOP = {"alpha": 0.4, "D": 0.08, "lambda": 1.0, "beta": 0.6, "gamma": 0.35, "n": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("truth", "channels", "u"),
+    [
+        pytest.param(motor(input_delay={"T": 0.06}), ("current", "speed"), steps(8.0), id="an input is on its way"),
+        pytest.param(motor(gravity_load={"A": 0.08}), ("speed",), steps(3.0), id="a position that is not measured"),
+        pytest.param(bench(bouc_wen_hysteresis=LOOP), ("displacement",), slow(6.0), id="a loop that was bent before"),
+    ],
+)
+def test_what_is_right_leaves_noise_on_stretches(truth, channels, u):
+    problem = prepare(truth, [record(truth, channels, u)], channels)
+    assert len(problem.short.segments) > 1
+    c = candidate(problem, truth, ())
+    for gains in problem.levels[1:]:
+        found = fit(problem.short, c, gains, c.start(), 0)
+        left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
+        assert (left < 1.15 * problem.noise).all()
+
+
+def test_a_stretch_starts_where_the_record_had_led():
+    truth = motor(gravity_load={"A": 0.08})
+    data = record(truth, ("speed",), steps(3.0))
+    for s in prepare(truth, [data], ("speed",)).short.segments[1:]:
+        first = round(s.t[0] / STEP)
+        assert s.start["position"] == pytest.approx(np.sum(data.measured["speed"][:first]) * STEP, rel=1e-9)
