@@ -18,7 +18,7 @@ LAGS = 12
 """Lags over which the colour of the noise is told from slow structure."""
 MOST_COLOUR = 0.9
 """Largest rho of what counts as noise; what lasts longer counts as structure."""
-PURE, TIMES = 0.99, 50.0
+PURE, TIMES = 0.99, 20.0
 """Noise of one pole may last longer, up to this rho, where it is nothing else: whitened by that pole, nothing is left;
 and a record must be so many times as long as it lasts to tell."""
 SPAN, NEAR = 12, 5
