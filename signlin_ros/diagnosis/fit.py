@@ -295,7 +295,7 @@ def follow_records(
     (T, n) for every record; None if it diverges.
 
     While a delayed input is still that from before the record, which nobody knows, the observer stays wide awake, and
-    what it leaves counts as noise.
+    what it leaves counts as much as the rest, of which a fit gains nothing.
     """
     p, eq = c.p(theta), c.equations
     ny, flags = eq.sizes[2], eq.flags(with_s, _turns(problem, c, p))
@@ -327,17 +327,23 @@ def follow_records(
         arguments = (flags, s.t, s.u, s.y, held, x0, *rest)
         if follow(eq.calls(with_s, c.filtered), *arguments, E, D, X) < s.t.size or np.isinf(E).any():
             return None
-        for i in np.flatnonzero(late[:, 3:]):  # what was before the record counts as noise
-            before = np.isnan(E[:, i]) & np.isfinite(s.y[:, i])
-            E[before, i] = problem.noise[i]
+        unseen = (np.arange(len(E)) < unknown)[:, None] | np.isnan(E) & bool(late[:, 3:].any())
+        before = unseen & np.isfinite(s.y)
         E[: weights.shape[0]] *= weights
-        E[:unknown] += np.where(np.isfinite(E[:unknown]), problem.noise, 0.0)
+        E[before] = np.broadcast_to(_usual(E, before, problem.noise), E.shape)[before]
         if with_s:
             D[: weights.shape[0]] *= weights[:, :, None]
         errors.append(E)
         derivatives.append(D)
         states.append(X)
     return errors, derivatives, states
+
+
+def _usual(E: Array, but: NDArray[np.bool_], noise: Array) -> Array:
+    """Return the root mean square (ny) of innovations but for some; the noise where there are no others."""
+    rest = np.isfinite(E) & ~but
+    squares = np.sum(np.where(rest, E, 0.0) ** 2, axis=0) / np.maximum(rest.sum(axis=0), 1)
+    return np.where(rest.any(axis=0), np.sqrt(squares), noise)
 
 
 def _led_back(problem: Problem, c: Candidate, s: Segment, delay: float) -> Array:

@@ -195,6 +195,17 @@ def _tidied(step: Step) -> Step:
     return replace(step, ranked=replace(r, fit=tidied(r.fit), low=tidied(r.low)))
 
 
+def _in_order(path: Sequence[Step]) -> list[Step]:
+    """Return steps that name effects in the order in which they were added."""
+    found: list[Step] = []
+    for step in path:
+        before = found[-1].ranked.effects if found else ()
+        known = [e for e in before if e in step.ranked.effects]
+        effects = (*known, *(e for e in step.ranked.effects if e not in known))
+        found.append(replace(step, ranked=replace(step.ranked, effects=effects)))
+    return found
+
+
 def _silent(what: str, done: float) -> None:
     return
 
@@ -263,7 +274,7 @@ class _Search:
             self.problem,
             self.unseen,
             self.filter,
-            tuple(map(_tidied, path)),
+            tuple(map(_tidied, _in_order(path))),
             tuple(map(_tidied, shown)),
             tuple(self.pairs),
             tuple(outside),
