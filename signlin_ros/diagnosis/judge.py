@@ -82,12 +82,15 @@ class Residue:
     def filter(self) -> float:
         """Coefficient of the first-order prewhitening that suits the noise.
 
-        0 where it is nearly white, and where it lasts so long that it is no noise.
+        0 where it is nearly white, and where it lasts so long that it is no noise. What would be more than all of the
+        variance is coloured as it is with no more than all.
         """
         if self.lasting:
             return 0.0
         noise = self.coloured + self.white
         first = self.coloured * self.rho / noise if noise > 0 else 0.0
+        if self.coloured > 0.0 and self.white < 1e-9 and not self.structured:
+            first = max(first, self.alone)
         return first if first > WORTH else 0.0
 
 

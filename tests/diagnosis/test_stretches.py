@@ -75,3 +75,15 @@ def test_a_stretch_starts_where_the_record_had_led():
     for s in prepare(truth, [data], ("speed",)).short.segments[1:]:
         first = round(s.t[0] / STEP)
         assert s.start["position"] == pytest.approx(np.sum(data.measured["speed"][:first]) * STEP, rel=1e-9)
+
+
+def test_what_was_before_a_late_input_counts_as_much_as_the_rest():
+    """A current that follows switched voltages within a sample has fourth differences far above its noise."""
+    switched = np.repeat(8.0 * np.sign(np.random.default_rng(1).uniform(-1, 1, SAMPLES // 4)), 4)
+    truth = motor(input_delay={"T": 0.06}).with_parameters(L_a=1e-5)
+    problem = prepare(truth, [record(truth, ("current", "speed"), switched)], ("current", "speed"))
+    c = candidate(problem, truth, ())
+    left = fit(problem, c, problem.levels[-1], c.start(), 0).innovations[0]
+    unknown, rest = left[:13], left[13:]
+    assert (np.abs(unknown) <= 1.05 * np.sqrt(np.mean(rest**2, axis=0))).all()
+    assert np.std(rest[:, 0]) < 0.5 * problem.noise[0]

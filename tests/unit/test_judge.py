@@ -126,3 +126,13 @@ def test_strongly_coloured_noise_seldom_seems_to_have_structure():
 
 def test_structure_in_coloured_noise_is_seen():
     assert structured(3200, 0.7, 0.3, 100) > 0.9
+
+
+@pytest.mark.parametrize("rho", [0.25, 0.32, 0.4])
+def test_noise_of_little_colour_is_filtered_white(rho):
+    """Colours of more than the whole variance, cut off afterwards, left one in six unfiltered."""
+    for seed in range(100):
+        part = coloured(np.random.default_rng(seed), 1, rho)[:1600, 0]
+        first = residue([part]).filter
+        assert abs(first - rho) < 0.15
+        assert whiteness([part[1:] - first * part[:-1]]).white
