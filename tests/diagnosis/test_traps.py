@@ -158,7 +158,6 @@ def test_gravity_and_cogging_of_order_one_are_the_same(tmp_path):
         assert "gravity_load" in found.ranking[0].indistinguishable_from
 
 
-@pytest.mark.parametrize("seed", range(4))
 def lasting(data, colours: dict[str, float], seed: int, share=0.02):
     """Return records with noise of a colour of its own in every channel."""
     rng, made = np.random.default_rng(seed), []
@@ -195,6 +194,7 @@ def test_an_effect_is_named_beside_noise_that_lasts(tmp_path, drive, colours):
     assert proposed(found) == {"coulomb_friction"}
 
 
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("drive", [SMALL, BENCH], ids=["motor", "oscillator"])
 def test_coloured_noise_is_no_effect(tmp_path, drive, seed):
     found = diagnose(*recorded(tmp_path, drive, {}, kind="coloured", level=0.02, seed=seed))
