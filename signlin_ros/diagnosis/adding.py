@@ -101,7 +101,7 @@ class Adding:
             if best is None or set(best.effects) == done:
                 break
             done = set(best.effects)
-            starts = [r for r in (remainder(self.problem.short, best, n) for n in best.effects) if r]
+            starts = [r for r in (remainder(self.problem.led, best, n) for n in best.effects) if r]
         return self._finished(sorted(pairs.values(), key=evidence_of)[:MOST_FINISHED], filter)
 
     def _screened(
@@ -137,21 +137,21 @@ class Adding:
             ways.append({n: v for n, v in known.items() if n not in base_names(self.problem)})
         for start, way in itertools.product(trial.starts[:few], ways):
             c = extended(self.problem, before, trial, start)
-            found.append(fit(self.problem.short, c, gains, c.start(way), 2))
+            found.append(fit(self.problem.led, c, gains, c.start(way), 2))
         best = min((f for f in found if f), key=cost_of, default=None)
         return self._promise(before, trial, best)
 
     def _further(self, p: _Promise) -> _Promise | None:
         """Return a trial after some further steps; None if it diverges where it is not followed by a filter."""
         steps = SLOW if EFFECTS[p.trial.effect].states else 2
-        return self._promise(p.before, p.trial, further(self.problem.short, p.fit, steps))
+        return self._promise(p.before, p.trial, further(self.problem.led, p.fit, steps))
 
     def _promise(self, before: Ranked, trial: Trial, f: Fit | None) -> _Promise | None:
         """Return a trial with what it promises, followed as far as that is to be trusted."""
-        best = next(iter(trusted(self.problem.short, [f])), None) if f else None
+        best = next(iter(trusted(self.problem.led, [f])), None) if f else None
         if best is None:
             return None
-        return _Promise(evidence(self.problem.short, best, len(before.effects) + 1), before, trial, best)
+        return _Promise(evidence(self.problem.led, best, len(before.effects) + 1), before, trial, best)
 
     def _finished(self, promising: Sequence[_Promise], filter: Filter) -> list[Ranked]:
         """Return trials fitted out, best first."""
@@ -168,7 +168,7 @@ class Adding:
             mine = [p for p in promising if p.before is before]
             if not mine:
                 continue
-            left = likelihood(self.problem.short, before.fit.candidate, before.fit.theta, mine[0].fit.gains)
+            left = likelihood(self.problem.led, before.fit.candidate, before.fit.theta, mine[0].fit.gains)
             for p in mine:
                 share = 1.0 - float(np.exp(min(p.fit.cost - left, 0.0) / p.fit.count.sum()))
                 self.beside.setdefault(p.trial.effect, []).append(Beside(before.effects, share))

@@ -313,7 +313,7 @@ def follow_records(
         late = _unseen_before(problem, s, lags)
         rest = (p, scale, delay - s.early, ringing, late, belief, variances)
         x0 = _start(problem, c, s, (rows, *rest)) - _led_back(problem, c, s, delay)
-        own = [i for i, name in enumerate(c.model.states) if "." in name]
+        own = [i for i, name in enumerate(c.model.states) if "." in name and not _twin(name, tuple(s.start))]
         if s.before and own:
             lead = follow_records(problem, c, theta, gains, False, (s.before,))
             if lead is None:
@@ -327,10 +327,10 @@ def follow_records(
         arguments = (flags, s.t, s.u, s.y, held, x0, *rest)
         if follow(eq.calls(with_s, c.filtered), *arguments, E, D, X) < s.t.size or np.isinf(E).any():
             return None
-        unseen = (np.arange(len(E)) < unknown)[:, None] | np.isnan(E) & bool(late[:, 3:].any())
-        before = unseen & np.isfinite(s.y)
         E[: weights.shape[0]] *= weights
-        E[before] = np.broadcast_to(_usual(E, before, problem.noise), E.shape)[before]
+        if unknown or late[:, 3:].any():
+            unseen = (np.arange(len(E)) < unknown)[:, None] | np.isnan(E) & bool(late[:, 3:].any())
+            _fill(E, unseen & np.isfinite(s.y), problem.noise)
         if with_s:
             D[: weights.shape[0]] *= weights[:, :, None]
         errors.append(E)
@@ -339,11 +339,12 @@ def follow_records(
     return errors, derivatives, states
 
 
-def _usual(E: Array, but: NDArray[np.bool_], noise: Array) -> Array:
-    """Return the root mean square (ny) of innovations but for some; the noise where there are no others."""
-    rest = np.isfinite(E) & ~but
+def _fill(E: Array, what: NDArray[np.bool_], noise: Array) -> None:
+    """Put the root mean square of the others in place of some innovations (T, ny); the noise where there are none."""
+    rest = np.isfinite(E) & ~what
     squares = np.sum(np.where(rest, E, 0.0) ** 2, axis=0) / np.maximum(rest.sum(axis=0), 1)
-    return np.where(rest.any(axis=0), np.sqrt(squares), noise)
+    usual = np.where(rest.any(axis=0), np.sqrt(squares), noise)
+    E[what] = np.broadcast_to(usual, E.shape)[what]
 
 
 def _led_back(problem: Problem, c: Candidate, s: Segment, delay: float) -> Array:
@@ -486,7 +487,7 @@ def seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
 def _unseen_before(problem: Problem, s: Segment, lags: Array) -> Array:
     """Return the lags of channels, late ones marked where a record starts in motion that nobody saw before it."""
     marked: Array = lags.copy()
-    marked[:, 3:] = (s.before is not None or (s.whole and _moving(problem, s))) and not problem.scale.imposed
+    marked[:, 3:] = (s.inner or (s.whole and _moving(problem, s))) and not problem.scale.imposed
     return marked
 
 

@@ -48,7 +48,8 @@ class Segment:
     """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
 
     ``whole``: whether what an effect remembers at the start is fitted; not so for stretches and windows of a record.
-    ``before``: of a stretch of a record, what came before it: there an effect took up what it remembers.
+    ``inner``: whether it begins within a record. ``before``: what came before it, where that is followed too: there an
+    effect took up what it remembers.
     ``early``: by how many s the input precedes its sample, see `signlin_ros.diagnosis.data.driving`.
     """
 
@@ -59,6 +60,7 @@ class Segment:
     source: str
     whole: bool = True
     early: float = 0.0
+    inner: bool = False
     before: Segment | None = None
 
 
@@ -119,7 +121,15 @@ class Problem:
 
     @functools.cached_property
     def short(self) -> Problem:
-        """The problem on some stretches of its records, spread evenly, where it has many samples."""
+        """The problem on some stretches of its records, spread evenly, where it has many samples.
+
+        What effects remember is forgotten at the start of each: good enough to see which way is down.
+        """
+        return replace(self, segments=tuple(replace(s, before=None) for s in self.led.segments))
+
+    @functools.cached_property
+    def led(self) -> Problem:
+        """The same, where effects remember what was before each stretch: half as much again takes it."""
         return _shortened(self)
 
     def observer(self, tau: float, noise: Array | None = None) -> Gains:
@@ -224,7 +234,7 @@ def _shortened(problem: Problem) -> Problem:
         share = max(1, round(chunks * s.t.size / problem.samples))
         for first in np.linspace(0, max(s.t.size - size, 0), share).astype(int).tolist():
             before = _stretch(problem, s, slice(max(first - LEAD, 0), first + 1)) if first else None
-            parts.append(replace(_stretch(problem, s, slice(first, first + size)), before=before))
+            parts.append(replace(_stretch(problem, s, slice(first, first + size)), inner=first > 0, before=before))
     return replace(problem, segments=tuple(parts))
 
 

@@ -61,10 +61,10 @@ LOOP = {"alpha": 0.4, "D": 0.08, "lambda": 1.0, "beta": 0.6, "gamma": 0.35, "n":
 )
 def test_what_is_right_leaves_noise_on_stretches(truth, channels, u):
     problem = prepare(truth, [record(truth, channels, u)], channels)
-    assert len(problem.short.segments) > 1
+    assert len(problem.led.segments) > 1
     c = candidate(problem, truth, ())
     for gains in problem.levels[1:]:
-        found = fit(problem.short, c, gains, c.start(), 0)
+        found = fit(problem.led, c, gains, c.start(), 0)
         left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
         assert (left < 1.15 * problem.noise).all()
 
@@ -72,7 +72,7 @@ def test_what_is_right_leaves_noise_on_stretches(truth, channels, u):
 def test_a_stretch_starts_where_the_record_had_led():
     truth = motor(gravity_load={"A": 0.08})
     data = record(truth, ("speed",), steps(3.0))
-    for s in prepare(truth, [data], ("speed",)).short.segments[1:]:
+    for s in prepare(truth, [data], ("speed",)).led.segments[1:]:
         first = round(s.t[0] / STEP)
         assert s.start["position"] == pytest.approx(np.sum(data.measured["speed"][:first]) * STEP, rel=1e-9)
 
