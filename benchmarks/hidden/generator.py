@@ -170,13 +170,16 @@ def plan(group: str, index: int, seed: int) -> Plan:
 
 
 def _channels(rng: np.random.Generator, p: Plan) -> tuple[str, ...]:
-    """All channels mostly; few where that leaves the effect visible (a sensor's error needs another sensor)."""
+    """All channels mostly; few where that leaves the effect visible: a sensor's error needs another sensor, and a load
+    that only shifts where a spring rests does not show in the velocity.
+    """
     every = CHANNELS[p.plant]
     if rng.random() < 0.7 or any(name.startswith("sensor_") for name in p.laws):
         return every
     motor = [("speed",), ("current", "speed"), ("speed", "position"), ("current", "position"), ("position",)]
     few: list[tuple[str, ...]] = motor if p.plant == MOTOR else [("displacement",), ("velocity",)]
-    return few[int(rng.integers(len(few)))]
+    chosen = few[int(rng.integers(len(few)))]
+    return few[0] if p.plant == MASS and "constant_load" in p.laws else chosen
 
 
 def _conditions(rng: np.random.Generator, p: Plan) -> Conditions:

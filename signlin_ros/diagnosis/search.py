@@ -546,10 +546,12 @@ class _Search:
         """Tell whether a step frees known parameters that were bent to imitate it, and does no harm on unseen data: the
         first, or one that is another explanation than the step before, and enough, or one that frees them from a strain
         which is out of the question.
+
+        A loss that would be a tie is no harm, however sure: what was bent may be the same model but for the priors.
         """
         last, r = path[-1].ranked, step.ranked
         freed = strain(last.fit) - strain(r.fit)
-        if freed <= MOVED or step.certainty <= -SURE:
+        if freed <= MOVED or (step.certainty <= -SURE and step.gain <= -TIE):
             return False
         other = not set(last.effects) < set(r.effects)
         return len(path) == 1 or ((other or freed > STRAINED) and self._enough(r))

@@ -590,3 +590,12 @@ def test_the_driving_torque_of_a_motor_without_inductance():
     K_t, K_m, R_a = (model.parameters[n] for n in ("K_t", "K_m", "R_a"))
     torque = K_t * (u[:, 0] - K_m * speed) / R_a
     assert prepare(model, [data]).scale.force == pytest.approx(float(np.sqrt(np.mean(torque**2))), rel=0.1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_spring_beside_one_that_bends_is_a_spring(tmp_path, seed):
+    """A known spring half as stiff again is the same model: which of the two is worse on unseen data is chance."""
+    hidden = {"linear_stiffness": {"k": 22.0}}
+    found = diagnose(*recorded(tmp_path, BENCH, hidden, exc=("slow", "steps"), level=0.02, seed=seed))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"linear_stiffness"}
