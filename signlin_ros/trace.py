@@ -7,6 +7,7 @@ switching surfaces g, as CasADi expressions. Equal structures share one trace; n
 from __future__ import annotations
 
 import functools
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -88,6 +89,14 @@ ROTARY = {"N": "N·m", "m": "rad", "m/s": "rad/s", "kg": "kg·m²", "N·s/m": "N
 """Units of forces and displacements, and those of torques and angles in their place."""
 
 
+def rotary_unit(unit: str) -> str:
+    """Return a unit made of N, m, s and kg as its rotary one, e.g. ``N·s²/m²`` as ``N·m·s²/rad²``; others unchanged."""
+    bare = "".join(letter for letter in unit if letter not in POWERS)
+    if unit in ROTARY or "N·m" in unit or not set(re.split("[·/]", bare)) <= {"N", "m", "s", "1"}:
+        return ROTARY.get(unit, unit)
+    return "".join(ROTARY.get(letter, letter) for letter in unit)
+
+
 def resolve_unit(unit: str, plant: type[Plant], rotary: bool = False) -> str:
     """Return a declared unit with F, Q and U written as the plant's units, e.g. ``F·s/Q`` as ``N·m·s/rad``.
 
@@ -96,7 +105,7 @@ def resolve_unit(unit: str, plant: type[Plant], rotary: bool = False) -> str:
     names = {"F": plant.force_unit, "Q": plant.position_unit, "U": plant.input_unit}
     if rotary:
         names = {letter: ROTARY.get(name, name) for letter, name in names.items()}
-        unit = ROTARY.get(unit, unit)
+        unit = rotary_unit(unit)
     return "".join(names.get(letter, letter) for letter in unit) if set(unit) <= {*"FQU·s/1", *POWERS} else unit
 
 

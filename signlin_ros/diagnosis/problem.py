@@ -22,7 +22,7 @@ from signlin_ros.noise import noise_level
 from signlin_ros.plants.dc_motor import quasi_static_current
 from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
-from signlin_ros.trace import ROTARY
+from signlin_ros.trace import rotary_unit
 
 Array = NDArray[np.float64]
 
@@ -149,7 +149,7 @@ class Problem:
 
     def shown(self, unit: str) -> str:
         """Return a unit of the model as the records have it."""
-        return ROTARY.get(unit, unit) if self.rotary else unit
+        return rotary_unit(unit) if self.rotary else unit
 
     @property
     def samples(self) -> int:
