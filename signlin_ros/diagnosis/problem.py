@@ -157,9 +157,11 @@ class Problem:
         return sum(s.t.size for s in self.segments)
 
 
-def fourth_difference_noise(values: Array) -> float:
-    """Return the standard deviation of white noise on a smooth signal (T,): sqrt(mean of (4th difference)^2 / 70)."""
-    differences = np.diff(values[np.isfinite(values)], 4)
+def fourth_difference_noise(*pieces: Array) -> float:
+    """Return the standard deviation of white noise on pieces (T,) of a smooth signal: sqrt(mean of (4th difference)^2
+    / 70). Where one piece ends and another begins, nothing is smooth.
+    """
+    differences = np.concatenate([np.diff(values[np.isfinite(values)], 4) for values in pieces])
     return float(np.sqrt(np.mean(differences**2) / 70)) if differences.size else 0.0
 
 
@@ -169,7 +171,7 @@ def white_noise(segments: Sequence[Segment]) -> Array:
     A channel that never moves has one of a millionth of its value, or of its unit.
     """
     everything = np.concatenate([s.y for s in segments])
-    noise = np.array([fourth_difference_noise(values) for values in everything.T])
+    noise = np.array([fourth_difference_noise(*pieces) for pieces in zip(*(s.y.T for s in segments), strict=True)])
     own, value = np.nanstd(everything, axis=0), np.nanmax(np.abs(everything), axis=0)
     least = np.where(_moving(everything), own, np.where(value > 0, value, 1.0))
     return np.asarray(np.maximum(noise, 1e-6 * least))
@@ -445,9 +447,9 @@ def _scale(
         force = motor["K_t"] * column["current"]
     elif "force" in channels:
         force = np.concatenate([s.y[:, channels.index("force")] for s in segments])
-    travel = float(np.nanmax(np.abs(position)))
+    travel, inertia = float(np.nanmax(np.abs(position))), _inertia(model)
     return Scale(
-        rms(force),
+        rms(force) if force.any() else rms(inertia * acceleration),  # what moves freely is driven by what it has stored
         travel if travel > 0 else 1.0,
         rms(velocity),
         rms(acceleration),
@@ -455,7 +457,7 @@ def _scale(
         float(np.max(np.abs(u[:, 0]))) or 1.0,
         dt,
         duration,
-        _inertia(model),
+        inertia,
         _blur(model, segments[0]) * dt,
     )
 
