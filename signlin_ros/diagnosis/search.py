@@ -530,14 +530,10 @@ class _Search:
         return None
 
     def _better_unseen(self, a: Ranked, b: Ranked) -> bool:
-        """Tell whether a model explains unseen data much better than another, beyond doubt, at the middle gain; or at
-        the lowest, where it is no worse at the middle: what only holds an observer that is corrected predicts nothing.
-        """
-        middle, low = self.problem.levels[1], self.problem.levels[-1]
-        (gain, certainty, share), (_, further, much) = (
-            gain_on(self._unseen(a, g), self._unseen(b, g), self.block) for g in (middle, low)
-        )
-        return gain > 0 and ((certainty > CERTAIN and share > MUCH) or (further > CERTAIN and much > MUCH))
+        """Tell whether a model explains unseen data much better than another, beyond doubt, at the middle gain."""
+        middle = self.problem.levels[1]
+        gain, certainty, share = gain_on(self._unseen(a, middle), self._unseen(b, middle), self.block)
+        return gain > 0 and certainty > CERTAIN and share > MUCH
 
     def _refused(self, r: Ranked, last: Ranked) -> bool:
         """Tell whether what a set adds is not what it is called, and note why."""

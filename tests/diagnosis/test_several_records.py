@@ -1,8 +1,6 @@
-"""Several records at once: pendulums that were let go, and servos on closed loops whose input changes unseen."""
+"""Several records at once: pendulums that were let go and seen by an encoder."""
 
 from __future__ import annotations
-
-import math
 
 import numpy as np
 import pytest
@@ -56,42 +54,3 @@ def test_two_frictions_of_a_pendulum_that_nothing_drives_are_told_apart():
     assert found.parameters["quadratic_drag.c2"].value == pytest.approx(6e-4, rel=0.1)
     assert found.parameters["quadratic_drag.c2"].unit == "N·m·s²/rad²"
     assert found.parameters["coulomb_friction.mu"].value == pytest.approx(0.004, rel=0.1)
-
-
-def served(goal, seconds: float, seed: int) -> ModelData:
-    """Return a record of a geared servo with dry friction that swings a weight.
-
-    Its position loop runs at 1 kHz on a coarse encoder; its torque is written down every 5 ms or so only, as the mean
-    of two readings.
-    """
-    m, c, weight, dry, gain, most, h = 0.0716, 1.655, 2.943, 0.1035, 56.0, 11.0, 2e-4
-    rng, q, v, torque, at, rows = np.random.default_rng(seed), 0.0, 0.0, 0.0, 0.0036, []
-    step = 2 * math.pi / 4096
-    for n in range(int(seconds / h)):
-        if n % 5 == 0:
-            torque = max(-most, min(most, 0.01 * round(gain * (goal(n * h) - step * round(q / step)) / 0.01)))
-        if n * h >= at:
-            rows.append((n * h, step * round(q / step), torque))
-            at = n * h + 0.0053 + abs(rng.normal(0.0, 2e-4))
-        free = v + h * (torque - c * v - weight * math.sin(q)) / m
-        held = dry * h / m
-        v = free - max(-held, min(held, free))
-        q += h * v
-    t, shown, u = np.array(rows).T
-    u[:-1] = (u[:-1] + u[1:]) / 2
-    return record(t, u, shown)
-
-
-def test_friction_that_holds_only_what_is_corrected_is_not_named():
-    """Breakaway of a hundred times the sliding level fitted best at the middle gain, and stood still left alone."""
-    goals = [
-        (lambda t: -0.785 * (1 - math.cos(1.57 * t)), 2.0),
-        (lambda t: math.sin(t) * math.pi / 2 + math.sin(5 * t) * 0.5 * math.sin(2 * t), 6.0),
-        (lambda t: math.sin(t * t), 6.0),
-        (lambda t: 0.785 * (1 - math.cos(1.05 * t)), 6.0),
-    ]
-    data = [served(goal, seconds, seed) for seed, (goal, seconds) in enumerate(goals)]
-    rig = PENDULUM.with_parameters({"m": 0.0716 * 0.98, "c": 1.655 * 1.02}).without_effect("gravity_load")
-    found = diagnose(rig.with_effect("gravity_load", A=2.943 * 1.01, q0=0.0), data[:3], data[3:])
-    assert found.ladder[-1].effects == ("coulomb_friction",)
-    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(0.1035, rel=0.15)
