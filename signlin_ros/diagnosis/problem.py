@@ -434,7 +434,8 @@ def _scale(
     X, u = np.concatenate(look), np.concatenate([s.u for s in segments])
     column = {name: X[:, i] for i, name in enumerate(model.states)}
     velocity = column.get(model.plant.velocity, u[:, 0])
-    acceleration = np.concatenate([np.gradient(velocity[: s.t.size], s.t) for s in segments[:1]])
+    parts = np.split(velocity, np.cumsum([s.t.size for s in segments])[:-1])
+    acceleration = np.concatenate([np.gradient(v, s.t) for v, s in zip(parts, segments, strict=True)])
     position = column.get(model.plant.position)
     if position is None:
         position = np.cumsum(velocity) * dt
