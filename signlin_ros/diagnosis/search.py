@@ -436,7 +436,8 @@ class _Search:
         if step is None or len(step.ranked.effects) - len(path[-1].ranked.effects) < 2:
             return step
         parts = _between(path[-1].ranked, options, step.ranked)
-        return (self._best_step(path, parts) if parts else None) or step
+        part = self._best_step(path, parts) if parts else None
+        return part if part is not None and part.gain > 0 else step
 
     def _parts(self, options: list[Ranked]) -> list[Ranked]:
         """Return the best option with the effect that was added last in its parts: one that is rich stands in for
@@ -455,15 +456,23 @@ class _Search:
         return [r for r in found if r is not None]
 
     def _together(
-        self, before: Ranked, parts: Sequence[tuple[Trial, dict[str, float]]], alert: bool = True
+        self,
+        before: Ranked,
+        parts: Sequence[tuple[Trial, dict[str, float]]],
+        alert: bool = True,
+        like: Fit | None = None,
     ) -> Ranked | None:
-        """Return several effects added at once, fitted out from their starts; ``alert``: see `Candidate`."""
-        r = before
+        """Return several effects added at once, fitted out from their starts; ``alert``: see `Candidate`; ``like``: the
+        fit whose parameters the others start from, where it knows them.
+        """
+        r, known = before, like.parameters() if like else {}
         for trial, start in parts:
             pars = EFFECTS[trial.effect].pars()
             c = extended(self.problem, r, trial, {n: pars[n].nearest(v) for n, v in start.items()})
             c = replace(c, alert=alert)
-            fits = descend(self.problem, c, c.start(r.fit.parameters()), self.problem.levels[1:], 10, self.filter)
+            values = {n: known.get(n, v) for n, v in r.fit.parameters().items()}
+            fits = descend(self.problem, c, c.start(values), self.problem.levels[1:], 10, self.filter)
+            known = {}
             found = ranked(self.problem, (*r.effects, trial.effect), (*r.sensors, *trial.sensors), fits)
             if found is None:
                 return None
@@ -524,7 +533,7 @@ class _Search:
             before = without(self.problem, r, effect) if names else None
             for name in names:
                 part = (self.known[name], {n: values[n] for n in EFFECTS[name].pars() if n in values})
-                found = self._together(before, [part]) if before else None
+                found = self._together(before, [part], True, r.fit) if before else None
                 if found and self._gains(found, last) and not self._refused(found, last):
                     return found
         return None
@@ -623,7 +632,7 @@ class _Search:
             for name, start in simpler.items():
                 before = without(self.problem, r, effect) if name in self.known and name not in r.effects else None
                 parts = [(self.known[name], start)] if before else []
-                found = self._together(before, parts, r.fit.candidate.alert) if before else None
+                found = self._together(before, parts, r.fit.candidate.alert, r.fit) if before else None
                 if found and found.evidence < r.evidence + TIE:
                     return self._plainer(found)
         return r
