@@ -14,10 +14,12 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from signlin_ros.diagnosis.data import travelled
 from signlin_ros.diagnosis.fit import Fit, follow_records
-from signlin_ros.diagnosis.problem import Problem, Segment
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment
 from signlin_ros.diagnosis.scan import halfway, response
 
 Array = NDArray[np.float64]
@@ -32,6 +34,8 @@ MOST = 30_000
 """Samples that are looked at, from the start of every record on."""
 ENOUGH = 10
 """Samples for each function, below which nothing is said."""
+BLOCKS = 12
+"""Blocks that a spread is told from, at least."""
 SLOW, SLOWER = 0.1, 0.03
 """Velocities, as shares of the largest, within which friction may fade."""
 
@@ -52,13 +56,48 @@ def dependence(problem: Problem, f: Fit, of_input: bool = True) -> Array:
         looks = ((response(problem, fitted, one), one) for one in problem.levels[::-1])
         sizes = ((max(block, ceil(SEPARATE * _length(r))), r, one) for r, one in looks)
         block, seen, gains = next((s for s in sizes if 2 * FOLDS * s[0] <= problem.samples), (0, None, gains))
-    run = follow_records(problem, c, f.theta, gains, False) if block else None
-    if run is None:
+    found = _regressors(problem, f, gains, seen, block, of_input) if block else None
+    if found is None:
         return none
+    Z, y, block_of = found
+    return none if y.size < ENOUGH * Z.shape[2] else _predicted(Z, y, block_of % FOLDS)
+
+
+def strongest(problem: Problem, f: Fit) -> float:
+    """Return by how many standard errors a fit's residual goes with that function of its motion that it goes best with.
+
+    At the gain of the fit, where its residual is nearly white: one function at a time tells what is lost among dozens.
+    The standard error is that of sums over blocks in which the observer forgets (as a normal one, however many they
+    are); 0 where they are too few.
+    """
+    gains, block = f.gains, max(int(BLOCK / problem.scale.step), LEAST)
+    if f.candidate.filtered or problem.base.plant.velocity not in f.candidate.model.states:
+        return 0.0
+    seen = response(problem, f.fitted(), gains)
+    block = max(block, ceil(SEPARATE * _length(seen)))
+    found = _regressors(problem, f, gains, seen, block, False) if problem.samples >= BLOCKS * block else None
+    if found is None:
+        return 0.0
+    Z, y, block_of = found
+    products = np.array([(Z[block_of == i] * y[block_of == i, :, None]).sum(axis=0) for i in range(block_of[-1] + 1)])
+    spread = np.std(products, axis=0, ddof=1) * np.sqrt(len(products))
+    t = float(np.max(np.abs(products.sum(axis=0)) / np.maximum(spread, 1e-300)))
+    return float(norm.isf(student.sf(t, len(products) - 1)))
+
+
+def _regressors(
+    problem: Problem, f: Fit, gains: Gains, seen: Array | None, block: int, of_input: bool
+) -> tuple[Array, Array, NDArray[np.int_]] | None:
+    """Return functions (T, ny, k) of a fit's motion as an observer leaves them and its residual (T, ny) at some gains,
+    both whitened, and the number (T,) of the block that a sample is in; None where the motion is lost.
+    """
+    run = follow_records(problem, f.candidate, f.theta, gains, False)
+    if run is None:
+        return None
     used = min(1.0, MOST / max(problem.samples, 1))
     motions = [_motion(problem, f, s, X) for s, X in zip(problem.segments, run[2], strict=True)]
     largest = np.maximum([np.max([np.abs(m[i]).max() for m in motions]) for i in range(3)], 1e-300)
-    features, residuals, folds, done = [], [], [], 0
+    features, residuals, blocks, done = [], [], [], 0
     for whole, motion in zip(run[0], motions, strict=True):
         e = whole[: ceil(used * len(whole))]
         known = np.isfinite(e)
@@ -67,10 +106,9 @@ def dependence(problem: Problem, f: Fit, of_input: bool = True) -> Array:
         left = _left(_functions(q, v, u, of_input), seen, len(e), e.shape[1])
         features.append(np.where(known[:, :, None], f.filter.apply(left), 0.0))
         residuals.append(np.where(known, whitened, 0.0))
-        folds.append((np.arange(len(e)) // block + done) % FOLDS)
+        blocks.append(np.arange(len(e)) // block + done)
         done += len(e) // block + 1
-    Z, y, fold = np.concatenate(features), np.concatenate(residuals), np.concatenate(folds)
-    return none if y.size < ENOUGH * Z.shape[2] else _predicted(Z, y, fold)
+    return np.concatenate(features), np.concatenate(residuals), np.concatenate(blocks)
 
 
 def _length(response: Array) -> int:
@@ -127,4 +165,4 @@ def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
     return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), 1e-300))
 
 
-__all__ = ["dependence"]
+__all__ = ["dependence", "strongest"]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.dependence import dependence
+from signlin_ros.diagnosis.dependence import dependence, strongest
 from signlin_ros.diagnosis.fit import Filter, Fit, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
 from signlin_ros.diagnosis.problem import Gains, Problem
@@ -33,6 +33,9 @@ DEPENDENT = 0.02
 leave reached 0.007 in 70 records, mostly below 0."""
 AT_RANDOM = 0.2
 """Largest such share of what noise in the input leaves."""
+FOLLOWS = 4.0
+"""Standard errors by which what noise in the input leaves may go with one of three dozen functions of the motion. With
+such noise alone it was 2.9 at most in 36 records."""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
 
@@ -192,7 +195,8 @@ def driven_by_noise(problem: Problem, r: Ranked) -> bool:
     """Tell whether what a model leaves is what noise in the input leaves: it is gone at the highest gain.
 
     Noise in the input moves the state at random: an observer that is wide awake follows that, and only the noise of the
-    sensors is left. A force that the model lacks is no white noise, and shows at any gain, or follows from the motion.
+    sensors is left. A force that the model lacks is no white noise, and shows at any gain, or follows from the motion:
+    where little of it is left, from one function of it at least.
     """
     c = r.fit.candidate
     if problem.scale.imposed or c.filtered:
@@ -202,7 +206,7 @@ def driven_by_noise(problem: Problem, r: Ranked) -> bool:
         return False
     noise, rho = _as_coloured(problem, r.low.filter, at)
     found = fit(problem, c, _awake(problem, noise, rho), r.fit.theta, 10)
-    if found is None or any_structure(found.innovations, problem.noise):
+    if found is None or any_structure(found.innovations, problem.noise) or strongest(problem, found) > FOLLOWS:
         return False
     left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
     return bool((left < AWAKE * noise).all())

@@ -29,6 +29,8 @@ HELD = 10.0
 PERIODS, OTHERS, INDIFFERENT = 20.0, (0.9, 1.1), 0.5
 """A wave of which the motion covers so many periods is no wave if one with its order multiplied by these explains so
 much of what it explains: fine waves of any order hold what is slow, as friction does."""
+REPEATED = 0.75
+"""Periods that a motion must cover for a wave to be seen, where it leaves nothing but noise."""
 BRIEF = 0.1
 """Part of the time between two samples beneath which a delay is not worth a name."""
 
@@ -146,10 +148,10 @@ def _waves(problem: Problem, r: Ranked, before: Ranked) -> list[tuple[str, str, 
 
 def _unrepeated(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
     """Return an effect added to ``before`` that is said to repeat where the motion covers less than one period, and how
-    much of it: any smooth force is a part of some wave.
+    much of it: any smooth force is a part of some wave, and a large part of one only to the noise if it is one.
     """
     for key, _, seen in _waves(problem, r, before):
-        if seen < 1.0:
+        if seen < REPEATED or (seen < 1.0 and any_structure(r.fit.innovations, problem.noise)):
             why = f"the motion covers {seen:.0%} of what would be its period: nothing shows that it repeats"
             return r.fit.candidate.model.effects[key].type, why
     return None

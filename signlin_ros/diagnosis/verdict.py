@@ -41,6 +41,9 @@ ELSEWHERE = 0.5
 DETAIL, NEARLY_ALL = 10.0, (0.995, 0.999)
 """where more is left, as on a quiet record, where everything stands out, up to so many times the noise or beyond, the
 shares of what was missing that must be explained."""
+CURVES, PERIODS = 0.05, 3.0
+"""Largest excess over the noise, as a share of it, of two curves over the position: beyond, they are the first terms of
+another. A wave of so many periods is no such term."""
 DRIVEN = 0.99
 """Least share that must be explained where what is left is what noise in the input would leave: so is what is left of
 a law outside the list that a listed one imitates by 97 or 98 %."""
@@ -391,7 +394,25 @@ def _verdict(f: Findings, ladder: Sequence[Rung], explained: float, rest: float)
         return "unexplained" if f.unaccounted or elsewhere else "adequate"
     if f.unaccounted and rest > ELSEWHERE and _beside(ladder) < EXPLAINED:
         return "unexplained"
+    if rest > CURVES and not f.uncertain and _of_another_shape(f):
+        return "unexplained"
     return "missing" if explained >= _enough(f, rest) or not f.structured else "unexplained"
+
+
+def _of_another_shape(f: Findings) -> bool:
+    """Tell whether a proposal has several curves over the position: together they make nearly any other curve.
+
+    The weight of an arm is no such curve, nor is a wave of many periods.
+    """
+    problem, r, curves = f.problem, f.final.ranked.fit, 0
+    low, high = problem.stretch
+    values, model = r.parameters(), r.candidate.model
+    for key in (k for k in r.candidate.label if k in model.effects):
+        kind = find_effect(model.effects[key].type, "effects")
+        weight = kind.name == "gravity_load" and _drive(problem) == "torque"
+        seen = [values[f"{key}.{n}"] * (high - low) / (2 * np.pi) for n in kind.periodic[:1]]
+        curves += kind.shaped and not weight and all(periods < PERIODS for periods in seen)
+    return curves > 1
 
 
 def _enough(f: Findings, rest: float) -> float:
@@ -438,6 +459,10 @@ def _sentence(f: Findings, verdict: str, explained: float, over: float) -> str:
 def _unexplained(f: Findings, explained: float, over: float) -> str:
     effects = f.final.ranked.effects
     share = f"{_named(effects)} {'explains' if len(effects) == 1 else 'explain'}" if effects else ""
+    if _of_another_shape(f):
+        together = f"Together {share} {_percent(explained)} of the missing motion on data that the fit did not see"
+        left = f"and leave {1.0 + over:.3g} times the noise" if over > 0.0 else "and leave structure"
+        return f"{together}, {left}: they stand for one force over the position, of a shape that is not listed."
     if not f.structured and not (effects and f.beyond_doubt):
         known = (
             f"Nothing is left where the model was fitted, but elsewhere its error is {1.0 + over:.2g} times the noise"
@@ -575,7 +600,10 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
     if gain <= 0:
         return "rejected", "alone it does not lower the error by more than its parameters are worth"
     if not plausible(f.problem, step.ranked):
-        return "rejected", "it fits only with parameters that it cannot have: its equation imitates something else"
+        return (
+            "rejected",
+            f"it fits only with parameters that it cannot have: {find_effect(effect, 'effects').imitates}",
+        )
     if step.certainty <= SURE and step.gain <= 0:
         return "rejected", "it lowers the error on the data that it was fitted to and raises it on unseen data"
     if final.effects:

@@ -39,6 +39,8 @@ class Effect(HasPars):
     """
     experiment: ClassVar[str] = ""
     """What to record so that it shows, as an imperative clause."""
+    imitates: ClassVar[str] = "its equation imitates something else"
+    """What a fit has found whose parameters are not `plausible`, as a sentence."""
     shows_at_large: ClassVar[str] = ""
     """What must be large for it to show: ``position``, ``input``, or nothing."""
     only_beyond: ClassVar[bool] = False
@@ -49,6 +51,8 @@ class Effect(HasPars):
     """Plants that it applies to; empty: all."""
     external: ClassVar[bool] = False
     """Whether its force counts as an external force that loads bearings and gears."""
+    shaped: ClassVar[bool] = False
+    """Whether its force is a curve over the position: two such curves together make nearly any other."""
     dissipative: ClassVar[bool] = False
     """Whether v F <= 0 always (checked by the contract tests)."""
 

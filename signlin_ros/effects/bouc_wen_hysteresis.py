@@ -12,7 +12,7 @@ from signlin_ros.par import Par
 SLIGHT = 0.02
 """Share of the stiffness that may stay elastic where a loop is all but Dahl's."""
 STIFF = 10.0
-"""Ratio of -gamma to beta beyond which a loop has no width to speak of."""
+"""Ratio of gamma to beta, either way, beyond which a loop has no width to speak of."""
 
 
 class BoucWenHysteresis(Effect):
@@ -26,6 +26,7 @@ class BoucWenHysteresis(Effect):
     equation = "k q -> alpha k q + (1 - alpha) D k h, h' = [lambda v - beta |v| |h|^(n-1) h - gamma v |h|^n] / D"
     finding = "the residual {F} against the {Q} is a loop: {alpha:.2f} of the stiffness stays elastic, the rest yields"
     experiment = "cycle slowly between two positions, with several amplitudes"
+    imitates = "a loop without width is an elastic force that hardens or softens, the same both ways"
     states = {"h": "-"}
 
     alpha = Par("-", nominal=0.5, high=1.0, doc="share of the stiffness that stays elastic")
@@ -71,13 +72,13 @@ class BoucWenHysteresis(Effect):
 
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
-        """Refuse a loop without width that hardens: it takes no energy, and is an elastic spring."""
-        return p["gamma"] >= -STIFF * p["beta"]
+        """Refuse a loop without width: it takes no energy, and is an elastic spring that hardens or softens."""
+        return abs(p["gamma"]) <= STIFF * p["beta"]
 
     @classmethod
     def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
         """Return the springs that a loop without width is: they harden where h would run off to infinity."""
-        if cls.plausible(p) or "k" not in p:
+        if p["gamma"] >= -STIFF * p["beta"] or "k" not in p:
             return []
         run_off = p["D"] * math.pi / 2 * (abs(p["gamma"]) + p["beta"]) ** (-1.0 / p["n"])
         spring = {"linear_stiffness": {"k": p["k"]}}

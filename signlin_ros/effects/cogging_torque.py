@@ -21,6 +21,7 @@ class CoggingTorque(Effect):
     shows_at_large = "position"
     angular = True
     experiment = "move slowly over a full turn at constant input"
+    shaped = True
 
     turning = ("A", "phi")
 

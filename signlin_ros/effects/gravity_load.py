@@ -21,6 +21,7 @@ class GravityLoad(Effect):
     shows_at_large = "position"
     angular = True
     experiment = "rest at several positions over a full turn"
+    shaped = True
     external = True
 
     turning = ("A", "q0")

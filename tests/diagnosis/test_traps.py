@@ -440,16 +440,16 @@ def test_a_loop_without_a_shape_of_its_own_is_dahls():
         assert BoucWenHysteresis.simpler(loop | shape) == {}
 
 
-def test_a_loop_without_width_is_a_spring_that_hardens():
+def test_a_loop_without_width_is_a_spring_that_hardens_or_softens():
     tangent = {"alpha": 0.0, "D": 2.0, "lambda": 1.0, "beta": 0.01, "gamma": -4.0, "n": 2.0, "k": 5.0}
     assert not BoucWenHysteresis.plausible(tangent)
     stops, cubic = BoucWenHysteresis.parts(tangent)
     assert stops["linear_stiffness"] == cubic["linear_stiffness"] == {"k": 5.0}
     assert stops["hard_stop"]["gap"] == pytest.approx(2.0 * np.pi / 2 / 2.0, rel=0.01)  # h = tan(q) / 2 runs off there
     assert set(cubic) == {"linear_stiffness", "cubic_stiffness"}
-    for shape in ({"gamma": -0.09}, {"gamma": 4.0}):
-        assert BoucWenHysteresis.plausible(tangent | shape)
-        assert BoucWenHysteresis.parts(tangent | shape) == []
+    for gamma, plausible_one in ((-0.09, True), (0.09, True), (4.0, False)):  # the last softens: atan for n = 2
+        assert BoucWenHysteresis.plausible(tangent | {"gamma": gamma}) is plausible_one
+        assert BoucWenHysteresis.parts(tangent | {"gamma": gamma}) == []
 
 
 def test_a_spring_with_stops_is_no_loop(tmp_path):
