@@ -277,6 +277,14 @@ def _vibration(s: Setting) -> Values:
     return {"F0": 1.3 * s.force(), "w": s.rng.uniform(1.3, 3.0) * min(max(s.drive.omega, 4.0), 20.0)}
 
 
+def _saturating(s: Setting) -> Values:
+    return {"F": 1.3 * s.force(), "q": s.scale.position * s.rng.uniform(0.2, 0.6)}
+
+
+def _detent(s: Setting) -> Values:
+    return {"F": 1.3 * s.sign() * s.force(), "q": s.scale.position * s.rng.uniform(0.2, 0.6)}
+
+
 def _steps(s: Setting) -> Values:
     return {"step": s.scale.peak_input * s.rng.uniform(0.3, 0.6)}
 
@@ -297,6 +305,8 @@ OUTSIDE: dict[str, Callable[[Setting], Values]] = {
     "negative_resistance": _negative,
     "varying_inertia": _inertia,
     "vibration": _vibration,
+    "saturating_spring": _saturating,
+    "detent": _detent,
     "input_steps": _steps,
     "input_play": _play,
 }

@@ -66,6 +66,8 @@ UNLISTED = {
     "negative_resistance": ("b", "v0"),
     "varying_inertia": ("a", "N", "phi"),
     "vibration": ("F0", "w"),
+    "saturating_spring": ("F", "q"),
+    "detent": ("F", "q"),
 }
 SIMILAR = {
     "tanh_friction": ("mu", "v0"),
@@ -158,6 +160,10 @@ def position_force(t: float, y: Array, aux: float, p: Any) -> float:
     if p.damped_stop_k_s > 0.0 and beyond != 0.0:
         reaction = p.damped_stop_k_s * beyond + p.damped_stop_c_s * y[V]
         force -= max(reaction, 0.0) if beyond > 0.0 else min(reaction, 0.0)  # a stop does not pull
+    if p.saturating_spring_F != 0.0:
+        force -= p.saturating_spring_F * math.tanh(q / p.saturating_spring_q)
+    if p.detent_F != 0.0:
+        force -= p.detent_F * (q / p.detent_q) * math.exp(0.5 - 0.5 * (q / p.detent_q) ** 2)
     force -= p.wandering_ripple_A * math.sin(p.wandering_ripple_N * q + aux)
     force -= p.parametric_stiffness_k * math.sin(p.parametric_stiffness_w * t) * q
     return force + p.burst_load_F0 * aux + p.vibration_F0 * math.sin(p.vibration_w * t)

@@ -33,6 +33,9 @@ DEPENDENT = 0.02
 leave reached 0.007 in 70 records, mostly below 0."""
 AT_RANDOM = 0.2
 """Largest such share of what noise in the input leaves."""
+WORSE = 3.0
+"""Times what a model leaves where it was fitted, in multiples of the noise, that noise in the input may leave on other
+data."""
 FOLLOWS = 4.0
 """Standard errors by which what noise in the input leaves may go with one of three dozen functions of the motion. With
 such noise alone it was 2.9 at most in 36 records."""
@@ -104,7 +107,14 @@ class Findings:
     @functools.cached_property
     def driven_by_noise(self) -> bool:
         """Whether that structure is what noise in the input leaves."""
-        return self.structured and driven_by_noise(self.problem, self.final.ranked)
+        return self.structured and driven_by_noise(self.problem, self.final.ranked) and not self._worse_on_unseen
+
+    @functools.cached_property
+    def _worse_on_unseen(self) -> bool:
+        """Whether more is left on unseen data than noise in the input would: that leaves much the same there."""
+        seen, unseen = (np.concatenate(e) for e in (self.final.ranked.fit.innovations, self.final.unseen))
+        before, after = (np.sqrt(np.nanmean(e**2, axis=0)) for e in (seen, unseen))
+        return bool((after / self.unseen.noise > WORSE * before / self.problem.noise).any())
 
     @functools.cached_property
     def unseen_noise(self) -> Array:

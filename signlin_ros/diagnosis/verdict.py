@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import arriving, as_list
-from signlin_ros.diagnosis.findings import Findings, Step
+from signlin_ros.diagnosis.findings import NEEDED, Findings, Step
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records, seen_late
 from signlin_ros.diagnosis.judge import correlations
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
@@ -41,7 +41,7 @@ ELSEWHERE = 0.5
 DETAIL, NEARLY_ALL = 10.0, (0.995, 0.999)
 """where more is left, as on a quiet record, where everything stands out, up to so many times the noise or beyond, the
 shares of what was missing that must be explained."""
-CURVES, PERIODS = 0.05, 3.0
+CURVES, PERIODS = 0.03, 3.0
 """Largest excess over the noise, as a share of it, of two curves over the position: beyond, they are the first terms of
 another. A wave of so many periods is no such term."""
 DRIVEN = 0.99
@@ -390,20 +390,30 @@ def _beside(ladder: Sequence[Rung]) -> float:
 
 def _verdict(f: Findings, ladder: Sequence[Rung], explained: float, rest: float) -> str:
     if len(f.steps) == 1 or not f.beyond_doubt:
-        elsewhere = rest > ELSEWHERE and not f.structured and not f.uncertain
-        return "unexplained" if f.unaccounted or elsewhere else "adequate"
+        return "unexplained" if f.unaccounted or _elsewhere(f, explained, rest) else "adequate"
+    if _elsewhere(f, explained, rest):
+        return "unexplained"
     if f.unaccounted and rest > ELSEWHERE and _beside(ladder) < EXPLAINED:
         return "unexplained"
-    if rest > CURVES and not f.uncertain and _of_another_shape(f):
+    if _of_another_shape(f, rest) or (f.unaccounted and _outdone(f)):
         return "unexplained"
     return "missing" if explained >= _enough(f, rest) or not f.structured else "unexplained"
 
 
-def _of_another_shape(f: Findings) -> bool:
-    """Tell whether a proposal has several curves over the position: together they make nearly any other curve.
+def _elsewhere(f: Findings, explained: float, rest: float) -> bool:
+    """Tell whether a proposal leaves noise where it was fitted, and is wrong on unseen data, of other motion."""
+    good = bool(f.final.ranked.effects) and f.beyond_doubt and explained >= PARTLY
+    return not f.structured and not good and rest > ELSEWHERE and not f.uncertain
+
+
+def _of_another_shape(f: Findings, rest: float) -> bool:
+    """Tell whether a proposal has several curves over the position, which together make nearly any other curve, and
+    still leaves more than noise.
 
     The weight of an arm is no such curve, nor is a wave of many periods.
     """
+    if rest <= CURVES:
+        return False
     problem, r, curves = f.problem, f.final.ranked.fit, 0
     low, high = problem.stretch
     values, model = r.parameters(), r.candidate.model
@@ -412,16 +422,24 @@ def _of_another_shape(f: Findings) -> bool:
         weight = kind.name == "gravity_load" and _drive(problem) == "torque"
         seen = [values[f"{key}.{n}"] * (high - low) / (2 * np.pi) for n in kind.periodic[:1]]
         curves += kind.shaped and not weight and all(periods < PERIODS for periods in seen)
-    return curves > 1
+    return curves > 2 or (curves == 2 and not f.uncertain)
+
+
+def _outdone(f: Findings) -> bool:
+    """Tell whether the best effect alone beats the proposal with parameters that it cannot have: what it imitates, and
+    not the proposal, is nearer to what is missing.
+    """
+    best = f.singles[0].ranked if f.singles else f.final.ranked
+    return best.evidence < f.final.ranked.evidence - NEEDED and not plausible(f.problem, best)
 
 
 def _enough(f: Findings, rest: float) -> float:
     """Return the least share of the missing motion on unseen data that is enough, for what is left beyond the noise."""
     if rest <= REST or not f.structured:
         return EXPLAINED
-    if f.driven_by_noise:
+    if f.driven_by_noise and rest <= ELSEWHERE:
         return DRIVEN
-    return NEARLY_ALL[0] if 1.0 + rest < DETAIL else NEARLY_ALL[1]
+    return NEARLY_ALL[0] if f.driven_by_noise or 1.0 + rest < DETAIL else NEARLY_ALL[1]
 
 
 def _rest(f: Findings) -> float:
@@ -459,15 +477,21 @@ def _sentence(f: Findings, verdict: str, explained: float, over: float) -> str:
 def _unexplained(f: Findings, explained: float, over: float) -> str:
     effects = f.final.ranked.effects
     share = f"{_named(effects)} {'explains' if len(effects) == 1 else 'explain'}" if effects else ""
-    if _of_another_shape(f):
-        together = f"Together {share} {_percent(explained)} of the missing motion on data that the fit did not see"
-        left = f"and leave {1.0 + over:.3g} times the noise" if over > 0.0 else "and leave structure"
-        return f"{together}, {left}: they stand for one force over the position, of a shape that is not listed."
-    if not f.structured and not (effects and f.beyond_doubt):
-        known = (
-            f"Nothing is left where the model was fitted, but elsewhere its error is {1.0 + over:.2g} times the noise"
-        )
-        return f"{known}: what is missing shows only there; fit it to that record too."
+    before = (
+        f"{share[:1].upper()}{share[1:]} {_percent(explained)} of the missing motion on data that the fit did not see"
+    )
+    if effects and _outdone(f):
+        found = f.singles[0].ranked.label
+        more = f"{found.replace('_', ' ')} explains more with parameters that it cannot have"
+        return f"{before}; {more}: {find_effect(found, 'effects').imitates}."
+    if _of_another_shape(f, over):
+        left = f"leave {1.0 + over:.3g} times the noise" if over > 0.0 else "leave structure"
+        return f"{before}, and {left}: they stand for one force over the position, of a shape that is not listed."
+    if _elsewhere(f, explained, over):
+        known = f"{share} what is missing" if effects and f.beyond_doubt else "nothing is missing"
+        known = f"{known[0].upper()}{known[1:]} where the model was fitted"
+        elsewhere = f"elsewhere its error is {1.0 + over:.2g} times the noise"
+        return f"{known}, but {elsewhere}: what is missing shows only there; fit it to that record too."
     if effects and not f.unaccounted:
         share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
