@@ -33,9 +33,9 @@ DEPENDENT = 0.02
 leave reached 0.007 in 70 records, mostly below 0."""
 AT_RANDOM = 0.2
 """Largest such share of what noise in the input leaves."""
-WORSE = 3.0
+WORSE = 5.0
 """Times what a model leaves where it was fitted, in multiples of the noise, that noise in the input may leave on other
-data."""
+data. A right model whose parameters are known less well than a fine encoder shows left 3.2 times as much."""
 FOLLOWS = 4.0
 """Standard errors by which what noise in the input leaves may go with one of three dozen functions of the motion. With
 such noise alone it was 2.9 at most in 36 records."""
