@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 from scipy.stats import chi2, norm
@@ -26,9 +27,11 @@ SLIGHT = 1e-3
 
 HELD = 10.0
 """Breakaway friction beyond so many times what drives (RMS): nothing would ever move against it."""
-PERIODS, OTHERS, INDIFFERENT = 20.0, (0.9, 1.1), 0.5
-"""A wave of which the motion covers so many periods is no wave if one with its order multiplied by these explains so
-much of what it explains: fine waves of any order hold what is slow, as friction does."""
+PERIODS, OTHERS, INDIFFERENT = 20.0, (0.9, 1.1, 0.8, 1.2, 1.37), (0.5, 0.65)
+"""A wave of which the motion covers so many periods is no wave if waves with its order multiplied by these explain so
+much of what it explains: fine waves of any order hold what is slow, as friction does. Where structure is left, one of
+the first two is enough; where a wave leaves noise alone, each of them must: the least had 0.73 and more where there was
+no wave, 0.06 and 0.52 where there was one."""
 REPEATED = 0.75
 """Periods that a motion must cover for a wave to be seen, where it leaves nothing but noise."""
 BRIEF = 0.1
@@ -167,12 +170,20 @@ def _of_any_order(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str
         if seen < PERIODS:
             continue
         start = start or fit(problem, before.fit.candidate, f.gains, before.fit.theta, 6, f.filter)
-        gained = start.cost - f.cost if start else 0.0
-        for other in (_at_order(problem, f, name, times) for times in OTHERS):
-            if other and start and start.cost - other.cost > INDIFFERENT * gained:
-                why = "a wave of any other order explains nearly as much: it holds what moves slowly, as friction does"
-                return f.candidate.model.effects[key].type, why
+        if start and _as_good_at_others(problem, f, name, start.cost):
+            why = "a wave of any other order explains nearly as much: it holds what moves slowly, as friction does"
+            return f.candidate.model.effects[key].type, why
     return None
+
+
+def _as_good_at_others(problem: Problem, f: Fit, name: str, without: float) -> bool:
+    """Tell whether a wave does as well with other orders (``name``: of the order); ``without``: the cost without it."""
+    gained = max(without - f.cost, 1e-300)
+    fits = (_at_order(problem, f, name, times) for times in OTHERS)
+    shares = ((without - other.cost) / gained if other else 0.0 for other in fits)
+    if any_structure(f.innovations, problem.noise):
+        return any(share > INDIFFERENT[0] for share in islice(shares, 2))
+    return all(share > INDIFFERENT[1] for share in shares)
 
 
 def _at_order(problem: Problem, f: Fit, name: str, times: float) -> Fit | None:

@@ -407,13 +407,11 @@ def _elsewhere(f: Findings, explained: float, rest: float) -> bool:
 
 
 def _of_another_shape(f: Findings, rest: float) -> bool:
-    """Tell whether a proposal has several curves over the position, which together make nearly any other curve, and
-    still leaves more than noise.
+    """Tell whether a proposal has several curves over the position: together they make nearly any other curve; two that
+    leave noise alone may be what they are called.
 
     The weight of an arm is no such curve, nor is a wave of many periods.
     """
-    if rest <= CURVES:
-        return False
     problem, r, curves = f.problem, f.final.ranked.fit, 0
     low, high = problem.stretch
     values, model = r.parameters(), r.candidate.model
@@ -422,7 +420,7 @@ def _of_another_shape(f: Findings, rest: float) -> bool:
         weight = kind.name == "gravity_load" and _drive(problem) == "torque"
         seen = [values[f"{key}.{n}"] * (high - low) / (2 * np.pi) for n in kind.periodic[:1]]
         curves += kind.shaped and not weight and all(periods < PERIODS for periods in seen)
-    return curves > 2 or (curves == 2 and not f.uncertain)
+    return curves > 2 or (curves == 2 and rest > CURVES and not f.uncertain)
 
 
 def _outdone(f: Findings) -> bool:
