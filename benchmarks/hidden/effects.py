@@ -305,12 +305,12 @@ OUTSIDE: dict[str, Callable[[Setting], Values]] = {
     "negative_resistance": _negative,
     "varying_inertia": _inertia,
     "vibration": _vibration,
-    "saturating_spring": _saturating,
-    "detent": _detent,
     "input_steps": _steps,
     "input_play": _play,
 }
 """Not in the catalogue: the right answer is "unexplained"."""
+SPRINGS: dict[str, Callable[[Setting], Values]] = {"saturating_spring": _saturating, "detent": _detent}
+"""Forces over the position that the catalogue has not: the same."""
 
 
 def _tanh(s: Setting) -> Values:

@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 Effects = dict[str, dict[str, float]]
 
 DEVELOPMENT, HELD_OUT = 1, 2
-GROUPS = ("single", "weak", "none", "none_coloured", "outside", "similar", "pair")
+GROUPS = ("single", "weak", "none", "none_coloured", "outside", "springs", "similar", "pair")
 POSITION = ("position", "displacement")
 BRIEFEST, LONGEST = 0.7, 0.025
 """Coloured noise: 1 less its correlation from sample to sample, which every channel has its own of."""
@@ -155,8 +155,9 @@ def plan(group: str, index: int, seed: int) -> Plan:
         pairs = [(p, pair) for p in plants for pair in catalogue.PAIRS if all(catalogue.applies(e, p) for e in pair)]
         plant, pair = _cycle(pairs, group, index, seed)
         return Plan(plant, pair, pair)
-    if group == "outside":
-        names = [(p, e) for p in plants for e in catalogue.OUTSIDE]
+    if group in ("outside", "springs"):
+        unlisted = catalogue.OUTSIDE if group == "outside" else catalogue.SPRINGS
+        names = [(p, e) for p in plants for e in unlisted]
         plant, name = _cycle(names, group, index, seed)
         return Plan(plant, (f"(unlisted) {name}",), (name,))
     if group == "similar":
@@ -303,7 +304,7 @@ def _inputs(rng: np.random.Generator, drive: Drive, c: Conditions, exc: str, law
 def _sizes(rng: np.random.Generator, p: Plan, drive: Drive, u: Array, c: Conditions) -> Effects:
     """Draw the effects' values at ordinary strength."""
     s = catalogue.Setting(rng, drive, scale(drive, u, 1 / c.fs), c.T, 1 / c.fs)
-    table = {**catalogue.LISTED, **catalogue.OUTSIDE}
+    table = {**catalogue.LISTED, **catalogue.OUTSIDE, **catalogue.SPRINGS}
     values: Effects = {}
     for name in p.laws:
         law, draw_values = name, table.get(name)

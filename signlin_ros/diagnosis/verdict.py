@@ -22,7 +22,7 @@ from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scor
 from signlin_ros.diagnosis.scores import Score, score
 from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SIMPLE, SURE, TIE, Progress, search
 from signlin_ros.effects import find_effect
-from signlin_ros.effects.base import SensorEffect
+from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.model import Model
 from signlin_ros.predict import windows
 from signlin_ros.records import ModelData
@@ -424,11 +424,13 @@ def _of_another_shape(f: Findings, rest: float) -> bool:
 
 
 def _outdone(f: Findings) -> bool:
-    """Tell whether the best effect alone beats the proposal with parameters that it cannot have: what it imitates, and
-    not the proposal, is nearer to what is missing.
+    """Tell whether the best effect alone beats the proposal with parameters that it cannot have, and what it imitates
+    is known: that, and not the proposal, is nearer to what is missing.
     """
     best = f.singles[0].ranked if f.singles else f.final.ranked
-    return best.evidence < f.final.ranked.evidence - NEEDED and not plausible(f.problem, best)
+    if best.evidence >= f.final.ranked.evidence - NEEDED or plausible(f.problem, best):
+        return False
+    return find_effect(best.label, "effects").imitates != Effect.imitates
 
 
 def _enough(f: Findings, rest: float) -> float:
