@@ -35,7 +35,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=48)
     parser.add_argument("--seed", type=int, default=generator.DEVELOPMENT)
     arguments = parser.parse_args()
-    for group in ("single", "outside", "springs", "similar"):
+    for group in ("single", "outside", "springs", "signals", "similar"):
         found = [difference(group, k, arguments.seed, 0.5) for k in range(arguments.count)]
         over = sum(d > 0.01 for d in found)
         print(f"{group:8} median {np.median(found):.1e}, largest {max(found):.1e} sigma; over 0.01: {over}")

@@ -313,6 +313,70 @@ SPRINGS: dict[str, Callable[[Setting], Values]] = {"saturating_spring": _saturat
 """Forces over the position that the catalogue has not: the same."""
 
 
+def _place(s: Setting) -> str:
+    return "position" if s.drive.plant == MOTOR else "displacement"
+
+
+def _moving(s: Setting, factor: float) -> Values:
+    """Return a share of a sensor's signal, of the position or the speed."""
+    if s.rng.random() < 0.5:
+        return {_place(s): factor * s.scale.position}
+    return {"speed" if s.drive.plant == MOTOR else "velocity": factor * s.scale.speed}
+
+
+def _slew(s: Setting) -> Values:
+    return {"most": s.scale.peak_input * s.dt * s.rng.uniform(2.0, 6.0)}
+
+
+def _square(s: Setting) -> Values:
+    return {"top": s.scale.peak_input}
+
+
+def _one_sided(s: Setting) -> Values:
+    return {"gain": s.rng.uniform(0.5, 0.8)}
+
+
+def _drifting_gain(s: Setting) -> Values:
+    return {"by": s.rng.uniform(0.15, 0.35)}
+
+
+def _eccentric(s: Setting) -> Values:
+    return {_place(s): 0.5 * s.share() * s.scale.position}
+
+
+def _clip(s: Setting) -> Values:
+    return _moving(s, s.rng.uniform(0.9, 1.4))
+
+
+def _counts(s: Setting) -> Values:
+    return {_place(s): 0.3 * s.share() * s.scale.position}
+
+
+def _even_drag(s: Setting) -> Values:
+    return {"c2": s.sign() * s.force() / s.scale.speed**2}
+
+
+def _at_random(s: Setting) -> Values:
+    return {"F0": s.force()}
+
+
+SIGNALS: dict[str, Callable[[Setting], Values]] = {
+    "input_slew": _slew,
+    "input_square": _square,
+    "asymmetric_gain": _one_sided,
+    "drifting_gain": _drifting_gain,
+    "sensor_eccentricity": _eccentric,
+    "sensor_clip": _clip,
+    "missed_counts": _counts,
+    "even_drag": _even_drag,
+    "step_load": _burst,
+    "random_load": _at_random,
+}
+"""What amplifiers, sensors and loads do that no listed effect does: the same."""
+UNLISTED = {"outside": OUTSIDE, "springs": SPRINGS, "signals": SIGNALS}
+"""Laws outside the catalogue, by group."""
+
+
 def _tanh(s: Setting) -> Values:
     return {"mu": s.force(), "v0": s.scale.speed * s.rng.uniform(0.02, 0.08)}
 

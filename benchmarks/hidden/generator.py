@@ -20,7 +20,7 @@ import yaml
 from numpy.typing import NDArray
 
 from benchmarks.hidden import effects as catalogue
-from benchmarks.hidden import laws
+from benchmarks.hidden import laws, signals
 from benchmarks.hidden.drives import (
     CHANNELS,
     EXCITATIONS,
@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 Effects = dict[str, dict[str, float]]
 
 DEVELOPMENT, HELD_OUT = 1, 2
-GROUPS = ("single", "weak", "none", "none_coloured", "outside", "springs", "similar", "pair")
+GROUPS = ("single", "weak", "none", "none_coloured", "outside", "springs", "signals", "similar", "pair")
 POSITION = ("position", "displacement")
 BRIEFEST, LONGEST = 0.7, 0.025
 """Coloured noise: 1 less its correlation from sample to sample, which every channel has its own of."""
@@ -155,9 +155,8 @@ def plan(group: str, index: int, seed: int) -> Plan:
         pairs = [(p, pair) for p in plants for pair in catalogue.PAIRS if all(catalogue.applies(e, p) for e in pair)]
         plant, pair = _cycle(pairs, group, index, seed)
         return Plan(plant, pair, pair)
-    if group in ("outside", "springs"):
-        unlisted = catalogue.OUTSIDE if group == "outside" else catalogue.SPRINGS
-        names = [(p, e) for p in plants for e in unlisted]
+    if group in catalogue.UNLISTED:
+        names = [(p, e) for p in plants for e in catalogue.UNLISTED[group]]
         plant, name = _cycle(names, group, index, seed)
         return Plan(plant, (f"(unlisted) {name}",), (name,))
     if group == "similar":
@@ -210,48 +209,6 @@ def _colour(rng: np.random.Generator, kind: str, channels: int) -> Array:
     return 1.0 - np.array([spread(own, LONGEST, BRIEFEST) if kind == "coloured" else 1.0 for _ in range(channels)])
 
 
-def _play(u: Array, half: float) -> Array:
-    out = np.zeros_like(u)
-    w = 0.0
-    for k, value in enumerate(u):
-        w = min(max(w, value - half), value + half)
-        out[k] = w
-    return out
-
-
-def _input(u: Array, values: Effects) -> Array:
-    """Return what reaches the drive of what was commanded, before any delay."""
-    for name, v in values.items():
-        if name == "input_deadzone":
-            u = u - np.clip(u, -v["d"], v["d"])
-        elif name == "input_saturation":
-            u = np.clip(u, -v["u_max"], v["u_max"])
-        elif name == "arctan_saturation":
-            u = 2 * v["u_max"] / np.pi * np.arctan(np.pi * u / (2 * v["u_max"]))
-        elif name == "input_steps":
-            u = v["step"] * np.round(u / v["step"])
-        elif name == "input_play":
-            u = _play(u, v["half"])
-    return u
-
-
-def _auxiliary(rng: np.random.Generator, law: str, t: Array) -> Array:
-    """Return what a law outside the catalogue takes from chance and time: a level, a phase, a switch."""
-    T, dt = t[-1] - t[0], t[1] - t[0]
-    if law == "drifting_coulomb":
-        phase = rng.choice([-0.5, 0.5]) * np.pi
-        return np.asarray(1.0 + 0.85 * np.sin(np.pi * rng.uniform(1.0, 1.8) * (t - t[0]) / T + phase))
-    if law == "wandering_ripple":
-        return np.asarray(np.cumsum(rng.normal(0, 2.5 * np.sqrt(dt), len(t))))
-    out = np.zeros_like(t)
-    at = t[0] + rng.uniform(0.5, 2.0)
-    while law == "burst_load" and at < t[-1]:
-        length = rng.uniform(0.4, 1.5)
-        out[(t >= at) & (t < at + length)] = 1.0
-        at += length + rng.uniform(0.7, 3.0)
-    return out
-
-
 def _parameters(drive: Drive, values: Effects) -> Any:
     """Return the row of `laws.DTYPE`."""
     p = np.zeros(1, laws.DTYPE)[0]
@@ -266,30 +223,27 @@ def _parameters(drive: Drive, values: Effects) -> Any:
     return p
 
 
-def _shown(dense: Array, parts: int, skip: int, count: int, drive: Drive, values: Effects, dt: float) -> Array:
-    """Return what the sensors show at the samples, each through its own offset, gain and delay."""
+def _seen(dense: Array, parts: int, skip: int, aux: Array, drive: Drive, values: Effects, dt: float) -> Array:
+    """Return what the sensors show at the samples, each late by its own delay."""
     columns = (0, 1, 2) if drive.plant == MOTOR else (2, 1)
     grid = np.arange(len(dense)) * dt / parts
-    at = (skip + np.arange(count)) * dt
-    out = np.empty((count, len(columns)))
+    at = np.arange(skip, len(aux)) * dt
+    out = np.empty((len(at), len(columns)))
     for j, (name, column) in enumerate(zip(CHANNELS[drive.plant], columns, strict=True)):
         delay = values.get("sensor_delay", {}).get(name, 0.0)
-        true = np.interp(at - delay, grid, dense[:, column])
-        gain = values.get("sensor_gain", {}).get(name, 1.0)
-        out[:, j] = gain * true + values.get("sensor_offset", {}).get(name, 0.0)
+        out[:, j] = signals.shown(np.interp(at - delay, grid, dense[:, column]), name, values, aux[skip:])
     return out
 
 
 def simulate(drive: Drive, values: Effects, u: Array, aux: Array, dt: float, skip: int, step: float) -> Run | None:
     """Return the record after ``skip`` samples from rest; None where the motion diverges."""
     delay = values.get("input_delay", {}).get("T", 0.0)
-    found = laws.trajectory(_parameters(drive, values), _input(u, values), aux, dt, delay, step)
+    found = laws.trajectory(_parameters(drive, values), signals.reaching(u, values), aux, dt, delay, step)
     if found is None:
         return None
     dense, parts = found
-    count = len(u) - skip
     sampled = dense[skip * parts : -1 : parts]
-    shown = _shown(dense, parts, skip, count, drive, values, dt)
+    shown = _seen(dense, parts, skip, aux, drive, values, dt)
     motion = Motion(u[skip:], shown, sampled[:, 1].copy(), sampled[:, 2].copy(), sampled[:, 3].copy(), dt)
     return Run(motion, values)
 
@@ -298,13 +252,13 @@ def _inputs(rng: np.random.Generator, drive: Drive, c: Conditions, exc: str, law
     """Return the commanded input and the auxiliary signal, and how many samples come before the record."""
     skip = 0 if c.rest else round(rng.uniform(1.0, 2.5) * c.fs)
     t = np.arange(-skip, round(c.T * c.fs)) / c.fs
-    return excite(rng, exc, drive, t), _auxiliary(rng, law, t), skip
+    return excite(rng, exc, drive, t), signals.auxiliary(rng, law, t), skip
 
 
 def _sizes(rng: np.random.Generator, p: Plan, drive: Drive, u: Array, c: Conditions) -> Effects:
     """Draw the effects' values at ordinary strength."""
     s = catalogue.Setting(rng, drive, scale(drive, u, 1 / c.fs), c.T, 1 / c.fs)
-    table = {**catalogue.LISTED, **catalogue.OUTSIDE, **catalogue.SPRINGS}
+    table = {**catalogue.LISTED, **catalogue.OUTSIDE, **catalogue.SPRINGS, **catalogue.SIGNALS}
     values: Effects = {}
     for name in p.laws:
         law, draw_values = name, table.get(name)

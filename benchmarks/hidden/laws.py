@@ -68,6 +68,9 @@ UNLISTED = {
     "vibration": ("F0", "w"),
     "saturating_spring": ("F", "q"),
     "detent": ("F", "q"),
+    "even_drag": ("c2",),
+    "step_load": ("F0",),
+    "random_load": ("F0",),
 }
 SIMILAR = {
     "tanh_friction": ("mu", "v0"),
@@ -138,7 +141,7 @@ def damping_force(y: Array, p: Any) -> float:
         b += p.position_velocity_product_p * math.tanh(q / p.position_velocity_product_q)
     if p.negative_resistance_b != 0.0:
         b += p.negative_resistance_b * ((v / p.negative_resistance_v0) ** 2 - 1.0)
-    force = -b * v
+    force = -b * v - p.even_drag_c2 * v * v
     if p.power_drag_c != 0.0:
         force -= p.power_drag_c * abs(v) ** p.power_drag_n * np.sign(v)
     if p.tanh_friction_mu != 0.0:
@@ -166,7 +169,8 @@ def position_force(t: float, y: Array, aux: float, p: Any) -> float:
         force -= p.detent_F * (q / p.detent_q) * math.exp(0.5 - 0.5 * (q / p.detent_q) ** 2)
     force -= p.wandering_ripple_A * math.sin(p.wandering_ripple_N * q + aux)
     force -= p.parametric_stiffness_k * math.sin(p.parametric_stiffness_w * t) * q
-    return force + p.burst_load_F0 * aux + p.vibration_F0 * math.sin(p.vibration_w * t)
+    loads = p.burst_load_F0 + p.step_load_F0 + p.random_load_F0
+    return force + loads * aux + p.vibration_F0 * math.sin(p.vibration_w * t)
 
 
 @njit(cache=True)

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.hidden.effects import SPRINGS
+from benchmarks.hidden.effects import UNLISTED
 from benchmarks.hidden.generator import DEVELOPMENT, GROUPS, draw, write
 
 MOST_TIED = 3
@@ -99,7 +99,7 @@ def group_of(truth: Mapping[str, Any]) -> str:
     if hidden == ["none"]:
         return "none_coloured" if truth["kind"] == "coloured" else "none"
     if hidden[0].startswith("("):
-        return "springs" if truth["laws"][0] in SPRINGS else "outside"
+        return next((g for g, laws in UNLISTED.items() if truth["laws"][0] in laws), "outside")
     if len(hidden) > 1:
         return "pair"
     if truth.get("laws", hidden) != hidden or truth.get("values", {}).get(hidden[0], {}).get("n") == 1.5:

@@ -129,12 +129,17 @@ def _motion(problem: Problem, f: Fit, s: Segment, X: Array) -> tuple[Array, Arra
 
 
 def _functions(q: Array, v: Array, u: Array, of_input: bool) -> Array:
-    """Return functions (T, k) of position, velocity and perhaps input, none larger than 1, and of time."""
+    """Return functions (T, k) of position, velocity and perhaps input, none larger than 2, and of time.
+
+    Of the input one is told always, that noise in it does not go with [on average by how much f(u) changes with u:
+    Stein, Ann. Statist. 9 (1981) 1135]: what its two halves do differently.
+    """
     s, a, t = np.sign(v), np.abs(v), np.linspace(-1.0, 1.0, v.size)
     of_velocity = [s, s * np.sqrt(a), a, v * a, v**2, v**3, s * np.exp(-a / SLOW), s * np.exp(-a / SLOWER)]
     of_position = [q**2, np.abs(q), q * np.abs(q), q**3, np.sin(3 * q), np.cos(3 * q)]
     of_both = [q * v, np.abs(q) * v, q**2 * v, q * a, s * q, s * np.abs(q), s * q**2]
     driven = [u, s * np.abs(u), u**2, np.abs(u), u * np.abs(u), u * v, u * q] if of_input else []
+    driven.append(np.abs(u - np.median(u)))
     slow = [np.ones_like(v), t, t**2, t * v, t * s]
     return np.column_stack([q, v, *of_velocity, *of_position, *of_both, *driven, *slow])
 

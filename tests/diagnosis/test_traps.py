@@ -335,10 +335,21 @@ def test_noise_in_the_input_is_no_effect_beside_coloured_noise_of_a_sensor(tmp_p
     assert diagnose(model, *noisy).verdict == "adequate"
 
 
+def weaker_one_way(part, gain):
+    return [replace(data, u=np.where(data.u < 0, data.u / gain, data.u)) for data in part]
+
+
 def test_an_amplifier_that_is_weaker_one_way_is_no_load(tmp_path):
     model, *parts = recorded(tmp_path, STAGE, {}, only=("displacement",), level=0.01)
-    commanded = [[replace(d, u=np.where(d.u < 0, d.u / 0.85, d.u)) for d in part] for part in parts]
-    assert diagnose(model, *commanded).verdict == "unexplained"
+    assert diagnose(model, *(weaker_one_way(part, 0.85) for part in parts)).verdict == "unexplained"
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_an_amplifier_that_is_weaker_one_way_is_no_noise_in_the_input(tmp_path, seed):
+    light = Drive(MASS, {"m": 0.11, "c": 0.48, "k": 54.0}, 10.0, 12.0)
+    seen = {"only": ("velocity",), "exc": ("multisine", "prbs"), "level": 0.05, "off": 1.05, "seed": seed}
+    model, *parts = recorded(tmp_path, light, {}, **seen)
+    assert diagnose(model, *(weaker_one_way(part, 0.9) for part in parts)).verdict == "unexplained"
 
 
 def test_what_is_certain_at_the_highest_gain_is_not_put_down_to_noise_in_the_input(tmp_path):
