@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_opening, uniform_filter1d
+from scipy.ndimage import binary_dilation, binary_opening, uniform_filter1d
 from scipy.signal import butter, decimate, sosfiltfilt
 
 from signlin_ros.diagnosis.data import SHORTEST, Stretch
@@ -24,6 +25,7 @@ from signlin_ros.model import Model
 from signlin_ros.noise import Noise
 
 Array = NDArray[np.float64]
+Kind = TypeVar("Kind", bound=np.generic)
 
 NOISY = 0.05
 """The cut-off is lowered until the noise of the acceleration is worth no more than this share of the effort."""
@@ -99,28 +101,83 @@ def inverse(
     ``cutoff`` in Hz; by default a tenth of the sampling rate, or less where the noise asks for it. Raises `InputError`
     if it is not below half the sampling rate.
     """
-    effort = _effort_name(model, channels)
-    if effort is None or not {model.plant.position, model.plant.velocity} & {*channels, *model.inputs}:
+    efforts = Efforts.of(model, stretches, channels, noise, cutoff)
+    if efforts is None:
         return None
-    step = float(np.median(np.concatenate([np.diff(s.t) for s in stretches])))
-    even = [_even(model, s, channels, step) for s in stretches]
-    measured = [_measured_effort(model, e, effort) for e in even]
-    level = dict(zip(channels, noise, strict=True))
-    if cutoff is None:
-        cutoff = _cutoff(model, level, step, float(np.sqrt(np.mean(np.concatenate(measured) ** 2))))
-    if not 0 < cutoff < 0.5 / step:
-        half = f"half the sampling rate, {0.5 / step:g} Hz"
-        raise InputError(f"cutoff: found {cutoff:g} Hz; allowed: above 0 and below {half}")
-    filtered = _Filter(cutoff, step)
-    parts = []
-    for e, tau in zip(even, measured, strict=True):
-        if e.t.size >= (2 * EDGE + 2) * filtered.every + SHORTEST:
-            parts.append(filtered.pair(e, tau, _computed_effort(model, e, tau, effort, filtered, level)))
-    if not sum(t.size for t, _, _ in parts):
-        return None
-    t, tau, computed = (np.concatenate(column) for column in zip(*parts, strict=True))
-    name, unit = _name_and_unit(model, effort, units)
-    return Inverse(name, unit, float(cutoff), filtered.every, t, tau, computed)
+    name, unit = _name_and_unit(model, efforts.name, units)
+    filtered, computed = efforts.filtered, efforts.computed(model)
+    return Inverse(name, unit, filtered.cutoff, filtered.every, efforts.t, efforts.measured, computed)
+
+
+@dataclass(frozen=True)
+class Efforts:
+    """The effort of records, as measured and as any model computes it from their motion, filtered and decimated alike.
+
+    ``t`` and ``measured`` (K,) over all stretches; ``name``: of the input, output or state that tells the effort.
+    """
+
+    name: str
+    filtered: _Filter
+    level: dict[str, Noise]
+    raw: tuple[tuple[_Even, Array], ...]
+    t: Array
+    measured: Array
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        stretches: Sequence[Stretch],
+        channels: tuple[str, ...],
+        noise: Sequence[Noise],
+        cutoff: float | None = None,
+    ) -> Efforts | None:
+        """Return the efforts of records; None where motion or effort is not known, or they are too short.
+
+        ``cutoff`` in Hz, see `inverse`. Raises `InputError` if it is not below half the sampling rate.
+        """
+        effort = _effort_name(model, channels)
+        if effort is None or not {model.plant.position, model.plant.velocity} & {*channels, *model.inputs}:
+            return None
+        step = float(np.median(np.concatenate([np.diff(s.t) for s in stretches])))
+        even = [_even(model, s, channels, step) for s in stretches]
+        measured = [_measured_effort(model, e, effort) for e in even]
+        level = dict(zip(channels, noise, strict=True))
+        if cutoff is None:
+            cutoff = _cutoff(model, level, step, float(np.sqrt(np.mean(np.concatenate(measured) ** 2))))
+        if not 0 < cutoff < 0.5 / step:
+            half = f"half the sampling rate, {0.5 / step:g} Hz"
+            raise InputError(f"cutoff: found {cutoff:g} Hz; allowed: above 0 and below {half}")
+        filtered = _Filter(float(cutoff), step)
+        least = (2 * EDGE + 2) * filtered.every + SHORTEST
+        raw = tuple((e, tau) for e, tau in zip(even, measured, strict=True) if e.t.size >= least)
+        kept = [filtered.kept(e) for e, _ in raw]
+        if not sum(k.sum() for k in kept):
+            return None
+        t = np.concatenate([filtered.sampled(e.t)[k] for (e, _), k in zip(raw, kept, strict=True)])
+        taus = np.concatenate([filtered.thinned(tau)[k] for (_, tau), k in zip(raw, kept, strict=True)])
+        return cls(effort, filtered, level, raw, t, taus)
+
+    def computed(self, model: Model, sliding: bool = False) -> Array:
+        """Return the effort (K,) that the motion takes according to a model of the same plant.
+
+        ``sliding``: as if it never stood. What friction takes is then linear in its level.
+        """
+        parts = []
+        for e, tau in self.raw:
+            values = _computed_effort(model, e, tau, self.name, self.filtered, self.level, sliding)
+            parts.append(self.filtered.thinned(values)[self.filtered.kept(e)])
+        return np.concatenate(parts)
+
+    def moving(self, model: Model) -> NDArray[np.bool_]:
+        """Return where (K,) nothing stands within reach of the filter; everywhere if there is no state of velocity."""
+        if model.plant.velocity not in model.states:
+            return np.ones(self.t.size, dtype=bool)
+        reach, parts = np.ones(2 * self.filtered.every + 1, dtype=bool), []
+        for e, _ in self.raw:
+            standing = binary_dilation(_motion(model, e, self.filtered, self.level)[2], reach)
+            parts.append(self.filtered.sampled(standing)[self.filtered.kept(e)])
+        return np.asarray(~np.concatenate(parts))
 
 
 class _Filter:
@@ -140,11 +197,14 @@ class _Filter:
         passed = self(values)
         return np.asarray((decimate(passed, self.every) if self.every > 1 else passed)[EDGE:-EDGE])
 
-    def pair(self, e: _Even, measured: Array, computed: Array) -> tuple[Array, Array, Array]:
-        """Return times, measured and computed effort (K,), without what is near long holes."""
+    def sampled(self, values: NDArray[Kind]) -> NDArray[Kind]:
+        """Return values (T,) at the samples that are kept by `thinned`."""
+        return values[:: self.every][EDGE:-EDGE]
+
+    def kept(self, e: _Even) -> NDArray[np.bool_]:
+        """Return which of the samples (K,) after decimation are not near long holes."""
         known = uniform_filter1d(e.known, 2 * EDGE * self.every + 1, mode="nearest") > 1 - 1e-9
-        kept = known[:: self.every][EDGE:-EDGE]
-        return e.t[:: self.every][EDGE:-EDGE][kept], self.thinned(measured)[kept], self.thinned(computed)[kept]
+        return np.asarray(self.sampled(known))
 
 
 def _effort_name(model: Model, channels: tuple[str, ...]) -> str | None:
@@ -237,26 +297,41 @@ def _cutoff(model: Model, level: dict[str, Noise], step: float, effort: float) -
 
 
 def _computed_effort(
-    model: Model, e: _Even, tau: Array, effort: str, low_pass: _Filter, level: dict[str, Noise]
+    model: Model,
+    e: _Even,
+    tau: Array,
+    effort: str,
+    low_pass: _Filter,
+    level: dict[str, Noise],
+    sliding: bool = False,
 ) -> Array:
-    """Return the effort (T,) that the motion takes according to the model."""
+    """Return the effort (T,) that the motion takes according to the model; ``sliding``: as if it never stood."""
     channels = tuple(e.values)
-    known = {k: v for k, v in e.values.items() if k in model.states}
     if model.plant.velocity not in model.states:
+        known = {k: v for k, v in e.values.items() if k in model.states}
         x = driven(model, e.t, e.u, known)
         y = np.column_stack([e.values[effort]])
         return Tracker(model, e.t, e.u, y, (effort,), np.ones(len(model.states))).outputs(x)[:, 0]
+    x, acceleration, standing = _motion(model, e, low_pass, level)
+    row = model.states.index(model.plant.velocity)
+    tracker = Tracker(model, e.t, e.u, np.zeros((e.t.size, len(channels))), channels, np.ones(len(model.states)))
+    rate = tracker.rate(x, row, acceleration, standing & (not sliding))
+    return np.asarray(tau + (acceleration - rate) / per_force(model)[row])
+
+
+def _motion(
+    model: Model, e: _Even, low_pass: _Filter, level: dict[str, Noise]
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return the states (T, n), the acceleration (T,), and where (T,) it stands as far as is known."""
     position, velocity = model.plant.position, model.plant.velocity
+    known = {k: v for k, v in e.values.items() if k in model.states}
     source, order, _ = _best_source(model, level, low_pass.step, low_pass.cutoff)
     motion = {k: low_pass(v) if k in (position, velocity) else v for k, v in known.items()}
     if order == 2 or velocity not in motion:
         motion[velocity] = np.gradient(motion[position], e.t)
     acceleration = np.gradient(motion[velocity], e.t)
     noise = _derivative_noise(level, source, order - 1, low_pass.step, low_pass.cutoff)
-    x, row = driven(model, e.t, e.u, motion), model.states.index(velocity)
-    tracker = Tracker(model, e.t, e.u, np.zeros((e.t.size, len(channels))), channels, np.ones(len(model.states)))
-    rate = tracker.rate(x, row, acceleration, np.abs(motion[velocity]) <= STILL * noise)
-    return np.asarray(tau + (acceleration - rate) / per_force(model)[row])
+    return driven(model, e.t, e.u, motion), acceleration, np.abs(motion[velocity]) <= STILL * noise
 
 
-__all__ = ["Inverse", "inverse"]
+__all__ = ["Efforts", "Inverse", "inverse"]

@@ -54,6 +54,7 @@ from signlin_ros.diagnosis.rank import (
     without,
 )
 from signlin_ros.diagnosis.refusals import plausible, refusal
+from signlin_ros.diagnosis.several import LARGEST, at_once, best_sets
 from signlin_ros.diagnosis.timing import CLEARLY, WAYS, better_hold
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError, SimulationError
@@ -393,6 +394,10 @@ class _Search:
 
     def _path(self, base: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Step]:
         """Return the steps from the base to the proposal, each beyond doubt on unseen data."""
+        return self._by_rungs(self._at_once(self._one_by_one(base, singles, trials), trials), singles)
+
+    def _one_by_one(self, base: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Step]:
+        """Return the steps from the base, of which each adds what explains most of what the one before left."""
         path = [self._step(base)]
         options, whole = singles, None
         for depth in range(self.depth):
@@ -410,7 +415,48 @@ class _Search:
                 options = self._more(path[-1].ranked, singles, trials)
         if whole is not None and path[-1].ranked.evidence >= whole.ranked.evidence + TIE:
             path = self._onto(path, whole, path[0])
-        return self._by_rungs(path, singles)
+        return path
+
+    def _at_once(self, path: list[Step], trials: list[Trial]) -> list[Step]:
+        """Return a path to several plain effects at once where one after the other left structure, or took three, and
+        these explain more; where nothing at all was beyond doubt, there is nothing to stand in for.
+        """
+        last = path[-1].ranked
+        if len(path) == 1 or self.depth < 2 or (self._enough(last) and len(last.effects) < LARGEST):
+            return path
+        sets = best_sets(self.problem, trials)
+        found = [r for r in self.executor.map(lambda s: at_once(self.problem, s, self.filter), sets) if r]
+        self.pairs += found
+        for option in sorted(found, key=evidence_of):
+            path = self._instead(path, option)
+        return path
+
+    def _instead(self, path: list[Step], option: Ranked) -> list[Step]:
+        """Return a path to a set of effects in place of another one, without those that unseen data have no need of, if
+        it explains these much better, or is enough and by evidence better too. What only adds to it must be enough.
+        """
+        r, last = self._needed(self._plainer(self._pruned(option, path))), path[-1].ranked
+        if len(r.effects) < 2 or set(r.effects) <= set(last.effects):
+            return path
+        if self._enough(r):
+            better = r.evidence < last.evidence - TIE
+        else:
+            better = not set(last.effects) < set(r.effects) and self._better_unseen(last, r)
+        if not better:
+            return path
+        step = None if self._refused(r, path[0].ranked) else self._compared(path[0], r)
+        return self._onto(path, step, path[0]) if step is not None and self._beyond_doubt(path[:1], step) else path
+
+    def _needed(self, r: Ranked) -> Ranked:
+        """Return a set of effects without those that explain nothing of unseen data beside the others."""
+        for effect in r.effects:
+            fewer = without(self.problem, r, effect) if len(r.effects) > 1 else None
+            if fewer is not None:
+                before, after = (self._unseen(m, self.problem.levels[1]) for m in (fewer, r))
+                gain, certainty, _ = gain_on(before, after, self.block)
+                if gain <= 0 or certainty <= SURE:
+                    return self._needed(fewer)
+        return r
 
     def _onto(self, path: list[Step], step: Step, before: Step) -> list[Step]:
         """Return a path that ends in a step, with those before it that are part of it; it came from ``before``."""

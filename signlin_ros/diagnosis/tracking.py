@@ -103,7 +103,7 @@ class Tracker:
         if self._equations.sizes[6] < 0:
             return np.asarray(out[state])
         free = out[state] - slope * s
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             stuck = np.clip(np.where(slope != 0, (measured - free) / slope, s), -1.0, 1.0)
         return np.asarray(free + slope * np.where(standing, stuck, s))
 
