@@ -14,7 +14,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class SignlinError(Exception):
@@ -65,3 +65,8 @@ def suggest(word: str, known: Iterable[str]) -> str:
 def choices(known: Iterable[str]) -> str:
     """Return the known names as a readable list, each once."""
     return ", ".join(sorted(set(known))) or "(none)"
+
+
+def joined(words: Sequence[str], last: str = "and") -> str:
+    """Return ``"a, b and c"``."""
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

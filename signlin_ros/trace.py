@@ -106,7 +106,8 @@ def resolve_unit(unit: str, plant: type[Plant], rotary: bool = False) -> str:
     if rotary:
         names = {letter: ROTARY.get(name, name) for letter, name in names.items()}
         unit = rotary_unit(unit)
-    return "".join(names.get(letter, letter) for letter in unit) if set(unit) <= {*"FQU·s/1", *POWERS} else unit
+    parts = (part.rstrip(POWERS) for part in re.split("[·/]", unit))
+    return "".join(names.get(letter, letter) for letter in unit) if {"F", "Q", "U"} & {*parts} else unit
 
 
 class _Tracer:

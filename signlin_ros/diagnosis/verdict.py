@@ -22,7 +22,8 @@ from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scor
 from signlin_ros.diagnosis.scores import Score, score
 from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SIMPLE, SURE, TIE, Progress, search
 from signlin_ros.effects import find_effect
-from signlin_ros.effects.base import Effect, SensorEffect
+from signlin_ros.effects.base import Effect, SensorEffect, Shown
+from signlin_ros.errors import joined
 from signlin_ros.model import Model
 from signlin_ros.predict import windows
 from signlin_ros.records import ModelData
@@ -283,26 +284,14 @@ def sentence_of(effect: str, problem: Problem, parameters: dict[str, Estimate]) 
     cls = find_effect(effect, "effects")
     if issubclass(cls, SensorEffect):
         name, found = next(iter(parameters.items()))
-        channel = name.partition(".")[2]
-        return cls.finding.format(channel=channel, value=found.value, unit=found.unit)
-    values = {n.rpartition(".")[2]: _Shown(p.value, p.unit) for n, p in parameters.items()}
-    return cls.finding.format(F=_drive(problem), Q=plant.position, V=plant.velocity, **values)
+        return cls.shown_on(name.partition(".")[2], Shown(found.value, found.unit))
+    values = {n.rpartition(".")[2]: Shown(p.value, p.unit) for n, p in parameters.items()}
+    return cls.shown(values, _drive(problem), plant.position, plant.velocity)
 
 
 def _drive(problem: Problem) -> str:
     """Return the word for what drives the plant."""
     return "torque" if problem.rotary or problem.base.plant.force_unit == "N·m" else "force"
-
-
-class _Shown(float):
-    """A number that knows its unit, for the templates of `Effect.finding`."""
-
-    unit: str
-
-    def __new__(cls, value: float, unit: str) -> _Shown:
-        shown = super().__new__(cls, value)
-        shown.unit = unit
-        return shown
 
 
 # --------------------------------------------------------------------------- the verdict
@@ -449,8 +438,7 @@ def _rest(f: Findings) -> float:
 
 
 def _named(names: Sequence[str]) -> str:
-    plain = [n.replace("_", " ") for n in names]
-    return plain[0] if len(plain) == 1 else ", ".join(plain[:-1]) + " and " + plain[-1]
+    return joined([n.replace("_", " ") for n in names])
 
 
 def _sentence(f: Findings, verdict: str, explained: float, over: float) -> str:

@@ -23,6 +23,7 @@ from signlin_ros.effects.constant_load import ConstantLoad
 from signlin_ros.effects.coulomb_friction import CoulombFriction
 from signlin_ros.effects.cubic_stiffness import CubicStiffness
 from signlin_ros.effects.dahl_presliding import DahlPresliding
+from signlin_ros.effects.declared import check_declared
 from signlin_ros.effects.gravity_load import GravityLoad
 from signlin_ros.effects.hard_stop import HardStop
 from signlin_ros.effects.input_deadzone import InputDeadzone
@@ -122,6 +123,7 @@ def _checked(found: object, where: str) -> type[Effect]:
         raise ModelError(f"{where}: class {found.__name__} lacks {' and '.join(missing)}")
     if issubclass(found, SensorEffect) and len(found.pars()) != 1:
         raise ModelError(f"{where}: class {found.__name__} has {len(found.pars())} parameters; a SensorEffect has one")
+    check_declared(found, where)
     return found
 
 
@@ -137,7 +139,7 @@ def find_effect(name: str, where: str) -> type[Effect]:
 def load_effect_file(path: Path) -> None:
     """Run a user's Python file and register every `Effect` in it; raise `ModelError` if it fails."""
     if not path.is_file():
-        raise ModelError(f"effect_files: {path} does not exist")
+        raise ModelError(f"effect_files: {path} {'is a folder' if path.is_dir() else 'does not exist'}")
     where = f"effect file {path.resolve()}"
     found = _effects_in(path, path.stat().st_mtime_ns)
     for name, count in Counter(effect.name for effect in found).items():

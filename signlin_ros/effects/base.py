@@ -6,12 +6,24 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
+from signlin_ros.errors import joined
 from signlin_ros.par import HasPars, Par
 from signlin_ros.scale import Scale
 from signlin_ros.sensors import Sensor
 
 CHANNEL_UNIT = "of the channel"
 """Declared unit of what a `SensorEffect` has in the unit of the channel that it is on."""
+
+
+class Shown(float):
+    """A number that knows its unit, for the templates of `Effect.finding`."""
+
+    unit: str
+
+    def __new__(cls, value: float, unit: str) -> Shown:
+        shown = super().__new__(cls, value)
+        shown.unit = unit
+        return shown
 
 
 class Effect(HasPars):
@@ -35,7 +47,7 @@ class Effect(HasPars):
     """The law as text, as in the catalogue."""
     finding: ClassVar[str] = ""
     """What a record shows where this is missing, as a sentence: ``{mu:.3g}`` a parameter's value, ``{mu.unit}`` its
-    unit, ``{F}``, ``{Q}``, ``{V}`` the plant's words for force, position and velocity.
+    unit, ``{F}``, ``{Q}``, ``{V}`` the plant's words for force, position and velocity. Empty: see `shown`.
     """
     experiment: ClassVar[str] = ""
     """What to record so that it shows, as an imperative clause."""
@@ -94,6 +106,16 @@ class Effect(HasPars):
         pars = cls.pars()
         multiples = cls.start or (dict.fromkeys(pars, 0.05),)
         return [{name: value * scale.of(pars[name].unit) for name, value in one.items()} for one in multiples]
+
+    @classmethod
+    def shown(cls, values: Mapping[str, Shown], F: str, Q: str, V: str) -> str:
+        """Return what a record shows, as a sentence: `finding`, or one made of the name and the parameters."""
+        if cls.finding:
+            return cls.finding.format(F=F, Q=Q, V=V, **values)
+        name = cls.name.replace("_", " ")
+        what = f"the residual {F} has the shape of {name}" if cls.force is not Effect.force else f"it shows {name}"
+        listed = [f"{n} = {v:.3g}" + (f" {v.unit}" if v.unit not in ("", "-") else "") for n, v in values.items()]
+        return f"{what}, with {joined(listed)}" if listed else what
 
     @classmethod
     def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
@@ -156,7 +178,7 @@ class Effect(HasPars):
     @classmethod
     def summary(cls) -> str:
         """Return the first line of the docstring."""
-        return (cls.__doc__ or "").strip().splitlines()[0]
+        return next(iter((cls.__doc__ or "").strip().splitlines()), "")
 
 
 class SensorEffect(Effect):
@@ -169,6 +191,13 @@ class SensorEffect(Effect):
     def sensor(self, before: Sensor, value: float) -> Sensor:
         """Return what becomes of a sensor when this effect, with its parameter's value, comes on top."""
         raise NotImplementedError
+
+    @classmethod
+    def shown_on(cls, channel: str, value: Shown) -> str:
+        """Return what a record shows of it on a channel, as a sentence."""
+        if cls.finding:
+            return cls.finding.format(channel=channel, value=value, unit=value.unit)
+        return f"the {channel} shows {cls.name.replace('_', ' ')}: {value:.3g} {value.unit}".removesuffix(" -").rstrip()
 
     @classmethod
     def pars_on(cls, channels: Mapping[str, str]) -> dict[str, Par]:

@@ -22,9 +22,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros import units
 from signlin_ros.errors import RecordError
 
-from . import units
 from .header import TIME_KEYS, Heading, clock
 from .table import Record, Rows, Signal, listing, nearest
 

@@ -8,9 +8,8 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from signlin_ros import units
 from signlin_ros.names import TIME
-
-from . import units
 
 _BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
 _TIME = re.compile(r"(?P<name>t|time|timestamp|stamp)(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)

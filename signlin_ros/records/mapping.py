@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros import units
 from signlin_ros.errors import ModelError, RecordError
 
-from . import units
 from .align import align, named
 from .header import TIME_KEYS
 from .slope import slope

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros import units
 from signlin_ros.errors import RecordError
 from signlin_ros.files import refusal, replacing
 
-from . import units
 from .bag import TIME_TOPIC
 from .header import heading
 from .table import Record

@@ -11,6 +11,8 @@ import sympy
 from signlin_ros import catalogue
 from signlin_ros.compiled import exact_tape, scales, smooth_function
 from signlin_ros.effects import EFFECTS, SensorEffect
+from signlin_ros.effects.base import Effect, Shown
+from signlin_ros.effects.declared import check_declared
 from signlin_ros.linearize import METHODS, Linearizer
 from signlin_ros.mathops import NumpyMath, SympyMath
 from signlin_ros.model import Model
@@ -148,6 +150,7 @@ def test_the_effect_declares_itself(effect):
     assert effect.equation
     assert effect.summary().endswith(".")
     assert len(effect.summary()) > 15
+    check_declared(effect, "the catalogue")
     assert effect.equation.split("=")[0].split(",")[0].strip()[:4] in " ".join(inspect.getdoc(effect).split())
     assert any(catalogue.applies(effect, plant) for plant in PLANTS.values())
 
@@ -374,3 +377,44 @@ def test_a_sensor_changes_what_is_shown_and_no_equation(effect, plant):
         assert all(sensor == Sensor() for name, sensor in model.sensors.items() if name != channel)
         assert list(model.sensors) == list(bare.sensors)
         assert model.without_effect(effect.name) == bare
+
+
+# -------------------------------------------------------------------- what is said of a finding
+
+
+class LipSeal(Effect):
+    """Friction of a lip seal."""
+
+    name = "lip_seal"
+    equation = "-mu sign(v)"
+
+    def force(self, m, x, p):
+        return -p.mu * m.sign(x.velocity)
+
+
+class ShortStroke(Effect):
+    """A valve."""
+
+    name = "short_stroke"
+    equation = "u -> u"
+
+    def input(self, m, u, p):
+        return u
+
+
+class Drift(SensorEffect):
+    """A sensor that drifts."""
+
+    name = "drift"
+    equation = "y = x + drift"
+
+
+def test_an_effect_that_does_not_say_what_a_record_shows_is_given_a_sentence():
+    words = ("force", "displacement", "velocity")
+    level, share = Shown(0.08, "N·m"), Shown(0.5, "-")
+    assert LipSeal.shown({"mu": level}, *words) == "the residual force has the shape of lip seal, with mu = 0.08 N·m"
+    both = LipSeal.shown({"mu": level, "a": share, "b": share}, *words)
+    assert both.endswith(", with mu = 0.08 N·m, a = 0.5 and b = 0.5")
+    assert ShortStroke.shown({}, *words) == "it shows short stroke"
+    assert Drift.shown_on("speed", Shown(0.1, "rad/s")) == "the speed shows drift: 0.1 rad/s"
+    assert Drift.shown_on("speed", share) == "the speed shows drift: 0.5"

@@ -443,6 +443,70 @@ def test_a_bad_effect_file_is_refused(text, word, tmp_path, catalogue):
     assert "fan.py" in str(caught.value)
 
 
+FINDING = 'finding = "it grows to {b:.3g} {b.unit}"'
+SLIPS = {
+    "a misspelt law": ("def force", "def froce", ["defines no force, input,", "did you mean 'force' by 'froce'?"]),
+    "a misspelt unit of a finding": (
+        FINDING,
+        FINDING.replace("unit", "unt"),
+        ["finding: there is no {b.unt}", "'b.unit'"],
+    ),
+    "a parameter that a finding has not": (FINDING, FINDING.replace("b:", "bb:"), ["finding: there is no {bb}", "'b'"]),
+    "a brace that is not closed": (FINDING, FINDING.replace("b.unit}", "b.unit"), ["finding: ", "expected '}'"]),
+    "a format that is none": (FINDING, FINDING.replace("b:.3g", "F:.3g"), ["finding: ", "'g'"]),
+    "a start of no parameter": ('"b": 0.05', '"bb": 0.05', ["start: no parameter 'bb'", "did you mean 'b'?"]),
+    "a start that is text": ('"b": 0.05', '"b": "large"', ["start: b: found 'large'"]),
+    "a start without its comma": (
+        "0.05},)",
+        "0.05})",
+        ["start: found {'b': 0.05}", "tuple of mappings", "({'b': 0.05},)"],
+    ),
+    "a name for a tuple of names": ('("b",)', '("b")', ["essential: found 'b'", "tuple"]),
+    "a name of nothing": ('("b",)', '("bb",)', ["essential: no parameter 'bb'"]),
+    "a unit that is none": ("F·s²/Q²", "furlong", ["b: the unit is 'furlong'", "F, Q, U"]),
+    "a unit of the wrong letter": ("F·s²/Q²", "F·s²/q²", ["b: the unit is 'F·s²/q²'"]),
+    "a method that asks for what is not there": ('p["b"]', 'p["bb"]', ["plausible fails: KeyError: 'bb'"]),
+}
+
+
+@pytest.mark.parametrize("name", SLIPS)
+def test_a_slip_in_the_declarations_of_an_effect_is_told_when_its_file_is_loaded(name, tmp_path, catalogue):
+    right, wrong, words = SLIPS[name]
+    more = f"""    {FINDING}
+    start = ({{"b": 0.05}},)
+    essential = ("b",)
+
+    @classmethod
+    def plausible(cls, p):
+        return p["b"] > 0
+
+"""
+    text = OWN.replace("    b = Par", more + "    b = Par")
+    model = write(tmp_path, motor(effect_files=["fan.py"]))
+    (tmp_path / "fan.py").write_text(text)
+    assert Model.load(model)
+    assert right in text
+    (tmp_path / "fan.py").write_text(text.replace(right, wrong))
+    os.utime(tmp_path / "fan.py", (1, 1))
+    with pytest.raises(ModelError) as caught:
+        Model.load(model)
+    line = str(caught.value)
+    for word in (f"effect_files: {tmp_path / 'fan.py'}: class Fan", *words):
+        assert word in line, line
+    assert "\n" not in line
+
+
+def test_a_unit_beside_those_of_the_plant_is_shown_with_them(tmp_path, catalogue):
+    (tmp_path / "fan.py").write_text(OWN.replace("F·s²/Q²", "F/A²"))
+    model = Model.load(write(tmp_path, motor(effects={"my_fan": {"b": 6e-5}}, effect_files=["fan.py"])))
+    assert model.par_declarations()["effects.my_fan.b"].unit == "N·m/A²"
+
+
+def test_a_folder_is_no_effect_file(tmp_path):
+    with pytest.raises(ModelError, match="is a folder"):
+        Model.load(write(tmp_path, motor(effect_files=["."])))
+
+
 FAULTS = {
     "an if on a coordinate": ("if x.velocity > 0: pass", ["force fails", "symbols", "m.sign", "m.positive"]),
     "a misspelt parameter": ("return p.bb", ["force: there is no p.bb", "did you mean 'b'"]),

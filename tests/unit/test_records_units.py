@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from signlin_ros.records import units
+from signlin_ros import units
 from signlin_ros.records.header import Heading, heading
 
 

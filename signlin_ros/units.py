@@ -11,11 +11,14 @@ from __future__ import annotations
 import math
 import re
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
-import numpy as np
-import numpy.typing as npt
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+    Array = npt.NDArray[np.float64]
+
 Dimension = tuple[int, int, int, int, int, int]
 """Exponents of metre, kilogram, second, ampere, kelvin, radian."""
 
@@ -47,6 +50,9 @@ _PREFIXED: dict[str, tuple[float, Dimension]] = {
     "Hz": (1.0, (0, 0, -1, 0, 0, 0)),
     "Ohm": (1.0, (2, 1, -3, -2, 0, 0)),
     "H": (1.0, (2, 1, -2, -2, 0, 0)),
+    "Pa": (1.0, (-1, 1, -2, 0, 0, 0)),
+    "Wb": (1.0, (2, 1, -2, -1, 0, 0)),
+    "T": (1.0, (0, 1, -2, -1, 0, 0)),
 }
 _PLAIN: dict[str, tuple[float, Dimension]] = {
     "1": (1.0, _ONE),
@@ -64,6 +70,7 @@ _PLAIN: dict[str, tuple[float, Dimension]] = {
     "rpm": (math.pi / 30, (0, 0, -1, 0, 0, 1)),
     "RPM": (math.pi / 30, (0, 0, -1, 0, 0, 1)),
     "kgf": (9.80665, _N),
+    "bar": (1e5, (-1, 1, -2, 0, 0, 0)),
     "Ω": (1.0, (2, 1, -3, -2, 0, 0)),
 }
 _PREFIXES = {
