@@ -28,6 +28,8 @@ of how far apart the neighbours are."""
 STEPS = 5.0
 """How many steps of a channel that is shown in steps."""
 USUAL = 0.995
+HUGE = 1e6
+"""A value that is off by this many times what the middle 90 % span says nothing of the step in which they are shown."""
 STEP = 2.0
 """An input that changes nearby by more than this many times the 95 % quantile of its changes may be the cause."""
 SELDOM, FEW = 1e-3, 3
@@ -74,7 +76,7 @@ def _stepping(u: Array) -> NDArray[np.bool_]:
 def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
     """Return the samples of y (T,), without missing ones, that are off."""
     found: set[int] = set()
-    least = STEPS * quantum_of(y)
+    least = STEPS * quantum_of(_core(y))
     for length in range(1, LONGEST + 1):
         before, after = y[: -length - 1], y[length + 1 :]
         share = np.arange(1, length + 1)[:, None] / (length + 1)
@@ -87,6 +89,12 @@ def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
     ends = 0 if stepping[-LONGEST:].any() else _off_at_the_end(y, least)
     found |= {y.size - 1 - k for k in range(ends)}
     return found
+
+
+def _core(y: Array) -> Array:
+    """Return y (T,) without what is so far off that the step of the others could not be told."""
+    low, middle, high = np.quantile(y, [0.05, 0.5, 0.95])
+    return y[np.abs(y - middle) <= HUGE * (high - low)] if high > low else y
 
 
 def _unusual(away: Array) -> float:

@@ -26,6 +26,8 @@ Array = npt.NDArray[np.float64]
 ALIASES = ("position", "velocity", "effort")
 LONGEST_HOLD = 5
 """So many missing samples of an input in a row are filled with the value before them; more are refused."""
+LARGEST = 1e15
+"""Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
 _DEFAULT_TOPIC = re.compile(r"(?P<topic>(?:/\w+)*/(?P<role>state|input))\.data\[(?P<index>\d+)\]\Z")
 
 
@@ -97,7 +99,8 @@ def for_model(
     Raises
     ------
     RecordError
-        An input is missing, or has gaps too long to hold; a unit does not fit; a mapped column is not there.
+        An input is missing, or has gaps too long to hold; a unit does not fit; a mapped column is not there; a value
+        is beyond `LARGEST`.
     """
     if require not in ("inputs", "none"):
         raise RecordError(f"require must be 'inputs' or 'none', not {require!r}")
@@ -306,6 +309,7 @@ def _converted(
                 "if the model's numbers are for that unit, leave it out of the header"
             )
         values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
+        _check_size(record, name, signal, values[name])
         if signal.unit and units.kind(wanted.split(" or ")[0]) == "linear":
             kinds[name] = units.kind(signal.unit)
     _check_kinds(record, chosen, kinds)
@@ -313,6 +317,15 @@ def _converted(
         notes.append("the record is rotary (rad, N·m): so are the model's parameters")
         unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}
     return values, unit_of
+
+
+def _check_size(record: Record, name: str, signal: Signal, values: Array) -> None:
+    """Refuse what no sensor says."""
+    large = np.flatnonzero(np.abs(values) > LARGEST)
+    if large.size:
+        where = f"{record.source}: {record.where(int(large[0]))}, column {signal.label or name!r}"
+        allowed = f"up to {LARGEST:g} in size; leave the cell empty where a sample is missing"
+        raise RecordError(f"{where}: {signal.values[large[0]]:g} is no measurement; allowed: {allowed}")
 
 
 def _check_kinds(record: Record, chosen: Mapping[str, str], kinds: Mapping[str, str]) -> None:

@@ -292,3 +292,14 @@ def test_a_current_that_is_no_state_without_inductance_is_told() -> None:
     assert data.notes == ("'shunt' is not used: with L_a = 0 the current follows the voltage at once and is no state",)
     inductive = motor(signals={"current": "shunt"})
     assert record(voltage=2, speed=1, shunt=3).for_model(inductive).measured["current"][0] == 3
+
+
+@pytest.mark.parametrize("name", ["speed", "voltage"])
+def test_what_no_sensor_says_is_refused_by_row_and_column(csv: Callable[[str], Path], name: str) -> None:
+    last = {"voltage": "1", "speed": "1", name: "-1e300"}
+    text = "t,voltage,speed [rpm],other\n0,1,2,1e300\n0.1,1,3,1e300\n"
+    file = csv(f"{text}0.2,{last['voltage']},{last['speed']},1e300\n")
+    with pytest.raises(RecordError, match=rf"run.csv: row 3 \(line 4\), column '{name}.*': -1e\+300 is no measurement"):
+        read_for_model(file, motor())
+    data = read_for_model(csv("t,voltage,speed,other\n0,1,2,1e300\n0.1,1,3,1e300\n"), motor())
+    assert data.unused == ("other",)
