@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from signlin_ros.compiled import linear_function, linear_tape, scales, weights
 from signlin_ros.errors import InputError, choices, suggest
+from signlin_ros.markup import html_table
 from signlin_ros.model import METHODS, Model
 
 Array = NDArray[np.float64]
@@ -38,6 +39,15 @@ class Linearization(NamedTuple):
     method: str
     in_valid_range: bool
     delay: float
+
+    def _repr_html_(self) -> str:
+        values = [f"{'inside' if self.in_valid_range else 'outside'} the valid range"]
+        values += [f"{name} = {np.array2string(getattr(self, name), precision=4)}" for name in ("x", "u", "f")]
+        n, m = self.B.shape
+        head = [*["A", *[""] * (n - 1)][:n], *["B", *[""] * (m - 1)][:m], "c"]
+        rows = np.column_stack([self.A, self.B, self.c])
+        above = f"x' = A x + B u + c, {self.method}, {', '.join(values)}"
+        return html_table(head, [[f"{value:.5g}" for value in row] for row in rows], above)
 
 
 class LinearizationBatch(NamedTuple):

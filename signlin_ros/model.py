@@ -21,6 +21,7 @@ from signlin_ros import sign
 from signlin_ros.effects import Effect, SensorEffect, find_effect, load_effect_file
 from signlin_ros.errors import InputError, ModelError, choices, suggest
 from signlin_ros.files import write_text
+from signlin_ros.markup import html_table
 from signlin_ros.names import TIME
 from signlin_ros.par import Par, check_values
 from signlin_ros.plants import Plant, find_plant
@@ -322,6 +323,11 @@ class Model:
             pars = self._pars_of(key)
             found |= {f"effects.{key}.{name}": pars[name] for name in use.parameters}
         return {name: replace(par, unit=resolve_unit(par.unit, self.plant)) for name, par in found.items()}
+
+    def _repr_html_(self) -> str:
+        pars = {name.split(".", 1)[1]: par for name, par in self.par_declarations().items()}
+        rows = [[name, f"{self.value(name):.6g}", par.unit, par.doc] for name, par in pars.items()]
+        return html_table(["parameter", "value", "unit", ""], rows, f"{self.plant.name} ({self.source})")
 
     def canonical(self, name: str) -> str:
         """Return the plant's own name for a state, input or output, resolving position, velocity and effort."""

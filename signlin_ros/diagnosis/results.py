@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from signlin_ros.diagnosis.scores import Score
+from signlin_ros.markup import html_table
 from signlin_ros.model import Model
 
 
@@ -81,6 +82,10 @@ class Entry:
             "why": self.why,
         }
 
+    def _repr_html_(self) -> str:
+        values = ", ".join(f"{name} = {estimate}" for name, estimate in self.parameters.items())
+        return html_table(["effect", "status", "parameters", "why"], [[self.effect, self.status, values, self.why]])
+
 
 @dataclass(frozen=True)
 class Rung:
@@ -144,12 +149,8 @@ class Diagnosis:
         }
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><td>{html.escape(e.effect)}</td><td>{e.status}</td><td>{html.escape(e.why)}</td></tr>"
-            for e in self.ranking
-            if e.status in ("confirmed", "ambiguous", "not_excited")
-        )
-        table = f"<table><tr><th>effect</th><th>status</th><th>why</th></tr>{rows}</table>" if rows else ""
+        shown = [e for e in self.ranking if e.status in ("confirmed", "ambiguous", "not_excited")]
+        table = html_table(["effect", "status", "why"], [[e.effect, e.status, e.why] for e in shown]) if shown else ""
         return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{table}"
 
 

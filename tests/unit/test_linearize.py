@@ -178,3 +178,9 @@ def test_an_unknown_method_names_the_nearest():
 def test_batch_shapes_are_checked():
     with pytest.raises(InputError, match=r"\(T, 2\)"):
         LINEARIZERS["motor", "termwise"].batch(np.zeros((4, 3)))
+
+
+def test_a_linearization_shows_itself_as_a_table():
+    shown = linearize(model(), [0.3, 5.0], [2.0])._repr_html_()
+    for words in ("<tr><th>A</th><th></th><th>B</th><th>c</th></tr>", "termwise", "inside the valid range", "-293.85"):
+        assert words in shown
