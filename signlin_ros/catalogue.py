@@ -96,9 +96,14 @@ def plant_entry(plant: type[Plant]) -> dict[str, Any]:
     }
 
 
-def effects(name: str | None = None) -> dict[str, dict[str, Any]]:
-    """Return the entries of all effects, or of one, by name; raise `ModelError` for an unknown name."""
+def effects(name: str | None = None, model: str | None = None) -> dict[str, dict[str, Any]]:
+    """Return the entries of all effects, or of one, by name; raise `ModelError` for an unknown name.
+
+    ``model``: a model file whose effect files are among them.
+    """
     load_entry_points()
+    if model is not None:
+        Model.load(model)
     chosen = [find_effect(name, "effects")] if name else list(EFFECTS.values())
     return {effect.name: effect_entry(effect) for effect in chosen}
 

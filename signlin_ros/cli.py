@@ -456,18 +456,20 @@ def _stage(what: str, share: float) -> None:
     cls=_Examples,
     epilog="""signlin effects
 signlin effects stribeck_friction
+signlin effects my_effect --model my_motor.yaml
 signlin effects --json""",
 )
 @click.argument("name", required=False)
+@click.option("--model", metavar="MODEL", help="A model whose own effects (effect_files) are shown too.")
 @_json_option
-def effects(name: str | None) -> Report:
+def effects(name: str | None, model: str | None) -> Report:
     """List the physical effects that a model may hold, or show the effect NAME.
 
     Laws, parameters with units and bounds, the plants that each applies to, and the sources.
     """
     from signlin_ros import catalogue, console
 
-    return {"effects": catalogue.effects(name)}, console.effect_text if name else console.effects_text
+    return {"effects": catalogue.effects(name, model)}, console.effect_text if name else console.effects_text
 
 
 @signlin.command(

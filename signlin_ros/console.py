@@ -245,7 +245,7 @@ def _inverse(found: dict[str, Any]) -> str:
         return ""
     ((name, i),) = found.items()
     share = "-" if i["relative_error_percent"] is None else f"{i['relative_error_percent']:.3g} %"
-    how = f"low-pass {i['cutoff_hz']:g} Hz" + (f", every {i['decimation']}th sample" if i["decimation"] > 1 else "")
+    how = f"low-pass {i['cutoff_hz']:g} Hz" + (f", one sample in {i['decimation']}" if i["decimation"] > 1 else "")
     return f"{name} computed from the motion: {_short(i['rmse'])} {i['unit']} off, {share} of the measured ({how})"
 
 

@@ -38,7 +38,9 @@ class Par:
 
     def range_text(self) -> str:
         """Return the allowed range, e.g. ``(0, 10]``."""
-        return f"{'(' if self.positive else '['}{self.low:g}, {self.high:g}]"
+        if -self.low == self.high == math.inf:
+            return "a finite number"
+        return f"{'(' if self.positive else '['}{self.low:g}, {self.high:g}{')' if self.high == math.inf else ']'}"
 
     def nearest(self, value: float) -> float:
         """Return the allowed value that is nearest to a number."""
@@ -49,7 +51,8 @@ class Par:
         """Return ``value`` as a float; raise `ModelError` unless it is a finite number within the bounds."""
         unit = self.unit if unit is None else unit
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise ModelError(f"{where}: found {value!r}; allowed: a number in {_joined(self.range_text(), unit)}")
+            allowed = self.range_text().replace("[", "a number in [").replace("(", "a number in (")
+            raise ModelError(f"{where}: found {value!r}; allowed: {_joined(allowed, unit)}")
         number = float(value)
         inside = self.low <= number <= self.high and not (self.positive and number == self.low)
         if not (math.isfinite(number) and inside):

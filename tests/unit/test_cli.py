@@ -395,6 +395,19 @@ def test_one_effect_in_full(run, name):
         assert set(par["units"]) == set(content[name]["plants"])
 
 
+def test_an_effect_of_ones_own_is_shown_with_the_model_that_names_it(run, tmp_path):
+    law = "class A(Effect):\n    name = equation = 'my_drag'\n    def force(self, m, x, p): return -x.velocity\n"
+    (tmp_path / "a.py").write_text(f"from signlin_ros.effects import Effect\n{law}")
+    Model.load("dc_motor").with_options(effect_files=[str(tmp_path / "a.py")]).save(tmp_path / "m.yaml")
+    try:
+        code, out, _ = run("effects", "my_drag", "--model", tmp_path / "m.yaml")
+        assert (code, "law" in out) == (0, True)
+    finally:
+        EFFECTS.pop("my_drag", None)
+    code, _, err = run("effects", "my_drag")
+    assert (code, "my_drag" in err) == (2, True)
+
+
 def test_plants_as_json_and_text(run):
     content = checked("plants", run("plants", "--json")[1])["plants"]
     assert list(content) == list(PLANTS)

@@ -1,6 +1,7 @@
 """Model files: what is read, what is refused and how, what comes out again; effects of one's own."""
 
 import importlib.metadata
+import math
 import os
 import pickle
 import re
@@ -108,7 +109,10 @@ BAD = {
     "scale is negative": (motor(sign_scale=-1.0), ["sign_scale", "-1", "[0, 1e+12]"]),
     "scale 0 without a range": (motor(sign_scale=0.0), ["operating_range", "missing", "sign_scale 0.0"]),
     "range of an unknown state": (motor(operating_range={"sped": 3.0}), ["operating_range", "did you mean 'speed'"]),
-    "range is zero": (motor(operating_range={"speed": 0.0}), ["operating_range.speed", "found 0", "(0, inf]"]),
+    "range is zero": (motor(operating_range={"speed": 0.0}), ["operating_range.speed", "found 0", "(0, inf)"]),
+    "a start that is no number": (motor(initial_state={"speed": math.nan}), ["found nan", "allowed: a finite number"]),
+    "a start that is text": (motor(initial_state={"speed": "slow"}), ["'slow'", "allowed: a finite number"]),
+    "a weight that is text": (motor(state_weights={"speed": "no"}), ["'no'", "allowed: a number in [0, inf)"]),
     "unknown method": (motor(linearization="optimum"), ["linearization", "did you mean 'optimal'", "termwise"]),
     "unknown operating point": (motor(operating_point="middle"), ["operating_point", "'middle'", "start, midpoint"]),
     "period is zero": (motor(update_period=0.0), ["update_period", "found 0", "(0, 3600] s"]),
@@ -500,6 +504,18 @@ def test_a_unit_beside_those_of_the_plant_is_shown_with_them(tmp_path, catalogue
     (tmp_path / "fan.py").write_text(OWN.replace("F·s²/Q²", "F/A²"))
     model = Model.load(write(tmp_path, motor(effects={"my_fan": {"b": 6e-5}}, effect_files=["fan.py"])))
     assert model.par_declarations()["effects.my_fan.b"].unit == "N·m/A²"
+
+
+def test_a_model_shows_itself_as_a_table():
+    shown = Model.from_dict(motor(effects={"sensor_offset": {"speed": 0.1}}))._repr_html_()
+    for words in (
+        "<table>",
+        "dc_motor",
+        "<td>J</td>",
+        "kg·m²",
+        "<td>sensor_offset.speed</td><td>0.1</td><td>rad/s</td>",
+    ):
+        assert words in shown
 
 
 def test_a_folder_is_no_effect_file(tmp_path):
