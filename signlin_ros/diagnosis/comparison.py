@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.data import Stretch, as_list, measured_channels, stretches
+from signlin_ros.diagnosis.data import Stretch, as_list, measured_channels, stretches, unit_asked
 from signlin_ros.diagnosis.freerun import FreeRun, free_run
 from signlin_ros.diagnosis.inverse import Inverse, inverse
 from signlin_ros.diagnosis.locate import Region, by_direction, locate
@@ -140,7 +140,7 @@ def compare(
     cleaned, left_out = zip(*(without_outliers(record, channels) for record in records), strict=True)
     parts, notes = stretches(model, cleaned, channels)
     observer = _observer(model, parts, channels)
-    horizon = _checked(model.update_period if horizon is None else horizon, observer.step)
+    horizon = _horizon(model, horizon, observer.step)
     free, window = _free(observer, notes), _windowed(observer, horizon, notes)
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
     effort, where = inverse(model, parts, channels, observer.noise, units, cutoff), locate(observer, lacking, units)
@@ -161,10 +161,15 @@ def compare(
     )
 
 
-def _checked(horizon: float, step: float) -> float:
-    if not 2 * step <= horizon < np.inf:
+def _horizon(model: Model, given: float | None, step: float) -> float:
+    """Return the horizon in s, by default the update period; raise `InputError` where samples are too far apart."""
+    horizon = model.update_period if given is None else given
+    if 2 * step <= horizon < np.inf:
+        return float(horizon)
+    if given is not None:
         raise InputError(f"horizon: found {horizon:g} s; allowed: at least two samples, {2 * step:.3g} s")
-    return float(horizon)
+    apart = f"the samples are {step:.3g} s apart, too far for the model's update_period of {horizon:g} s"
+    raise InputError(f"{apart}{unit_asked(step)}; else give a horizon of at least two samples, {2 * step:.3g} s")
 
 
 def _of_records(records: Sequence[ModelData]) -> list[str]:

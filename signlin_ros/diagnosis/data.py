@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -15,6 +16,7 @@ from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
 
 Array = NDArray[np.float64]
+PathName = str | os.PathLike[str]
 
 HOLE = 5.0
 """A step of more than this many median steps is a gap: what drove the model in it is not known."""
@@ -22,6 +24,8 @@ MANY = 0.05
 """Where more than this share of the steps is that long, the record is unevenly sampled rather than full of gaps."""
 SHORTEST = 20
 """A stretch between gaps needs this many samples."""
+SLOW = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
+"""Steps in s from which on a time is rather in another unit."""
 DRIFT = 51
 """Samples over which an imposed velocity and displacement are held together."""
 
@@ -50,15 +54,25 @@ class Stretch:
 
 
 def load_records(
-    model: Model, paths: Sequence[str], signals: Mapping[str, str] | None = None
+    model: Model, paths: PathName | Sequence[PathName], signals: Mapping[str, str] | None = None
 ) -> tuple[Model, list[ModelData]]:
-    """Read records for a model; a motor whose position is recorded gets it as a state, so that it is compared too."""
+    """Read one record or several for a model.
+
+    A motor whose position is recorded gets it as a state, so that it is compared too.
+    """
+    paths = [paths] if isinstance(paths, (str, os.PathLike)) else paths
     optional = model.plant.position_optional and model.plant.position not in model.states
     wider = model.with_options(with_position=True) if optional else model
     data = [read_for_model(path, wider, signals) for path in paths]
     if optional and not all(model.plant.position in d.measured for d in data):
         return model, [read_for_model(path, model, signals) for path in paths]
     return wider, data
+
+
+def unit_asked(step: float) -> str:
+    """Return a question after the unit of a time whose steps, taken as s, are that long; nothing where they may be."""
+    unit = next((unit for least, unit in SLOW if step >= least), "")
+    return f"; is the time in {unit}? Then name its column t [{unit}]" if unit else ""
 
 
 def as_list(data: ModelData | Sequence[ModelData]) -> list[ModelData]:
@@ -210,4 +224,5 @@ __all__ = [
     "measured_parts",
     "stretches",
     "travelled",
+    "unit_asked",
 ]

@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.follow import kalman_gains
 from signlin_ros.diagnosis.missing import per_force
 from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.tracking import Tracker
-from signlin_ros.errors import RecordError
+from signlin_ros.errors import RecordError, joined
 from signlin_ros.model import Model
 from signlin_ros.noise import noise_level
 from signlin_ros.plants.dc_motor import quasi_static_current
@@ -180,6 +180,40 @@ def white_noise(segments: Sequence[Segment]) -> Array:
 def _moving(values: Array) -> NDArray[np.bool_]:
     """Return which columns of values (T, ny) ever move."""
     return np.asarray(np.nanstd(values, axis=0) > STILL * np.nanmax(np.abs(values), axis=0))
+
+
+def _still(channels: Sequence[str]) -> str:
+    stay = "stays" if len(channels) == 1 else "stay"
+    return f"nothing moves: nothing can be told from a record in which {joined(channels)} {stay} the same"
+
+
+def moves(data: ModelData, channels: Sequence[str]) -> bool:
+    """Tell whether any of the channels of a record ever moves."""
+    measured = [data.measured[c][np.isfinite(data.measured[c])] for c in channels]
+    return any(values.size and _moving(values[:, None])[0] for values in measured)
+
+
+def check_moving(data: Sequence[ModelData], channels: Sequence[str]) -> None:
+    """Raise `RecordError` for a record in which nothing that is measured moves."""
+    for record in data:
+        if not moves(record, channels):
+            raise RecordError(f"{record.source}: {_still(channels)}")
+
+
+def constant_inputs(model: Model, data: Sequence[ModelData]) -> tuple[str, ...]:
+    """Return notes on inputs that are the same all through a record: what they do is not told from a load."""
+    notes, optional = [], model.plant.optional_inputs
+    for record in data:
+        for name, values in zip(model.inputs, record.u.T, strict=True):
+            if name in optional or not values.size or np.ptp(values) > STILL * np.max(np.abs(values)):
+                continue
+            if values[0] == 0.0:
+                why = "right where nothing drives, as in a free decay; else it was not recorded"
+            else:
+                why = "what it does cannot be told from a constant load"
+            unit = f" {record.units.get(name, '')}".rstrip() if values[0] else ""
+            notes.append(f"{record.source}: the {name} is {values[0]:.4g}{unit} from beginning to end: {why}")
+    return tuple(notes)
 
 
 def quanta(segments: Sequence[Segment]) -> Array:
@@ -393,8 +427,7 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     duration = max(float(s.t[-1] - s.t[0]) for s in segments)
     everything, noise = np.concatenate([s.y for s in segments]), white_noise(segments)
     if not _moving(everything).any():
-        shown = ", ".join(channels)
-        raise RecordError(f"{segments[0].source}: nothing that is measured ({shown}) moves: nothing can be told")
+        raise RecordError(f"{segments[0].source}: {_still(channels)}")
     sizes = {c: float(max(v, 1e-12)) for c, v in zip(channels, np.nanmax(np.abs(everything), axis=0), strict=True)}
     sizes = _guess_velocity(model, segments, channels, sizes)
     taus = time_constants(dt, duration, model.update_period)
@@ -495,4 +528,4 @@ def _ranges(model: Model, segments: Sequence[Segment], X: Array) -> dict[str, tu
     return {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
 
 
-__all__ = ["Gains", "Problem", "Segment", "prepare"]
+__all__ = ["LEAST_SAMPLES", "Gains", "Problem", "Segment", "check_moving", "constant_inputs", "moves", "prepare"]

@@ -12,16 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.adding import Adding
-from signlin_ros.diagnosis.data import measured_channels
+from signlin_ros.diagnosis.data import measured_channels, unit_asked
 from signlin_ros.diagnosis.derived import without_derived
 from signlin_ros.diagnosis.findings import Findings, Step, driven_by_noise, judged, left_by, structured
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, tidied
 from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residues
 from signlin_ros.diagnosis.problem import (
+    LEAST_SAMPLES,
     Gains,
     Problem,
     added_keys,
+    check_moving,
+    constant_inputs,
     linear_base,
+    moves,
     pieces,
     prepare,
     segment,
@@ -57,7 +61,7 @@ from signlin_ros.diagnosis.refusals import plausible, refusal
 from signlin_ros.diagnosis.several import LARGEST, at_once, best_sets
 from signlin_ros.diagnosis.timing import CLEARLY, WAYS, better_hold
 from signlin_ros.effects import EFFECTS, find_effect
-from signlin_ros.errors import InputError, SimulationError
+from signlin_ros.errors import InputError, RecordError, SimulationError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -103,8 +107,14 @@ Progress = Callable[[str, float], None]
 
 
 def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
-    """Return the first two thirds of every record, and the last third."""
+    """Return the first two thirds of every record, and the last third; raise `RecordError` where they are too short."""
     cut = [len(d) * 2 // 3 for d in data]
+    for d, c in zip(data, cut, strict=True):
+        if min(c, len(d) - c) < LEAST_SAMPLES:
+            what = f"{d.source}: {len(d)} samples, of which the last third is held out"
+            raise RecordError(
+                f"{what}; at least {3 * LEAST_SAMPLES} are needed, or {LEAST_SAMPLES} and a validation record"
+            )
     return [d.part(0, c) for d, c in zip(data, cut, strict=True)], [d.part(c) for d, c in zip(data, cut, strict=True)]
 
 
@@ -115,9 +125,16 @@ def prepared(
     first, second = (list(data), list(validation)) if validation else held_out(data)
     model = with_measured_position(model, [*first, *second])
     channels = measured_channels(model, [*first, *second])
+    given = [*data, *(validation or ())]
+    check_moving(given, channels)
+    if not any(moves(d, channels) for d in second):
+        raise RecordError(
+            f"{data[0].source}: nothing moves in the last third, which is held out; add a validation record"
+        )
     (known, notes), (unseen, more) = _cut(first, channels), _cut(second, channels)
     own, position = without_derived(model, [*known, *unseen], channels), model.plant.position
     notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
+    notes += constant_inputs(model, given)
     problem = replace(prepare(model, known, own), notes=notes)
     segments = tuple(segment(problem.base, problem.channels, part) for part in unseen)
     return problem, replace(problem, segments=segments, noise=white_noise(segments), notes=more)
@@ -187,7 +204,8 @@ def _too_slow(problem: Problem) -> str:
     fastest = float(np.max(np.abs(np.linalg.eigvals(A)))) if A.size else 0.0
     if fastest * problem.scale.step < SPARSE:
         return ""
-    return f": its fastest motion lasts {1.0 / fastest:.2g} s, the samples are {problem.scale.step:.3g} s apart"
+    apart = f"its fastest motion lasts {1.0 / fastest:.2g} s, the samples are {problem.scale.step:.3g} s apart"
+    return f": {apart}{unit_asked(problem.scale.step)}"
 
 
 def _tidied(step: Step) -> Step:
