@@ -107,14 +107,8 @@ Progress = Callable[[str, float], None]
 
 
 def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
-    """Return the first two thirds of every record, and the last third; raise `RecordError` where they are too short."""
+    """Return the first two thirds of every record, and the last third."""
     cut = [len(d) * 2 // 3 for d in data]
-    for d, c in zip(data, cut, strict=True):
-        if min(c, len(d) - c) < LEAST_SAMPLES:
-            what = f"{d.source}: {len(d)} samples, of which the last third is held out"
-            raise RecordError(
-                f"{what}; at least {3 * LEAST_SAMPLES} are needed, or {LEAST_SAMPLES} and a validation record"
-            )
     return [d.part(0, c) for d, c in zip(data, cut, strict=True)], [d.part(c) for d, c in zip(data, cut, strict=True)]
 
 
@@ -127,10 +121,8 @@ def prepared(
     channels = measured_channels(model, [*first, *second])
     given = [*data, *(validation or ())]
     check_moving(given, channels)
-    if not any(moves(d, channels) for d in second):
-        raise RecordError(
-            f"{data[0].source}: nothing moves in the last third, which is held out; add a validation record"
-        )
+    if not validation:
+        _check_held_out(data, second, channels)
     (known, notes), (unseen, more) = _cut(first, channels), _cut(second, channels)
     own, position = without_derived(model, [*known, *unseen], channels), model.plant.position
     notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
@@ -138,6 +130,17 @@ def prepared(
     problem = replace(prepare(model, known, own), notes=notes)
     segments = tuple(segment(problem.base, problem.channels, part) for part in unseen)
     return problem, replace(problem, segments=segments, noise=white_noise(segments), notes=more)
+
+
+def _check_held_out(data: Sequence[ModelData], last: Sequence[ModelData], channels: tuple[str, ...]) -> None:
+    """Raise `RecordError` where the last thirds of records are too short, or nothing moves in them."""
+    for whole, part in zip(data, last, strict=True):
+        if len(part) < LEAST_SAMPLES:
+            needed = f"at least {3 * LEAST_SAMPLES} are needed, or {LEAST_SAMPLES} and a validation record"
+            raise RecordError(f"{whole.source}: {len(whole)} samples, of which the last third is held out; {needed}")
+    if not any(moves(part, channels) for part in last):
+        why = "nothing moves in the last third, which is held out; give a validation record"
+        raise RecordError(f"{data[0].source}: {why}")
 
 
 def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[ModelData], tuple[str, ...]]:
