@@ -17,7 +17,8 @@ from signlin_ros.diagnosis.findings import NEEDED, Findings, Step
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records, seen_late
 from signlin_ros.diagnosis.judge import correlations
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
-from signlin_ros.diagnosis.refusals import plausible
+from signlin_ros.diagnosis.rank import Ranked, evidence_of
+from signlin_ros.diagnosis.refusals import plausible, sound
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
 from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SIMPLE, SURE, TIE, Progress, search
@@ -143,10 +144,11 @@ def kind_of_score(problem: Problem) -> str:
     return "free_run" if forgets else "windowed"
 
 
-def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
+def scores(problem: Problem, f: Fit, kind: str, noise: Array, levels: Sequence[int] = ()) -> Scores:
     """Score a fitted model on the records of a problem.
 
-    The state at the start of a run is that of the observer: causal, from measurements before it.
+    The state at the start of a run is that of the observer: causal, from measurements before it. Windows start from
+    that of the ``levels`` (all by default) whose states predict best, as in `compare`.
     """
     measured = [s.y for s in problem.segments]
     errors = [np.full_like(y, np.nan) for y in measured]
@@ -158,16 +160,38 @@ def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
         errors = found[0] if found else errors
         errors = [np.where(np.arange(e.shape[0])[:, None] >= min(200, e.shape[0] // 4), e, np.nan) for e in errors]
     else:
-        found = follow_records(problem, f.candidate, f.theta, problem.levels[1], False)
-        if found:
-            whole = zip(problem.segments, found[0], found[2], strict=True)
-            errors = [_windowed(problem, f, s, E, X) for s, E, X in whole]
+        tried = [_in_windows(problem, f, k) for k in levels or range(len(problem.levels))]
+        errors = min(tried, key=_size, default=errors)
     y, e = np.concatenate(measured), np.concatenate(errors)
     result = {}
     for c, name in enumerate(problem.channels):
         found_score = score(y[:, c], y[:, c] - e[:, c], float(noise[c]))
         result[name] = found_score or Score(float("inf"), None, None)
     return Scores(kind, result)
+
+
+def _in_windows(problem: Problem, f: Fit, level: int) -> list[Array]:
+    """Return the errors (T, ny) of runs over windows of every record, started from the states at one of the gains; NaN
+    where the model diverges.
+    """
+    found = follow_records(problem, f.candidate, f.theta, problem.levels[level], False)
+    if found is None:
+        return [np.full_like(s.y, np.nan) for s in problem.segments]
+    return [_windowed(problem, f, s, E, X) for s, E, X in zip(problem.segments, found[0], found[2], strict=True)]
+
+
+def _size(errors: Sequence[Array]) -> float:
+    """Return the sum of the logarithms of the mean squares of errors (T, ny) over the channels; inf if unknown."""
+    e = np.concatenate(errors)
+    known = np.isfinite(e)
+    if not known.any(axis=0).all():
+        return np.inf
+    return float(np.sum(np.log(np.nanmean(e**2, axis=0) + 1e-300)))
+
+
+def _best_level(problem: Problem, f: Fit) -> int:
+    """Return the gain whose states a model predicts best from, over windows."""
+    return int(np.argmin([_size(_in_windows(problem, f, k)) for k in range(len(problem.levels))]))
 
 
 def _windowed(problem: Problem, f: Fit, s: Segment, E: Array, X: Array) -> Array:
@@ -315,11 +339,12 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     problem = f.problem
     kind = kind_of_score(problem)
     noise = np.array([r.noise for r in f.left])
-    unseen, explained = f.unseen_noise, _explained(f)
+    unseen = f.unseen_noise
     ladder = tuple(
         Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
         for s in f.steps
     )
+    explained = 0.0 if f.reversed or _runs_away(ladder) else _explained(f)
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
     verdict = _verdict(f, ladder, explained, rest)
     partly = explained if verdict == "unexplained" else None
@@ -388,7 +413,15 @@ def _beside(ladder: Sequence[Rung]) -> float:
     return max(min(shares), 0.0)
 
 
+def _runs_away(ladder: Sequence[Rung]) -> bool:
+    """Tell whether the proposal, left alone, leaves all bounds where the model as it is does not."""
+    first, last = (rung.validation.channels.values() for rung in (ladder[0], ladder[-1]))
+    return all(np.isfinite(one.rmse) for one in first) and not all(np.isfinite(one.rmse) for one in last)
+
+
 def _verdict(f: Findings, ladder: Sequence[Rung], explained: float, rest: float) -> str:
+    if f.reversed or _runs_away(ladder):
+        return "unexplained"
     if len(f.steps) == 1 or not f.beyond_doubt:
         return "unexplained" if f.unaccounted or _elsewhere(f, explained, rest) else "adequate"
     if _elsewhere(f, explained, rest):
@@ -475,6 +508,11 @@ def _sentence(f: Findings, verdict: str, explained: float, over: float) -> str:
 
 
 def _unexplained(f: Findings, explained: float, over: float) -> str:
+    if f.reversed:
+        return (
+            f"With the sign of {f.reversed} reversed the model as it is follows this record much better: "
+            "check that sign before anything else."
+        )
     effects = f.final.ranked.effects
     share = f"{_named(effects)} {'explains' if len(effects) == 1 else 'explain'}" if effects else ""
     before = (
@@ -526,7 +564,7 @@ def _rivals(f: Findings, effect: str) -> list[str]:
     for r in options:
         if set(r.effects) >= others and len(r.effects) == len(final.effects) and effect not in r.effects:
             new = (set(r.effects) - others).pop()
-            if abs(r.evidence - final.evidence) < TIE and new not in found:
+            if abs(r.evidence - final.evidence) < TIE and new not in found and sound(f.problem, r):
                 found.append(new)
     values, cls = {n: p.value for n, p in _added_parameters(f, final, effect).items()}, find_effect(effect, "effects")
     alike = [*cls.simpler(values), *(n for n in cls.blurred(values, f.problem.scale.blur) if _as_good(f, n, effect))]
@@ -547,10 +585,10 @@ def _ranking(f: Findings, kind: str, noise: Array, partly: float | None) -> tupl
     best: dict[str, Step] = {}
     for s in f.singles:
         best.setdefault(s.ranked.label, s)
-    entries = []
     rivals = {e: _rivals(f, e) for e in final.effects}
-    for effect, step in best.items():
-        entries.append(_entry(f, effect, step, kind, noise, rivals, partly))
+    level = [_best_level(f.unseen, f.steps[0].ranked.fit)] if kind == "windowed" else []
+    shown = {e: scores(f.unseen, step.ranked.fit, kind, noise, level) for e, step in best.items()}
+    entries = [_entry(f, effect, step, shown[effect], rivals, partly) for effect, step in best.items()]
     entries.sort(key=lambda e: (_order(e, final.effects), -e.evidence))
     absent = [
         Entry(n, "not_applicable", {}, None, (), f"does not apply to {f.problem.base.plant.name}") for n in f.outside
@@ -565,12 +603,11 @@ def _order(e: Entry, proposed: tuple[str, ...]) -> int:
 
 
 def _entry(
-    f: Findings, effect: str, step: Step, kind: str, noise: Array, rivals: dict[str, list[str]], partly: float | None
+    f: Findings, effect: str, step: Step, validation: Scores, rivals: dict[str, list[str]], partly: float | None
 ) -> Entry:
     final = f.final.ranked
-    r = final if effect in final.effects else step.ranked
+    r = final if effect in final.effects else _instead_of(f, effect, rivals) or step.ranked
     parameters = _added_parameters(f, r, effect)
-    validation = scores(f.unseen, step.ranked.fit, kind, noise)
     gain = f.steps[0].ranked.evidence - step.ranked.evidence
     tied: tuple[str, ...] = ()
     if effect in final.effects:
@@ -583,13 +620,20 @@ def _entry(
             why += f"; but {f'{left:.0f}' if left > 10 else f'{left:.2g}'} % of the missing motion remains unexplained"
         if not f.beyond_doubt:
             status, why = "rejected", f"the record does not ask for it: {why}"
-    elif any(effect in names for names in rivals.values()) and partly is None:
+    elif any(effect in names for names in rivals.values()) and not (partly is not None and _too_little(f, partly)):
         owner = next(e for e, names in rivals.items() if effect in names)
         status, tied = "ambiguous", (owner, *(n for n in rivals[owner] if n != effect))
         why = f"explains the record as well as {owner}: {sentence_of(effect, f.problem, parameters)}"
     else:
         status, why = _why_not(f, effect, step)
     return Entry(effect, status, parameters, validation, tied, why, gain, step.certainty)
+
+
+def _instead_of(f: Findings, effect: str, rivals: dict[str, list[str]]) -> Ranked | None:
+    """Return the proposal with an effect in place of the one that it ties with, if that was fitted."""
+    final = set(f.final.ranked.effects)
+    sets = [(final - {owner}) | {effect} for owner, names in rivals.items() if effect in names]
+    return min((r for r in f.pairs if set(r.effects) in sets), key=evidence_of, default=None)
 
 
 def _added_parameters(f: Findings, r: Any, effect: str) -> dict[str, Estimate]:
