@@ -106,17 +106,19 @@ def _width(measured: Sequence[Array], computed: Sequence[Array], step: float, qu
 def nearest_rival(f: Findings, ranked: Ranked, effect: str) -> tuple[Ranked, str] | None:
     """Return the best other effect in place of one, with all others kept, as fitted; None if none was tried.
 
-    What was refused, or fits only with parameters that it cannot have, is no rival.
+    What was refused, or fits only with parameters that it cannot have, is no rival; what raises the error on unseen
+    data is one only where nothing else is.
     """
     others = set(ranked.effects) - {effect}
     options = [s.ranked for s in f.singles] if not others else list(f.pairs)
+    raising = {s.ranked.effects for s in f.singles if s.gain <= 0}
     fitting = [
         (r, (set(r.effects) - others).pop())
         for r in options
         if set(r.effects) > others and len(r.effects) == len(ranked.effects) and effect not in r.effects
     ]
     rivals = [(r, other) for r, other in fitting if other not in f.declined and plausible(f.problem, r)]
-    return min(rivals, key=lambda rival: rival[0].evidence, default=None)
+    return min(rivals, key=lambda rival: (rival[0].effects in raising, rival[0].evidence), default=None)
 
 
 def _rival(f: Findings, ranked: Ranked, effect: str, goal: Target, place: Place, width: int) -> Explanation | None:
