@@ -22,6 +22,7 @@ from signlin_ros.diagnosis.refusals import plausible, sound
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
 from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SIMPLE, SURE, TIE, Progress, search
+from signlin_ros.digits import with_error
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.model import Model
@@ -53,6 +54,12 @@ WORTH, NEARLY = 0.3, 0.05
 more what was found must take."""
 ALIKE = 0.2
 """Largest difference of the logarithms of factors that are called the same."""
+FAR = (0.2, 3.0)
+"""A known effect's parameter moved far: by more than this share of it, and so many standard errors."""
+WHOLE = 0.9995
+"""A share from which on no digits are told."""
+DOUBTFUL = 1 / 3
+"""A value is told with its standard error where that is a larger share of it."""
 ORDINARY = 0.1
 """An effect is ordinary if its force is this share of the driving force: what a record should be able to show."""
 
@@ -262,8 +269,10 @@ def estimates(f: Fit, names: Sequence[str], findings: Findings) -> dict[str, Est
         own = float(np.sqrt(max(covariance[i, i], 0.0)))
         std = own * abs(k.slope(float(f.theta[i])))
         told = f.hessian[i, i] > 0.0
-        note = _note(k, float(f.theta[i]), own) if told else "values nearby fit as well"
-        result[name] = Estimate(float(p[name]), std if told else None, unit, note)
+        notes = [_note(k, float(f.theta[i]), own) if told else "values nearby fit as well"]
+        if told and "." in name:
+            notes.insert(0, _moved(float(p[name]), std, given(problem.base, name)))
+        result[name] = Estimate(float(p[name]), std if told else None, unit, "; ".join(n for n in notes if n))
     return result
 
 
@@ -281,6 +290,20 @@ def _note(k: Any, theta: float, std: float) -> str:
     if np.isfinite(k.spread) and k.spread < 1.0 and std > 0.95 * k.spread:
         return "not excited: the record says nothing beyond the tolerance"
     return ""
+
+
+def given(base: Model, name: str) -> float | None:
+    """Return a parameter as the base model has it, None where it has none of this name."""
+    key, _, inner = name.rpartition(".")
+    if not key:
+        return base.parameters.get(inner)
+    return base.effects[key].parameters.get(inner) if key in base.effects else None
+
+
+def _moved(value: float, std: float, was: float | None) -> str:
+    """Return what a known effect's parameter was, where it is no longer nearly that."""
+    far = was is not None and abs(value - was) > max(FAR[0] * abs(was), FAR[1] * std)
+    return f"was {was:g}" if far else ""
 
 
 def _sensor_unit(problem: Problem, name: str) -> str:
@@ -308,8 +331,8 @@ def sentence_of(effect: str, problem: Problem, parameters: dict[str, Estimate]) 
     if issubclass(cls, SensorEffect):
         name, found = next(iter(parameters.items()))
         channel = name.partition(".")[2]
-        return cls.finding.format(channel=channel, value=found.value, unit=found.unit)
-    values = {n.rpartition(".")[2]: _Shown(p.value, p.unit) for n, p in parameters.items()}
+        return cls.finding.format(channel=channel, value=_Shown(found), unit=found.unit)
+    values = {n.rpartition(".")[2]: _Shown(p) for n, p in parameters.items()}
     return cls.finding.format(F=_drive(problem), Q=plant.position, V=plant.velocity, **values)
 
 
@@ -319,14 +342,20 @@ def _drive(problem: Problem) -> str:
 
 
 class _Shown(float):
-    """A number that knows its unit, for the templates of `Effect.finding`."""
+    """A number that knows its unit, for the templates of `Effect.finding`; a doubtful one shows its standard error."""
 
     unit: str
+    std: float | None
 
-    def __new__(cls, value: float, unit: str) -> _Shown:
-        shown = super().__new__(cls, value)
-        shown.unit = unit
+    def __new__(cls, p: Estimate) -> _Shown:
+        shown = super().__new__(cls, p.value)
+        shown.unit, shown.std = p.unit, p.std
         return shown
+
+    def __format__(self, spec: str) -> str:
+        value, error = with_error(float(self), self.std)
+        doubtful = error and self.std is not None and self.std > DOUBTFUL * abs(self)
+        return f"{value} ± {error}" if doubtful else super().__format__(spec)
 
 
 # --------------------------------------------------------------------------- the verdict
@@ -533,8 +562,9 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
     if effects and not f.unaccounted:
         share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
-    partly = f"; {share} {_percent(explained)} of it" if effects and explained >= 0.01 else ""
-    return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
+    if effects and explained >= 0.01:
+        return f"{before}; what remains has structure that no listed effect explains."
+    return "The residual has structure that no listed effect explains on data that the fit did not see."
 
 
 def _noise_in_input(f: Findings) -> str:
@@ -549,10 +579,11 @@ def _either(f: Findings, effects: Sequence[str]) -> str:
 
 
 def _percent(share: float) -> str:
-    """Return a share in percent, with as many digits as what it lacks to the whole needs."""
-    lacking = 100 * (1.0 - share)
-    digits = int(np.clip(np.ceil(-np.log10(lacking)), 0, 3)) if lacking > 0 else 0
-    return f"more than {100 - 1e-3:.3f} %" if 0 < lacking < 1e-3 else f"{100 * share:.{digits}f} %"
+    """Return a share in percent, with as many digits as what it lacks to the whole needs; no record tells the whole."""
+    if share >= WHOLE:
+        return "more than 99.9 %"
+    digits = max(int(np.ceil(-np.log10(100 * (1.0 - share)))), 0)
+    return f"{100 * share:.{digits}f} %"
 
 
 def _rivals(f: Findings, effect: str) -> list[str]:
@@ -780,8 +811,9 @@ def yaml_of(model: Model, f: Findings) -> str:
 
 
 def _origin(name: str, p: Estimate, base: Model) -> str:
-    was = base.parameters.get(name)
-    return f"{name}: fitted, {p}" + (f"; was {was:g}" if was is not None else "") + (f"; {p.note}" if p.note else "")
+    was = given(base, name)
+    before = [f"was {was:g}"] if was is not None and not p.note.startswith("was ") else []
+    return "; ".join([f"{name}: fitted, {p}", *before, *([p.note] if p.note else [])])
 
 
 def _experiments(ranking: Sequence[Entry]) -> tuple[str, ...]:

@@ -34,8 +34,9 @@ class Effect(HasPars):
     equation: ClassVar[str]
     """The law as text, as in the catalogue."""
     finding: ClassVar[str] = ""
-    """What a record shows where this is missing, as a sentence: ``{mu:.3g}`` a parameter's value, ``{mu.unit}`` its
-    unit, ``{F}``, ``{Q}``, ``{V}`` the plant's words for force, position and velocity.
+    """What a record shows where this is missing, as a sentence: ``{mu:.3g}`` a parameter's value, with its standard
+    error where it is doubtful, ``{mu.unit}`` its unit, ``{F}``, ``{Q}``, ``{V}`` the plant's words for force, position
+    and velocity.
     """
     experiment: ClassVar[str] = ""
     """What to record so that it shows, as an imperative clause."""
