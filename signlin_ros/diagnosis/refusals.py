@@ -14,6 +14,7 @@ from signlin_ros.diagnosis.fit import Fit, fit
 from signlin_ros.diagnosis.judge import any_structure
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.rank import FEW, Ranked, roughness
+from signlin_ros.diagnosis.scan import finest
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import Effect
 from signlin_ros.model import Model
@@ -87,7 +88,9 @@ def _flat(problem: Problem, effect: type[Effect]) -> bool:
 
 def sound(problem: Problem, r: Ranked) -> bool:
     """Tell whether all that was added could be what it is called: its parameters are possible, its waves repeat."""
-    return plausible(problem, r) and all(seen >= REPEATED for _, _, seen in _waves(problem, r))
+    values = r.fit.parameters()
+    waves = [seen >= REPEATED and values[name] <= finest(problem) for _, name, seen in _waves(problem, r)]
+    return plausible(problem, r) and all(waves)
 
 
 def _is_essential(model: Model, parameter: str) -> bool:
@@ -175,9 +178,12 @@ def _waves(problem: Problem, r: Ranked, before: Ranked | None = None) -> list[tu
 
 def _unrepeated(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
     """Return an effect added to ``before`` that is said to repeat where the motion covers less than one period, and how
-    much of it: any smooth force is a part of some wave, and a large part of one only to the noise if it is one.
+    much of it: any smooth force is a part of some wave, and a large part of one only to the noise if it is one; or one
+    whose periods are finer than the position is known.
     """
-    for key, _, seen in _waves(problem, r, before):
+    for key, name, seen in _waves(problem, r, before):
+        if r.fit.parameters()[name] > finest(problem):
+            return r.fit.candidate.model.effects[key].type, "its period would be finer than what the encoder shows"
         if seen < REPEATED or (seen < 1.0 and any_structure(r.fit.innovations, problem.noise)):
             why = f"the motion covers {seen:.0%} of what would be its period: nothing shows that it repeats"
             return r.fit.candidate.model.effects[key].type, why

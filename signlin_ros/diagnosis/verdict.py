@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -52,6 +52,8 @@ a law outside the list that a listed one imitates by 97 or 98 %."""
 WORTH, NEARLY = 0.3, 0.05
 """Share of the squared error that a rival must take beside what was found before, to be spoken of as one, and how much
 more what was found must take."""
+WORSE = 1.2
+"""Times the error of the model as it is that a proposal may leave when left alone."""
 ALIKE = 0.2
 """Largest difference of the logarithms of factors that are called the same."""
 FAR = (0.2, 3.0)
@@ -373,7 +375,7 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
         Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
         for s in f.steps
     )
-    explained = 0.0 if f.reversed or _runs_away(ladder) else _explained(f)
+    explained = 0.0 if f.reversed or _alone_worse(ladder) else _explained(f)
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
     verdict = _verdict(f, ladder, explained, rest)
     partly = explained if verdict == "unexplained" else None
@@ -442,14 +444,29 @@ def _beside(ladder: Sequence[Rung]) -> float:
     return max(min(shares), 0.0)
 
 
-def _runs_away(ladder: Sequence[Rung]) -> bool:
-    """Tell whether the proposal, left alone, leaves all bounds where the model as it is does not."""
-    first, last = (rung.validation.channels.values() for rung in (ladder[0], ladder[-1]))
-    return all(np.isfinite(one.rmse) for one in first) and not all(np.isfinite(one.rmse) for one in last)
+def _alone_worse(ladder: Sequence[Rung]) -> bool:
+    """Tell whether the proposal, left alone, is worse than the model as it is in every channel, on the data that it was
+    fitted to and on unseen data, or leaves all bounds: what held it is the observer.
+    """
+    return all(
+        _worse(one.channels, last.channels)
+        for one, last in (
+            (ladder[0].estimation, ladder[-1].estimation),
+            (ladder[0].validation, ladder[-1].validation),
+        )
+    ) or (_bounded(ladder[0].validation) and not _bounded(ladder[-1].validation))
+
+
+def _worse(before: Mapping[str, Score], after: Mapping[str, Score]) -> bool:
+    return all(after[name].rmse > WORSE * one.rmse for name, one in before.items())
+
+
+def _bounded(s: Scores) -> bool:
+    return all(np.isfinite(one.rmse) for one in s.channels.values())
 
 
 def _verdict(f: Findings, ladder: Sequence[Rung], explained: float, rest: float) -> str:
-    if f.reversed or _runs_away(ladder):
+    if f.reversed or _alone_worse(ladder):
         return "unexplained"
     if len(f.steps) == 1 or not f.beyond_doubt:
         return "unexplained" if f.unaccounted or _elsewhere(f, explained, rest) else "adequate"
