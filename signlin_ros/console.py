@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.compiled import surface_scales, weights
+from signlin_ros.digits import with_error
 from signlin_ros.linearize import Linearization
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, Record, Signal
@@ -214,8 +215,8 @@ def _named(content: dict[str, Any]) -> str:
 def _fitted(parameters: dict[str, Any]) -> str:
     rows = [["parameter", "value", "±", "unit", ""]]
     for name, p in parameters.items():
-        std = "-" if p["std"] is None else f"{p['std']:.2g}"
-        rows.append([name, f"{p['value']:.5g}", std, "" if p["unit"] == "-" else p["unit"], p.get("note", "")])
+        value, error = with_error(p["value"], p["std"])
+        rows.append([name, value, error or "-", "" if p["unit"] == "-" else p["unit"], p.get("note", "")])
     return table(rows, right=(1, 2)) if rows[1:] else ""
 
 

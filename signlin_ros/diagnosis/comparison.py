@@ -38,6 +38,7 @@ TRUSTING = 0.003
 """How much the observer behind the residual tests lets the model be wrong: structure must not be followed away."""
 FOR_NOISE = (0.001, 0.003, 0.01, 0.03)
 """Observers whose residuals are asked for the colour of the noise."""
+NOWHERE = "no situation that was looked at holds significantly more of the error than of the time"
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,7 @@ def _remarks(observer: Observer, lacking: tuple[Missing, ...], where: tuple[Regi
     """Return what a reader should know of how the figures came about."""
     found = []
     if any(m.clear for m in lacking) and not where:
-        found.append("no situation holds much more of the error than of the time: what is missing acts everywhere")
+        found.append(NOWHERE)
     if not all(noise.even for noise in observer.noise):
         found.append("unevenly sampled: the noise, its colour and the residual tests are approximate")
     return found

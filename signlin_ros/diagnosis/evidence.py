@@ -5,7 +5,7 @@ See `signlin_ros.diagnosis.onestep` for how it is computed, `signlin_ros.diagnos
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,9 @@ from signlin_ros.diagnosis.curves import Band, band, memory
 from signlin_ros.diagnosis.findings import Findings
 from signlin_ros.diagnosis.onestep import Motion, Target, lacking, motion_of, smoothed, target, target_at
 from signlin_ros.diagnosis.rank import Ranked
+from signlin_ros.diagnosis.refusals import plausible
+from signlin_ros.diagnosis.results import Estimate
+from signlin_ros.diagnosis.verdict import _added_parameters
 
 Array = NDArray[np.float64]
 
@@ -38,6 +41,7 @@ class Explanation:
 
     All other parameters are those of the fit with ``effects``; an empty ``effect`` is none at all. ``found`` and
     ``curve`` are the means of both over the coordinate, one for each direction of motion that is told apart.
+    ``parameters`` of the effect in that fit.
     """
 
     effect: str
@@ -46,6 +50,7 @@ class Explanation:
     computed: Array
     found: tuple[Band, ...]
     curve: tuple[Band, ...]
+    parameters: Mapping[str, Estimate]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +83,7 @@ def evidence(f: Findings, effect: str, within: Ranked | None = None) -> Evidence
     if place.single:
         width = _width(measured, computed, motion.step, QUIET_OVER_TIME)
     quantity, unit = ("missing resistance", "Ohm") if place.per is not None else (goal.quantity, goal.unit)
-    named = _explanation(ranked, effect, place, measured, computed, width)
+    named = _explanation(f, ranked, effect, place, measured, computed, width)
     if named is None:
         return None
     rival = _rival(f, ranked, effect, goal, place, width)
@@ -99,16 +104,21 @@ def _width(measured: Sequence[Array], computed: Sequence[Array], step: float, qu
 
 
 def nearest_rival(f: Findings, ranked: Ranked, effect: str) -> tuple[Ranked, str] | None:
-    """Return the best other effect in place of one, with all others kept, as fitted; None if none was tried."""
+    """Return the best other effect in place of one, with all others kept, as fitted; None if none was tried.
+
+    What was refused, or fits only with parameters that it cannot have, is no rival; what raises the error on unseen
+    data is one only where nothing else is.
+    """
     others = set(ranked.effects) - {effect}
     options = [s.ranked for s in f.singles] if not others else list(f.pairs)
+    raising = {s.ranked.effects for s in f.singles if s.gain <= 0}
     fitting = [
-        r
+        (r, (set(r.effects) - others).pop())
         for r in options
         if set(r.effects) > others and len(r.effects) == len(ranked.effects) and effect not in r.effects
     ]
-    best = min(fitting, key=lambda r: r.evidence, default=None)
-    return None if best is None else (best, (set(best.effects) - others).pop())
+    rivals = [(r, other) for r, other in fitting if other not in f.declined and plausible(f.problem, r)]
+    return min(rivals, key=lambda rival: (rival[0].effects in raising, rival[0].evidence), default=None)
 
 
 def _rival(f: Findings, ranked: Ranked, effect: str, goal: Target, place: Place, width: int) -> Explanation | None:
@@ -121,7 +131,7 @@ def _rival(f: Findings, ranked: Ranked, effect: str, goal: Target, place: Place,
     motion = motion_of(f.unseen, *found) if found else None
     if found is None or motion is None:
         return None
-    return _explanation(*found, place, *lacking(motion, _same(motion, goal)), width)
+    return _explanation(f, *found, place, *lacking(motion, _same(motion, goal)), width)
 
 
 def _same(motion: Motion, goal: Target) -> Target:
@@ -130,7 +140,13 @@ def _same(motion: Motion, goal: Target) -> Target:
 
 
 def _explanation(
-    ranked: Ranked, effect: str, place: Place, measured: Sequence[Array], computed: Sequence[Array], width: int
+    f: Findings,
+    ranked: Ranked,
+    effect: str,
+    place: Place,
+    measured: Sequence[Array],
+    computed: Sequence[Array],
+    width: int,
 ) -> Explanation | None:
     """Return what the motion lacks and what an effect makes of it; None where the record has too little of it."""
     a, b = (_for_each_unit(smoothed(parts, width), place)[place.inside] for parts in (measured, computed))
@@ -143,7 +159,8 @@ def _explanation(
     found, curve = (
         tuple(band(x[own], values[own], block, dense_at_zero=place.dense) for own in parts) for values in (a, b)
     )
-    return Explanation(effect, ranked.effects, a, b, found, curve)
+    parameters = _added_parameters(f, ranked, effect) if effect else {}
+    return Explanation(effect, ranked.effects, a, b, found, curve, parameters)
 
 
 def _for_each_unit(values: Array, place: Place) -> Array:

@@ -14,6 +14,7 @@ from signlin_ros.diagnosis.fit import Filter, Fit, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
 from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.diagnosis.rank import Ranked
+from signlin_ros.diagnosis.signs import reversed_signal
 from signlin_ros.noise import fourth_difference_share
 
 Array = NDArray[np.float64]
@@ -134,6 +135,11 @@ class Findings:
         """Whether the error on unseen data is what noise and the uncertainty of the parameters make there."""
         at = self._judged
         return _by_chance(self.unseen, at, at.gains, self.held_out[1], self.unseen_noise**2, MORE)
+
+    @functools.cached_property
+    def reversed(self) -> str:
+        """The input or channel whose sign the model as given puts in doubt; empty if there is none."""
+        return reversed_signal(self.problem, self.steps[0].ranked.fit)
 
     @functools.cached_property
     def _judged(self) -> Fit:

@@ -14,7 +14,9 @@ from signlin_ros.diagnosis.fit import Fit, fit
 from signlin_ros.diagnosis.judge import any_structure
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.rank import FEW, Ranked, roughness
+from signlin_ros.diagnosis.scan import finest
 from signlin_ros.effects import find_effect
+from signlin_ros.effects.base import Effect
 from signlin_ros.model import Model
 
 NOTHING, NEEDLESS = (0.1, 1e-2, 1e-6), 0.1
@@ -32,10 +34,13 @@ PERIODS, OTHERS, INDIFFERENT = 20.0, (0.9, 1.1, 0.8, 1.2, 1.37), (0.5, 0.65)
 much of what it explains: fine waves of any order hold what is slow, as friction does. Where structure is left, one of
 the first two is enough; where a wave leaves noise alone, each of them must: the least had 0.73 and more where there was
 no wave, 0.06 and 0.52 where there was one."""
+FLAT = 0.3
+"""Travel in m of what slides, as a part of 2 pi, beneath which one sine of the position is no weight of an arm."""
 REPEATED = 0.75
 """Periods that a motion must cover for a wave to be seen, where it leaves nothing but noise."""
-BRIEF = 0.1
-"""Part of the time between two samples beneath which a delay is not worth a name."""
+BRIEF, LONG = 0.1, 0.15
+"""Part of the time between two samples beneath which a delay is not worth a name, and part of a record beyond which one
+imitates something else: what was before the record explains what it cannot."""
 
 
 def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
@@ -52,6 +57,8 @@ def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | No
         return wave
     if _instant(problem, r, before):
         return r.label, f"it would be less than {BRIEF:g} of the time between two samples"
+    if _delay(r, before) > LONG * problem.scale.duration:
+        return r.label, f"it would be more than {100 * LONG:g} % of the record, and leave little of it to tell by"
     if _follows(problem, r, before):
         return r.label, "a model without it explains as much where its motion is corrected as quickly"
     spare = _needless(problem, r, before)
@@ -64,7 +71,26 @@ def plausible(problem: Problem, r: Ranked) -> bool:
     added = [use for key, use in model.effects.items() if key not in problem.base.effects]
     most = HELD * max(problem.scale.force, problem.scale.inertia * problem.scale.acceleration)
     effects = [(find_effect(use.type, "effects"), use.parameters) for use in added]
-    return all(e.plausible(p) and sum(abs(p[n]) for n in e.breakaway) <= most for e, p in effects)
+    return all(
+        e.plausible(p) and sum(abs(p[n]) for n in e.breakaway) <= most and not _flat(problem, e) for e, p in effects
+    )
+
+
+def _flat(problem: Problem, effect: type[Effect]) -> bool:
+    """Tell whether an effect is one sine of a length of which the motion covers next to nothing: a load and a spring.
+
+    What turns has a weight however little it turns.
+    """
+    low, high = problem.stretch
+    linear = problem.base.plant.position_unit == "m" and not problem.rotary
+    return effect.angular and not effect.periodic and linear and high - low < FLAT
+
+
+def sound(problem: Problem, r: Ranked) -> bool:
+    """Tell whether all that was added could be what it is called: its parameters are possible, its waves repeat."""
+    values = r.fit.parameters()
+    waves = [seen >= REPEATED and values[name] <= finest(problem) for _, name, seen in _waves(problem, r)]
+    return plausible(problem, r) and all(waves)
 
 
 def _is_essential(model: Model, parameter: str) -> bool:
@@ -141,19 +167,23 @@ def _negligible(problem: Problem, r: Ranked, before: Ranked) -> str:
     return ""
 
 
-def _waves(problem: Problem, r: Ranked, before: Ranked) -> list[tuple[str, str, float]]:
+def _waves(problem: Problem, r: Ranked, before: Ranked | None = None) -> list[tuple[str, str, float]]:
     """Return the waves that were added to ``before``: key, parameter of the order, periods that the motion covers."""
     values, model, (low, high) = r.fit.parameters(), r.fit.candidate.model, problem.stretch
-    added = [k for k in r.fit.candidate.label if k in model.effects and model.effects[k].type not in before.effects]
+    known = before.effects if before else ()
+    added = [k for k in r.fit.candidate.label if k in model.effects and model.effects[k].type not in known]
     orders = [(k, n) for k in added for n in find_effect(model.effects[k].type, "effects").periodic[:1]]
     return [(k, f"{k}.{n}", values[f"{k}.{n}"] * (high - low) / (2 * np.pi)) for k, n in orders]
 
 
 def _unrepeated(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
     """Return an effect added to ``before`` that is said to repeat where the motion covers less than one period, and how
-    much of it: any smooth force is a part of some wave, and a large part of one only to the noise if it is one.
+    much of it: any smooth force is a part of some wave, and a large part of one only to the noise if it is one; or one
+    whose periods are finer than the position is known.
     """
-    for key, _, seen in _waves(problem, r, before):
+    for key, name, seen in _waves(problem, r, before):
+        if r.fit.parameters()[name] > finest(problem):
+            return r.fit.candidate.model.effects[key].type, "its period would be finer than what the encoder shows"
         if seen < REPEATED or (seen < 1.0 and any_structure(r.fit.innovations, problem.noise)):
             why = f"the motion covers {seen:.0%} of what would be its period: nothing shows that it repeats"
             return r.fit.candidate.model.effects[key].type, why
@@ -197,11 +227,15 @@ def _at_order(problem: Problem, f: Fit, name: str, times: float) -> Fit | None:
 
 def _instant(problem: Problem, r: Ranked, before: Ranked) -> bool:
     """Tell whether the effect that was added last is a delay that nobody would notice."""
+    return _delay(r, before, np.inf) < BRIEF * problem.scale.step
+
+
+def _delay(r: Ranked, before: Ranked, none: float = 0.0) -> float:
+    """Return the largest delay of the effect that was added last, in s; ``none`` if it is no delay."""
     units = {par.unit for par in find_effect(r.label, "effects").pars().values()}
     if units != {"s"} or r.label in before.effects:
-        return False
-    delays = [v for n, v in r.fit.parameters().items() if n.partition(".")[0] == r.label]
-    return max(delays, default=np.inf) < BRIEF * problem.scale.step
+        return none
+    return max((v for n, v in r.fit.parameters().items() if n.partition(".")[0] == r.label), default=none)
 
 
 def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:
@@ -224,4 +258,4 @@ def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:
     return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))
 
 
-__all__ = ["plausible", "refusal"]
+__all__ = ["plausible", "refusal", "sound"]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from signlin_ros.diagnosis.scores import Score
+from signlin_ros.digits import with_error
 from signlin_ros.markup import html_table
 from signlin_ros.model import Model
 
@@ -36,7 +37,7 @@ class Estimate:
         return {**found, "note": self.note} if self.note else found
 
     def __str__(self) -> str:
-        text = f"{self.value:.4g}" + (f" ± {self.std:.2g}" if self.std is not None else "")
+        text = " ± ".join(part for part in with_error(self.value, self.std) if part)
         return f"{text} {self.unit}".rstrip() if self.unit != "-" else text
 
 

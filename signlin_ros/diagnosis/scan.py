@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 FASTEST = 4.0
 """Largest N v dt that is looked for, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
 
+STEPS = 6.0
+"""Steps of an encoder that a period must have: finer waves are its own."""
+
 SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
 """Smallest N v dt of a fast one, for how many time constants of the observer it leaves a trace, and what that must take
 from the squares, in means of these: noise takes less at any of a thousand orders."""
@@ -144,7 +147,7 @@ def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tupl
     if model.plant.velocity not in model.states:
         return []
     inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
-    highest = FASTEST / (problem.scale.velocity * problem.scale.step)
+    highest = min(FASTEST / (problem.scale.velocity * problem.scale.step), finest(problem))
     starts: list[tuple[float, float, float]] = []
     q, v, a = _missing_acceleration(problem, model)
     for order in _orders(q, v, a, highest, count):
@@ -157,6 +160,13 @@ def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tupl
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
     fast = _matched(problem, model, highest, count // 2)
     return starts + [(N, A * inertia, phase) for N, A, phase in fast]
+
+
+def finest(problem: Problem) -> float:
+    """Return the largest order that the steps in which a position is shown can tell; inf where none is measured so."""
+    place = problem.base.plant.position
+    step = float(problem.quanta[problem.channels.index(place)]) if place in problem.channels else 0.0
+    return 2 * np.pi / (STEPS * step) if step > 0.0 else np.inf
 
 
 def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lowest: float = 0.2) -> list[float]:
@@ -186,4 +196,4 @@ def _start(q: Array, a: Array, order: float, inertia: float) -> tuple[float, flo
     return order, float(inertia * np.hypot(s, c)), float(np.arctan2(-c, -s))
 
 
-__all__ = ["halfway", "periodic_starts", "response"]
+__all__ = ["finest", "halfway", "periodic_starts", "response"]

@@ -90,8 +90,9 @@ SIMPLE = 0.15
 """Relative difference in squared innovations below which the simpler of two imperfect models is taken."""
 MUCH = 0.3
 """Share of the squared innovations on unseen data that a model must leave less than one that evidence prefers."""
-TRIED = 3
-"""How many options for the next step are held against unseen data."""
+TRIED, MOST_TRIED = 3, 9
+"""How many options for the next step are held against unseen data, and how many with those whose parameters are
+impossible: of two strong effects, one more fits best with those."""
 RIVAL = 0.5
 """How far from the best single, as a part of what that gains, the next is gone on from to deeper minima too."""
 BEAM = 4
@@ -558,11 +559,14 @@ class _Search:
         would have been enough, the simplest is sought anew. Of those that leave structure, one that explains unseen
         data much better is taken: by evidence, where a model is wrong, the one wins that bends furthest.
         """
-        left, anew, best = sorted(options, key=evidence_of), True, None
-        for _ in range(min(TRIED, len(left))):
+        left, anew, best, tried = sorted(options, key=evidence_of), True, None, 0
+        for _ in range(min(MOST_TRIED, len(left))):
             option = self._simplest(left) if anew else left[0]
             anew = option is left[0] and self._enough(option)
             left = [r for r in left if r is not option]
+            tried += plausible(self.problem, option)
+            if tried > TRIED:
+                break
             if option.evidence >= path[-1].ranked.evidence - (TIE if len(path) > 1 else 0.0):
                 break
             step = self._sure_step(path, option)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,8 @@ from signlin_ros.diagnosis.findings import NEEDED, Findings, Step
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records, seen_late
 from signlin_ros.diagnosis.judge import correlations
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
-from signlin_ros.diagnosis.refusals import plausible
+from signlin_ros.diagnosis.rank import Ranked, evidence_of
+from signlin_ros.diagnosis.refusals import plausible, sound
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
 from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SIMPLE, SURE, TIE, Progress, search
@@ -51,8 +52,14 @@ a law outside the list that a listed one imitates by 97 or 98 %."""
 WORTH, NEARLY = 0.3, 0.05
 """Share of the squared error that a rival must take beside what was found before, to be spoken of as one, and how much
 more what was found must take."""
+WORSE = 1.2
+"""Times the error of the model as it is that a proposal may leave when left alone."""
 ALIKE = 0.2
 """Largest difference of the logarithms of factors that are called the same."""
+FAR = (0.2, 3.0)
+"""A known effect's parameter moved far: by more than this share of it, and so many standard errors."""
+WHOLE = 0.9995
+"""A share from which on no digits are told."""
 ORDINARY = 0.1
 """An effect is ordinary if its force is this share of the driving force: what a record should be able to show."""
 
@@ -144,10 +151,11 @@ def kind_of_score(problem: Problem) -> str:
     return "free_run" if forgets else "windowed"
 
 
-def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
+def scores(problem: Problem, f: Fit, kind: str, noise: Array, levels: Sequence[int] = ()) -> Scores:
     """Score a fitted model on the records of a problem.
 
-    The state at the start of a run is that of the observer: causal, from measurements before it.
+    The state at the start of a run is that of the observer: causal, from measurements before it. Windows start from
+    that of the ``levels`` (all by default) whose states predict best, as in `compare`.
     """
     measured = [s.y for s in problem.segments]
     errors = [np.full_like(y, np.nan) for y in measured]
@@ -159,16 +167,38 @@ def scores(problem: Problem, f: Fit, kind: str, noise: Array) -> Scores:
         errors = found[0] if found else errors
         errors = [np.where(np.arange(e.shape[0])[:, None] >= min(200, e.shape[0] // 4), e, np.nan) for e in errors]
     else:
-        found = follow_records(problem, f.candidate, f.theta, problem.levels[1], False)
-        if found:
-            whole = zip(problem.segments, found[0], found[2], strict=True)
-            errors = [_windowed(problem, f, s, E, X) for s, E, X in whole]
+        tried = [_in_windows(problem, f, k) for k in levels or range(len(problem.levels))]
+        errors = min(tried, key=_size, default=errors)
     y, e = np.concatenate(measured), np.concatenate(errors)
     result = {}
     for c, name in enumerate(problem.channels):
         found_score = score(y[:, c], y[:, c] - e[:, c], float(noise[c]))
         result[name] = found_score or Score(float("inf"), None, None)
     return Scores(kind, result)
+
+
+def _in_windows(problem: Problem, f: Fit, level: int) -> list[Array]:
+    """Return the errors (T, ny) of runs over windows of every record, started from the states at one of the gains; NaN
+    where the model diverges.
+    """
+    found = follow_records(problem, f.candidate, f.theta, problem.levels[level], False)
+    if found is None:
+        return [np.full_like(s.y, np.nan) for s in problem.segments]
+    return [_windowed(problem, f, s, E, X) for s, E, X in zip(problem.segments, found[0], found[2], strict=True)]
+
+
+def _size(errors: Sequence[Array]) -> float:
+    """Return the sum of the logarithms of the mean squares of errors (T, ny) over the channels; inf if unknown."""
+    e = np.concatenate(errors)
+    known = np.isfinite(e)
+    if not known.any(axis=0).all():
+        return np.inf
+    return float(np.sum(np.log(np.nanmean(e**2, axis=0) + 1e-300)))
+
+
+def _best_level(problem: Problem, f: Fit) -> int:
+    """Return the gain whose states a model predicts best from, over windows."""
+    return int(np.argmin([_size(_in_windows(problem, f, k)) for k in range(len(problem.levels))]))
 
 
 def _windowed(problem: Problem, f: Fit, s: Segment, E: Array, X: Array) -> Array:
@@ -239,8 +269,10 @@ def estimates(f: Fit, names: Sequence[str], findings: Findings) -> dict[str, Est
         own = float(np.sqrt(max(covariance[i, i], 0.0)))
         std = own * abs(k.slope(float(f.theta[i])))
         told = f.hessian[i, i] > 0.0
-        note = _note(k, float(f.theta[i]), own) if told else "values nearby fit as well"
-        result[name] = Estimate(float(p[name]), std if told else None, unit, note)
+        notes = [_note(k, float(f.theta[i]), own) if told else "values nearby fit as well"]
+        if told and "." in name:
+            notes.insert(0, _moved(float(p[name]), std, given(problem.base, name)))
+        result[name] = Estimate(float(p[name]), std if told else None, unit, "; ".join(n for n in notes if n))
     return result
 
 
@@ -258,6 +290,20 @@ def _note(k: Any, theta: float, std: float) -> str:
     if np.isfinite(k.spread) and k.spread < 1.0 and std > 0.95 * k.spread:
         return "not excited: the record says nothing beyond the tolerance"
     return ""
+
+
+def given(base: Model, name: str) -> float | None:
+    """Return a parameter as the base model has it, None where it has none of this name."""
+    key, _, inner = name.rpartition(".")
+    if not key:
+        return base.parameters.get(inner)
+    return base.effects[key].parameters.get(inner) if key in base.effects else None
+
+
+def _moved(value: float, std: float, was: float | None) -> str:
+    """Return what a known effect's parameter was, where it is no longer nearly that."""
+    far = was is not None and abs(value - was) > max(FAR[0] * abs(was), FAR[1] * std)
+    return f"was {was:g}" if far else ""
 
 
 def _sensor_unit(problem: Problem, name: str) -> str:
@@ -284,8 +330,8 @@ def sentence_of(effect: str, problem: Problem, parameters: dict[str, Estimate]) 
     cls = find_effect(effect, "effects")
     if issubclass(cls, SensorEffect):
         name, found = next(iter(parameters.items()))
-        return cls.shown_on(name.partition(".")[2], Shown(found.value, found.unit))
-    values = {n.rpartition(".")[2]: Shown(p.value, p.unit) for n, p in parameters.items()}
+        return cls.shown_on(name.partition(".")[2], Shown(found.value, found.unit, found.std))
+    values = {n.rpartition(".")[2]: Shown(p.value, p.unit, p.std) for n, p in parameters.items()}
     return cls.shown(values, _drive(problem), plant.position, plant.velocity)
 
 
@@ -304,11 +350,12 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     problem = f.problem
     kind = kind_of_score(problem)
     noise = np.array([r.noise for r in f.left])
-    unseen, explained = f.unseen_noise, _explained(f)
+    unseen = f.unseen_noise
     ladder = tuple(
         Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
         for s in f.steps
     )
+    explained = 0.0 if f.reversed or _alone_worse(ladder) else _explained(f)
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
     verdict = _verdict(f, ladder, explained, rest)
     partly = explained if verdict == "unexplained" else None
@@ -377,7 +424,30 @@ def _beside(ladder: Sequence[Rung]) -> float:
     return max(min(shares), 0.0)
 
 
+def _alone_worse(ladder: Sequence[Rung]) -> bool:
+    """Tell whether the proposal, left alone, is worse than the model as it is in every channel, on the data that it was
+    fitted to and on unseen data, or leaves all bounds: what held it is the observer.
+    """
+    return all(
+        _worse(one.channels, last.channels)
+        for one, last in (
+            (ladder[0].estimation, ladder[-1].estimation),
+            (ladder[0].validation, ladder[-1].validation),
+        )
+    ) or (_bounded(ladder[0].validation) and not _bounded(ladder[-1].validation))
+
+
+def _worse(before: Mapping[str, Score], after: Mapping[str, Score]) -> bool:
+    return all(after[name].rmse > WORSE * one.rmse for name, one in before.items())
+
+
+def _bounded(s: Scores) -> bool:
+    return all(np.isfinite(one.rmse) for one in s.channels.values())
+
+
 def _verdict(f: Findings, ladder: Sequence[Rung], explained: float, rest: float) -> str:
+    if f.reversed or _alone_worse(ladder):
+        return "unexplained"
     if len(f.steps) == 1 or not f.beyond_doubt:
         return "unexplained" if f.unaccounted or _elsewhere(f, explained, rest) else "adequate"
     if _elsewhere(f, explained, rest):
@@ -463,6 +533,11 @@ def _sentence(f: Findings, verdict: str, explained: float, over: float) -> str:
 
 
 def _unexplained(f: Findings, explained: float, over: float) -> str:
+    if f.reversed:
+        return (
+            f"With the sign of {f.reversed} reversed the model as it is follows this record much better: "
+            "check that sign before anything else."
+        )
     effects = f.final.ranked.effects
     share = f"{_named(effects)} {'explains' if len(effects) == 1 else 'explain'}" if effects else ""
     before = (
@@ -483,8 +558,9 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
     if effects and not f.unaccounted:
         share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
-    partly = f"; {share} {_percent(explained)} of it" if effects and explained >= 0.01 else ""
-    return f"The residual has structure that no listed effect explains on data that the fit did not see{partly}."
+    if effects and explained >= 0.01:
+        return f"{before}; what remains has structure that no listed effect explains."
+    return "The residual has structure that no listed effect explains on data that the fit did not see."
 
 
 def _noise_in_input(f: Findings) -> str:
@@ -499,10 +575,11 @@ def _either(f: Findings, effects: Sequence[str]) -> str:
 
 
 def _percent(share: float) -> str:
-    """Return a share in percent, with as many digits as what it lacks to the whole needs."""
-    lacking = 100 * (1.0 - share)
-    digits = int(np.clip(np.ceil(-np.log10(lacking)), 0, 3)) if lacking > 0 else 0
-    return f"more than {100 - 1e-3:.3f} %" if 0 < lacking < 1e-3 else f"{100 * share:.{digits}f} %"
+    """Return a share in percent, with as many digits as what it lacks to the whole needs; no record tells the whole."""
+    if share >= WHOLE:
+        return "more than 99.9 %"
+    digits = max(int(np.ceil(-np.log10(100 * (1.0 - share)))), 0)
+    return f"{100 * share:.{digits}f} %"
 
 
 def _rivals(f: Findings, effect: str) -> list[str]:
@@ -514,7 +591,7 @@ def _rivals(f: Findings, effect: str) -> list[str]:
     for r in options:
         if set(r.effects) >= others and len(r.effects) == len(final.effects) and effect not in r.effects:
             new = (set(r.effects) - others).pop()
-            if abs(r.evidence - final.evidence) < TIE and new not in found:
+            if abs(r.evidence - final.evidence) < TIE and new not in found and sound(f.problem, r):
                 found.append(new)
     values, cls = {n: p.value for n, p in _added_parameters(f, final, effect).items()}, find_effect(effect, "effects")
     alike = [*cls.simpler(values), *(n for n in cls.blurred(values, f.problem.scale.blur) if _as_good(f, n, effect))]
@@ -535,10 +612,10 @@ def _ranking(f: Findings, kind: str, noise: Array, partly: float | None) -> tupl
     best: dict[str, Step] = {}
     for s in f.singles:
         best.setdefault(s.ranked.label, s)
-    entries = []
     rivals = {e: _rivals(f, e) for e in final.effects}
-    for effect, step in best.items():
-        entries.append(_entry(f, effect, step, kind, noise, rivals, partly))
+    level = [_best_level(f.unseen, f.steps[0].ranked.fit)] if kind == "windowed" else []
+    shown = {e: scores(f.unseen, step.ranked.fit, kind, noise, level) for e, step in best.items()}
+    entries = [_entry(f, effect, step, shown[effect], rivals, partly) for effect, step in best.items()]
     entries.sort(key=lambda e: (_order(e, final.effects), -e.evidence))
     absent = [
         Entry(n, "not_applicable", {}, None, (), f"does not apply to {f.problem.base.plant.name}") for n in f.outside
@@ -553,12 +630,11 @@ def _order(e: Entry, proposed: tuple[str, ...]) -> int:
 
 
 def _entry(
-    f: Findings, effect: str, step: Step, kind: str, noise: Array, rivals: dict[str, list[str]], partly: float | None
+    f: Findings, effect: str, step: Step, validation: Scores, rivals: dict[str, list[str]], partly: float | None
 ) -> Entry:
     final = f.final.ranked
-    r = final if effect in final.effects else step.ranked
+    r = final if effect in final.effects else _instead_of(f, effect, rivals) or step.ranked
     parameters = _added_parameters(f, r, effect)
-    validation = scores(f.unseen, step.ranked.fit, kind, noise)
     gain = f.steps[0].ranked.evidence - step.ranked.evidence
     tied: tuple[str, ...] = ()
     if effect in final.effects:
@@ -571,13 +647,20 @@ def _entry(
             why += f"; but {f'{left:.0f}' if left > 10 else f'{left:.2g}'} % of the missing motion remains unexplained"
         if not f.beyond_doubt:
             status, why = "rejected", f"the record does not ask for it: {why}"
-    elif any(effect in names for names in rivals.values()) and partly is None:
+    elif any(effect in names for names in rivals.values()) and not (partly is not None and _too_little(f, partly)):
         owner = next(e for e, names in rivals.items() if effect in names)
         status, tied = "ambiguous", (owner, *(n for n in rivals[owner] if n != effect))
         why = f"explains the record as well as {owner}: {sentence_of(effect, f.problem, parameters)}"
     else:
         status, why = _why_not(f, effect, step)
     return Entry(effect, status, parameters, validation, tied, why, gain, step.certainty)
+
+
+def _instead_of(f: Findings, effect: str, rivals: dict[str, list[str]]) -> Ranked | None:
+    """Return the proposal with an effect in place of the one that it ties with, if that was fitted."""
+    final = set(f.final.ranked.effects)
+    sets = [(final - {owner}) | {effect} for owner, names in rivals.items() if effect in names]
+    return min((r for r in f.pairs if set(r.effects) in sets), key=evidence_of, default=None)
 
 
 def _added_parameters(f: Findings, r: Any, effect: str) -> dict[str, Estimate]:
@@ -724,8 +807,9 @@ def yaml_of(model: Model, f: Findings) -> str:
 
 
 def _origin(name: str, p: Estimate, base: Model) -> str:
-    was = base.parameters.get(name)
-    return f"{name}: fitted, {p}" + (f"; was {was:g}" if was is not None else "") + (f"; {p.note}" if p.note else "")
+    was = given(base, name)
+    before = [f"was {was:g}"] if was is not None and not p.note.startswith("was ") else []
+    return "; ".join([f"{name}: fitted, {p}", *before, *([p.note] if p.note else [])])
 
 
 def _experiments(ranking: Sequence[Entry]) -> tuple[str, ...]:

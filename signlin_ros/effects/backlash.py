@@ -55,7 +55,7 @@ class Backlash(CompliantLoad):
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         """Refuse a play of nothing: an elastic coupling is another effect."""
-        return p["gap"] > 0.0 and super().plausible(p)
+        return p["gap"] > 0.0 and p["k"] > 0.0
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling, zero while the play is crossed."""

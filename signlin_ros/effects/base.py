@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
+from signlin_ros.digits import with_error
 from signlin_ros.errors import joined
 from signlin_ros.par import HasPars, Par
 from signlin_ros.scale import Scale
@@ -13,17 +14,25 @@ from signlin_ros.sensors import Sensor
 
 CHANNEL_UNIT = "of the channel"
 """Declared unit of what a `SensorEffect` has in the unit of the channel that it is on."""
+DOUBTFUL = 1 / 3
+"""A value is told with its standard error where that is a larger share of it."""
 
 
 class Shown(float):
-    """A number that knows its unit, for the templates of `Effect.finding`."""
+    """A number that knows its unit, for the templates of `Effect.finding`; a doubtful one shows its standard error."""
 
     unit: str
+    std: float | None
 
-    def __new__(cls, value: float, unit: str) -> Shown:
+    def __new__(cls, value: float, unit: str, std: float | None = None) -> Shown:
         shown = super().__new__(cls, value)
-        shown.unit = unit
+        shown.unit, shown.std = unit, std
         return shown
+
+    def __format__(self, spec: str) -> str:
+        value, error = with_error(float(self), self.std)
+        doubtful = error and self.std is not None and self.std > DOUBTFUL * abs(self)
+        return f"{value} ± {error}" if doubtful else super().__format__(spec)
 
 
 class Effect(HasPars):
@@ -46,8 +55,9 @@ class Effect(HasPars):
     equation: ClassVar[str]
     """The law as text, as in the catalogue."""
     finding: ClassVar[str] = ""
-    """What a record shows where this is missing, as a sentence: ``{mu:.3g}`` a parameter's value, ``{mu.unit}`` its
-    unit, ``{F}``, ``{Q}``, ``{V}`` the plant's words for force, position and velocity. Empty: see `shown`.
+    """What a record shows where this is missing, as a sentence: ``{mu:.3g}`` a parameter's value, with its standard
+    error where it is doubtful, ``{mu.unit}`` its unit, ``{F}``, ``{Q}``, ``{V}`` the plant's words for force, position
+    and velocity. Empty: see `shown`.
     """
     experiment: ClassVar[str] = ""
     """What to record so that it shows, as an imperative clause."""

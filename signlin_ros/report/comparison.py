@@ -9,7 +9,7 @@ from typing import Any
 
 from signlin_ros import __version__
 from signlin_ros.diagnosis import pictures
-from signlin_ros.diagnosis.comparison import Comparison
+from signlin_ros.diagnosis.comparison import NOWHERE, Comparison
 from signlin_ros.diagnosis.scores import Score
 from signlin_ros.errors import SignlinError
 from signlin_ros.report.files import write_report
@@ -123,9 +123,8 @@ def _traces(c: Comparison) -> list[Block]:
 def where(c: Comparison) -> list[Block]:
     """Return the situations in which a model fails, as a table."""
     if not c.where:
-        clear = any(m.clear for m in c.missing)
-        rest = "what is missing acts everywhere." if clear else "nothing stands out of the noise."
-        return [Text(f"No situation holds much more of the error than of the time: {rest}")]
+        rest = "." if any(m.clear for m in c.missing) else ": nothing stands out of the noise."
+        return [Text(f"{NOWHERE[:1].upper()}{NOWHERE[1:]}{rest}")]
     rows = [
         [
             r.name,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from signlin_ros.diagnosis import diagnosis_pictures as drawn
@@ -11,6 +12,7 @@ from signlin_ros.diagnosis.comparison import Comparison, compare
 from signlin_ros.diagnosis.evidence import Evidence, evidence
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Scores
 from signlin_ros.diagnosis.search import held_out
+from signlin_ros.diagnosis.verdict import estimates, given
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -126,7 +128,7 @@ def _picture(e: Evidence, effect: str) -> Picture:
         f"Left: what the measured motion lacks without {name} over {place}, and, in blue, the same computed from the"
         f" motion of the model with it. {_second(e)}"
         + ("" if e.place.single else "Right: what each curve leaves of the means; around zero if it is right. ")
-        + f"Data: {source}, which the fit never saw; filter of {1e3 * e.window:.3g} ms on both."
+        + f"{_fits(e)}Data: {source}, which the fit never saw; filter of {1e3 * e.window:.3g} ms on both."
     )
     return Picture(f"evidence_{effect}", drawn.evidence_picture(e), caption, f"missing force over {place}, {name}")
 
@@ -137,6 +139,12 @@ def _second(e: Evidence) -> str:
     if not e.rival.effect:
         return "Beside it: the same with nothing in its place, all other parameters fitted anew. "
     return f"Beside it: the same with {e.rival.effect.replace('_', ' ')} instead, all parameters fitted anew. "
+
+
+def _fits(e: Evidence) -> str:
+    """Return the parameters of what is shown, as fitted."""
+    shown = [x for x in (e.named, e.rival) if x is not None and x.parameters]
+    return "".join(f"Fitted {x.effect.replace('_', ' ')}: {_values(x.parameters)}. " for x in shown)
 
 
 # -------------------------------------------------------------------- errors
@@ -158,11 +166,11 @@ def _ladder(d: Diagnosis) -> list[Block]:
 
 
 def _rows(d: Diagnosis, estimation: Scores, validation: Scores) -> list[list[str]]:
-    rows, units = [], d.findings.problem.units if d.findings else d.model.units
+    rows = []
     for name, score in validation.channels.items():
         seen = estimation.channels[name]
         numbers = [number(seen.rmse), number(score.rmse), number(score.rmse_over_noise), percent(score.fit_percent)]
-        rows.append([name, units[name], *numbers])
+        rows.append([name, _unit(d, name), *numbers])
     return rows
 
 
@@ -214,22 +222,23 @@ def _still(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> l
 
 
 def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
-    names = dict.fromkeys([*d.parameters, *d.base])
-    given = base.parameters if base else {}
+    held = estimates(d.findings.final.ranked.fit, base.frozen, d.findings) if base and d.findings else {}
+    columns = [{**held, **fitted} for fitted in (d.base, d.parameters)]
     rows = []
-    for name in names:
-        before, after = d.base.get(name), d.parameters.get(name)
+    for name in dict.fromkeys([*held, *d.parameters, *d.base]):
+        before, after = (column.get(name) for column in columns)
         known = after or before
-        note = "; ".join(dict.fromkeys(e.note for e in (after,) if e and e.note))
-        given_text = number(given[name], _unit(known)) if name in given else "-"
-        rows.append([name, given_text, *(str(e) if e else "-" for e in (before, after)), note])
+        shown = [_given(base, name, known) if known else "-", *(str(e) if e else "-" for e in (before, after))]
+        rows.append([name, *shown, after.note if after else ""])
     head = ["parameter", "as given", "base model, refitted", "proposal", ""]
     text = "± is one standard error; it allows for what correlation is left in the residual."
     return [Table(head, rows), Text(text, "note")]
 
 
-def _unit(e: Estimate | None) -> str:
-    return "" if e is None or e.unit == "-" else e.unit
+def _given(base: Model | None, name: str, e: Estimate) -> str:
+    """Return a parameter as in the model file."""
+    value = given(base, name) if base else None
+    return "-" if value is None else str(replace(e, value=value, std=None))
 
 
 def _others(d: Diagnosis) -> list[Block]:
@@ -237,7 +246,9 @@ def _others(d: Diagnosis) -> list[Block]:
     rest = [e for e in d.ranking if e not in d.missing and e.status != "not_applicable"]
     outside = [e.effect.replace("_", " ") for e in d.ranking if e.status == "not_applicable"]
     blocks: list[Block] = [Items([(_status(e), e.why) for e in rest if e.status == "ambiguous"])] if rest else []
-    rows = [[e.effect.replace("_", " "), e.status.replace("_", " "), _worst(e), e.why, _values(e)] for e in rest]
+    rows = [
+        [e.effect.replace("_", " "), e.status.replace("_", " "), _worst(e), e.why, _values(e.parameters)] for e in rest
+    ]
     head = ["effect", "status", "error over noise", "why", "fitted"]
     if rows:
         blocks.append(Fold(f"{len(rows)} other effects, best first", [Table(head, rows, right=(2,))]))
@@ -254,14 +265,13 @@ def _worst(e: Entry) -> str:
     return number(e.validation.over_noise) if e.validation else "-"
 
 
-def _values(e: Entry) -> str:
-    return ", ".join(f"{name} = {value}" for name, value in e.parameters.items())
+def _values(parameters: Mapping[str, Estimate]) -> str:
+    return ", ".join(f"{name} = {value}" for name, value in parameters.items())
 
 
 def _unknown(d: Diagnosis) -> list[Block]:
     """Return the range that was visited, ties, what was not excited, and experiments that would decide."""
-    units = d.model.units
-    rows = [[n, units.get(n, ""), number(low), number(high)] for n, (low, high) in d.range.items()]
+    rows = [[n, _unit(d, n), number(low), number(high)] for n, (low, high) in d.range.items()]
     blocks: list[Block] = [
         Text("The records of the fit visited this range; beyond it nothing is known, of the proposal either."),
         Table(["", "unit", "from", "to"], rows, right=(2, 3)),
@@ -280,12 +290,21 @@ def _unknown(d: Diagnosis) -> list[Block]:
     return blocks
 
 
+def _unit(d: Diagnosis, name: str) -> str:
+    """Return the unit of a state or an input, as the records have it."""
+    if d.findings is None:
+        return d.model.units.get(name, "")
+    problem = d.findings.problem
+    return str(problem.shown(problem.units.get(name, "")))
+
+
 def _reproduce(d: Diagnosis, command: str) -> list[Block]:
     blocks = reproduce(command)
     if d.yaml:
         run = "ros2 run signlin_ros linearizer --ros-args --params-file proposal.yaml"
         text = "The proposal as a model file, for the command line and for the linearizer node alike:"
-        blocks += [Text(text), Code(d.yaml), Text("Saved as proposal.yaml:"), Code(run)]
+        blocks += [Text(text), Code(d.yaml), Text("Save it as proposal.yaml, and the linearizer runs with it:")]
+        blocks.append(Code(run))
     return blocks
 
 

@@ -372,7 +372,7 @@ def test_an_effect_is_named_where_the_input_is_noisy_too(tmp_path):
     found = diagnose(model, noisy_input(data, 0.02, 1), noisy_input(unseen, 0.02, 2))
     assert found.verdict == "missing"
     assert proposed(found) == {"coulomb_friction"}
-    assert "100 %" not in found.sentence
+    assert any(words in found.sentence for words in ("structure remains", "noise in the force"))
 
 
 def test_an_elastic_coupling_is_not_called_backlash(tmp_path):

@@ -30,14 +30,15 @@ VOID = {"meta", "img", "br", "hr", "link"}
 PNG = b"\x89PNG\r\n"
 
 
-def recorded(model, seed, channels=("displacement", "velocity"), seconds=12):
-    """A simulated record with 1 % white noise."""
+def recorded(model, seed, channels=("displacement", "velocity"), seconds=12, **units):
+    """A simulated record with 1 % white noise; ``units`` other than the model's."""
     rng = np.random.default_rng(seed)
     t = np.arange(200 * seconds) / 200
     u = sum(3 * np.sin(2 * np.pi * f * t + rng.uniform(0, 6.28)) for f in rng.uniform(0.1, 2.0, 8))[:, None]
     run = simulate(model, t, u, [0.0] * len(model.states))
     measured = {n: run[n] + 0.01 * run[n].std() * rng.standard_normal(t.size) for n in channels}
-    return ModelData(t, u, measured, None, model.inputs, model.states, model.units, source=f"run_{seed}.csv")
+    shown = {**model.units, **units}
+    return ModelData(t, u, measured, None, model.inputs, model.states, shown, source=f"run_{seed}.csv")
 
 
 class Reader(HTMLParser):
@@ -216,6 +217,30 @@ def test_without_records_there_is_still_a_report(added, tmp_path):
     reader = read(diagnosis_report(added, tmp_path / "out.html"))
     assert "before-and-after" not in sections(reader)
     assert {"what-the-record-shows", "parameters"} <= set(sections(reader))
+
+
+def test_parameters_that_were_given_are_told_and_units_are_those_of_the_record(tmp_path):
+    true = MASS.with_effect("constant_load", F0=1.0).with_effect("coulomb_friction", mu=0.6)
+    base = MASS.with_effect("constant_load", F0=0.4).with_options(frozen=("m",))
+    data = [recorded(true, seed, ("displacement",), displacement="rad", force="N·m") for seed in (1, 2)]
+    found = add("coulomb_friction", base, data[:1], data[1:])
+    assert found.parameters["constant_load.F0"].note.startswith("was 0.4; ")
+    (line,) = [line for line in found.yaml.splitlines() if "constant_load.F0" in line]
+    assert " N·m; was 0.4; " in line
+    path = diagnosis_report(found, tmp_path / "out.html", model=base)
+    text = path.read_text(encoding="utf-8")
+    (held,) = re.findall(r"<tr><td>m</td>.*</tr>", text)
+    assert re.findall(r"<td>(.*?)</td>", held) == ["m", "1 kg·m²", "1 kg·m²", "1 kg·m²", "held"]
+    (load,) = re.findall(r"<tr><td>constant_load.F0</td>.*</tr>", text)
+    assert re.findall(r"<td>(.*?)</td>", load)[1] == "0.4 N·m"
+    visited = text[text.index('<section id="what-this-record-cannot-tell">') :]
+    assert re.findall(r"<tr><td>(\w+)</td><td>([\w/·]+)</td>", visited)[:3] == [
+        ("displacement", "rad"),
+        ("velocity", "rad/s"),
+        ("force", "N·m"),
+    ]
+    assert "Save it as proposal.yaml" in text
+    assert re.search(r"Fitted coulomb friction: mu = 0\.\d+ ± 0\.\d+ N·m\.", text)
 
 
 def test_report_on_nothing_missing(tmp_path):
