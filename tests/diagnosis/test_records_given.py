@@ -106,5 +106,5 @@ def test_one_record_is_given_by_its_path_alone(tmp_path):
 def test_an_entry_of_a_ranking_shows_itself_as_a_table():
     entry = Entry("lip_seal", "confirmed", {"mu": Estimate(0.08, 0.001, "N·m")}, None, (), "a < b")
     shown = entry._repr_html_()
-    for words in ("<table>", "lip_seal", "mu = 0.08 ± 0.001 N·m", "a &lt; b"):
+    for words in ("<table>", "lip_seal", "mu = 0.0800 ± 0.0010 N·m", "a &lt; b"):
         assert words in shown
