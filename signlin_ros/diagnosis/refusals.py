@@ -183,7 +183,7 @@ def _unrepeated(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] 
     """
     for key, name, seen in _waves(problem, r, before):
         if r.fit.parameters()[name] > finest(problem):
-            return r.fit.candidate.model.effects[key].type, "its period would be finer than what the encoder shows"
+            return r.fit.candidate.model.effects[key].type, ""
         if seen < REPEATED or (seen < 1.0 and any_structure(r.fit.innovations, problem.noise)):
             why = f"the motion covers {seen:.0%} of what would be its period: nothing shows that it repeats"
             return r.fit.candidate.model.effects[key].type, why

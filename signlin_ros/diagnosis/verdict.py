@@ -52,6 +52,7 @@ a law outside the list that a listed one imitates by 97 or 98 %."""
 WORTH, NEARLY = 0.3, 0.05
 """Share of the squared error that a rival must take beside what was found before, to be spoken of as one, and how much
 more what was found must take."""
+NOT_LISTED = "The residual has structure that no listed effect explains on data that the fit did not see."
 WORSE = 1.2
 """Times the error of the model as it is that a proposal may leave when left alone."""
 ALIKE = 0.2
@@ -539,6 +540,8 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
             "check that sign before anything else."
         )
     effects = f.final.ranked.effects
+    if effects and explained == 0.0:
+        return NOT_LISTED
     share = f"{_named(effects)} {'explains' if len(effects) == 1 else 'explain'}" if effects else ""
     before = (
         f"{share[:1].upper()}{share[1:]} {_percent(explained)} of the missing motion on data that the fit did not see"
@@ -560,7 +563,7 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
     if effects and explained >= 0.01:
         return f"{before}; what remains has structure that no listed effect explains."
-    return "The residual has structure that no listed effect explains on data that the fit did not see."
+    return NOT_LISTED
 
 
 def _noise_in_input(f: Findings) -> str:

@@ -117,7 +117,8 @@ def test_the_nearest_rival_is_one_that_could_be(singles, nearest, monkeypatch):
 def test_what_is_unexplained_contradicts_nothing(monkeypatch):
     for name in ("_outdone", "_of_another_shape", "_elsewhere"):
         monkeypatch.setattr(f"signlin_ros.diagnosis.verdict.{name}", lambda *_: False)
-    f = SimpleNamespace(final=SimpleNamespace(ranked=SimpleNamespace(effects=("hard_stop",))), unaccounted=True)
+    final = SimpleNamespace(ranked=SimpleNamespace(effects=("hard_stop",)))
+    f = SimpleNamespace(final=final, unaccounted=True, reversed="")
     end = "structure that no listed effect explains"
     known = "Hard stop explains 90 % of the missing motion on data that the fit did not see"
     assert _unexplained(f, 0.9, 3.0) == f"{known}; what remains has {end}."
