@@ -100,6 +100,17 @@ class Findings:
         """The proposed model."""
         return self.steps[-1]
 
+    def base_only(self) -> Findings:
+        """Return the same with nothing proposed."""
+        base = self.steps[0]
+        return replace(
+            self,
+            steps=(base,),
+            left=left_by(self.problem, judged(self.problem, base.ranked)),
+            held_out=(self.held_out[0], self.held_out[0]),
+            followed=(self.followed[0], self.followed[0]),
+        )
+
     @functools.cached_property
     def structured(self) -> bool:
         """Whether the residual of the proposed model shows structure that is no noise."""

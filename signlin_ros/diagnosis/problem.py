@@ -143,6 +143,14 @@ class Problem:
         return self.ranges.get(self.base.plant.position, (0.0, self.scale.travel))
 
     @property
+    def blur(self) -> float:
+        """How small a motion is lost: in the steps or the noise of a measured position, in those of an imposed one."""
+        if self.base.plant.position not in self.channels:
+            return self.scale.blur
+        at = self.channels.index(self.base.plant.position)
+        return max(self.scale.blur, float(self.quanta[at]), float(self.noise[at]))
+
+    @property
     def rotary(self) -> bool:
         """Whether a plant of forces and displacements stands for one of torques and angles."""
         return self.base.plant.position_unit == "m" and self.units.get(self.base.plant.position) == "rad"

@@ -238,6 +238,15 @@ def _delay(r: Ranked, before: Ranked, none: float = 0.0) -> float:
     return max((v for n, v in r.fit.parameters().items() if n.partition(".")[0] == r.label), default=none)
 
 
+def _phases(model: Model) -> set[str]:
+    """Return the parameters of a model, ``key.name``, that say where a force is, not how large: orders and phases."""
+    found = set()
+    for key, use in model.effects.items():
+        effect = find_effect(use.type, "effects")
+        found |= {f"{key}.{n}" for n in (*effect.turning[1:], *effect.periodic[:1])}
+    return found
+
+
 def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:
     """Tell whether the amplitudes of what was added differ together from nothing, by `REAL` standard errors.
 
@@ -250,7 +259,9 @@ def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:
     gains = [i for i in added if coordinates[i].name.startswith("sensor_gain.")]
     if any(abs(r.fit.theta[i]) > 0.98 * coordinates[i].high for i in gains):
         return False  # no sensor is that wrong: it stands in for something else
+    where = _phases(r.fit.candidate.model)
     free = [i for i in added if not coordinates[i].log or coordinates[i].name.startswith("sensor_")]
+    free = [i for i in free if coordinates[i].name not in where]
     steps = r.fit.candidate.equations.delaying if problem.scale.imposed else frozenset()
     amplitudes = [i for i in free if r.fit.hessian[i, i] > 0.0 and coordinates[i].name not in steps]
     a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]

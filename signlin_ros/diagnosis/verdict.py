@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import arriving, as_list
-from signlin_ros.diagnosis.findings import NEEDED, Findings, Step
+from signlin_ros.diagnosis.findings import NEEDED, Findings, Step, structured
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records, seen_late
 from signlin_ros.diagnosis.judge import correlations
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
@@ -21,7 +21,7 @@ from signlin_ros.diagnosis.rank import Ranked, evidence_of
 from signlin_ros.diagnosis.refusals import plausible, sound
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
-from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, SIMPLE, SURE, TIE, Progress, search
+from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, FURTHER, SIMPLE, SURE, TIE, Progress, search
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import Effect, SensorEffect, Shown
 from signlin_ros.errors import joined
@@ -34,9 +34,11 @@ Array = NDArray[np.float64]
 
 PARTLY = 0.4
 """Least share of the missing motion that an effect explains which is named though structure remains."""
+FAINT = 0.1
+"""Least share that an effect explains of what a model leaves on unseen data which leaves nothing on its own."""
 MOST = 6
 """Most effects that `refine` adds."""
-REST = 0.1
+REST = 0.15
 """Largest excess over the noise, as a share of it, of a model that lacks nothing else but a detail;"""
 ELSEWHERE = 0.5
 """Largest excess over the noise, as a share of it, on unseen data where a model leaves nothing on its own."""
@@ -348,6 +350,7 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     """Return the diagnosis that follows from what a search found; what explains too little is not proposed, unless the
     ``whole`` path is wanted.
     """
+    f = f if whole or not _faint(f) else f.base_only()
     problem = f.problem
     kind = kind_of_score(problem)
     noise = np.array([r.noise for r in f.left])
@@ -383,6 +386,15 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     )
 
 
+def _faint(f: Findings) -> bool:
+    """Tell whether a proposal makes hardly a difference to unseen data where the model as it is leaves nothing but
+    noise on its own: the best of two dozen effects by chance.
+    """
+    if len(f.steps) != 2 or f.structured or f.final.certainty > FURTHER:
+        return False
+    return _explained(f) < FAINT and not structured(f.problem, f.steps[0].ranked, f.filter)
+
+
 def _too_little(f: Findings, partly: float | None) -> bool:
     """Tell whether what was added leaves most of what is missing unexplained; ``partly``: the share that it explains
     where the verdict is "unexplained", else None.
@@ -405,11 +417,23 @@ def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> fl
     noise = f.unseen_noise
     before = np.nanmean(first**2, axis=0) / noise**2 - 1.0
     after = np.maximum(np.nanmean(last**2, axis=0) / noise**2 - 1.0, 0.0)
-    weight = before > 0.1
+    weight = (before > 0.1) & _told_by(f)
     if not weight.any():
         return 1.0
     shares = 1.0 - after[weight] / before[weight]
     return float(max(np.average(shares, weights=np.sqrt(before[weight])), 0.0))
+
+
+def _told_by(f: Findings) -> NDArray[np.bool_]:
+    """Return the channels (ny) by which a proposal is judged: those on which it is, where all that is missing is in
+    sensors, and what is left in others is what noise in the input leaves; else all.
+    """
+    channels, final = f.problem.channels, f.final.ranked
+    on = np.array([any(s.partition(".")[2] == c for s in final.sensors) for c in channels])
+    only_sensors = bool(final.effects) and all(
+        issubclass(find_effect(e, "effects"), SensorEffect) for e in final.effects
+    )
+    return on if only_sensors and f.driven_by_noise else np.ones(len(channels), dtype=bool)
 
 
 def _beside(ladder: Sequence[Rung]) -> float:
@@ -597,7 +621,7 @@ def _rivals(f: Findings, effect: str) -> list[str]:
             if abs(r.evidence - final.evidence) < TIE and new not in found and sound(f.problem, r):
                 found.append(new)
     values, cls = {n: p.value for n, p in _added_parameters(f, final, effect).items()}, find_effect(effect, "effects")
-    alike = [*cls.simpler(values), *(n for n in cls.blurred(values, f.problem.scale.blur) if _as_good(f, n, effect))]
+    alike = [*cls.simpler(values), *(n for n in cls.blurred(values, f.problem.blur) if _as_good(f, n, effect))]
     alike += cls.single_channel_twins if len(f.problem.channels) == 1 else ()
     nearly = [n for n in alike if n not in (*found, *final.effects)]
     return found + [n for n in nearly if any(s.ranked.label == n for s in f.singles)]
