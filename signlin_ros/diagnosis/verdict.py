@@ -23,7 +23,7 @@ from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scor
 from signlin_ros.diagnosis.scores import Score, score
 from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, FURTHER, SIMPLE, SURE, TIE, Progress, search
 from signlin_ros.effects import find_effect
-from signlin_ros.effects.base import Effect, SensorEffect, Shown
+from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
 from signlin_ros.model import Model
 from signlin_ros.predict import windows
@@ -514,7 +514,7 @@ def _outdone(f: Findings) -> bool:
     best = f.singles[0].ranked if f.singles else f.final.ranked
     if best.evidence >= f.final.ranked.evidence - NEEDED or plausible(f.problem, best):
         return False
-    return find_effect(best.label, "effects").imitates != Effect.imitates
+    return find_effect(best.label, "effects").outdoes
 
 
 def _enough(f: Findings, rest: float) -> float:

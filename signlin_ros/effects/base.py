@@ -63,6 +63,8 @@ class Effect(HasPars):
     """What to record so that it shows, as an imperative clause."""
     imitates: ClassVar[str] = "its equation imitates something else"
     """What a fit has found whose parameters are not `plausible`, as a sentence."""
+    outdoes: ClassVar[bool] = False
+    """Whether what such a fit has found is nearer to what is missing than a proposal that explains less."""
     shows_at_large: ClassVar[str] = ""
     """What must be large for it to show: ``position``, ``input``, or nothing."""
     only_beyond: ClassVar[bool] = False

@@ -27,6 +27,7 @@ class BoucWenHysteresis(Effect):
     finding = "the residual {F} against the {Q} is a loop: {alpha:.2f} of the stiffness stays elastic, the rest yields"
     experiment = "cycle slowly between two positions, with several amplitudes"
     imitates = "a loop without width is an elastic force that hardens or softens, the same both ways"
+    outdoes = True
     states = {"h": "-"}
 
     alpha = Par("-", nominal=0.5, high=1.0, doc="share of the stiffness that stays elastic")

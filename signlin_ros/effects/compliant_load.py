@@ -11,7 +11,7 @@ from signlin_ros.scale import Scale
 
 SLOWEST, FASTEST, RESONANCES = 25.0, 0.6, 5
 """Angular frequencies that a fit starts from: four periods in a record, a tenth of the sampling rate; how many."""
-OVERDAMPED = 2.0
+OVERDAMPED = 1.0
 """Largest damping ratio, of the load on its coupling, of one that is called elastic."""
 
 
@@ -44,7 +44,7 @@ class CompliantLoad(Effect):
 
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
-        """Refuse a coupling on which nothing swings: without stiffness it is a damper, and damped far beyond the
+        """Refuse a coupling on which nothing swings: without stiffness it is a damper, and damped beyond the
         critical value, c = 2 sqrt(k J), a lag, as an input that changed between its samples leaves it.
         """
         return bool(p["k"] > 0.0 and p["c"] < 2.0 * OVERDAMPED * (p["k"] * p["J"]) ** 0.5)

@@ -39,6 +39,13 @@ def falls(found: Diagnosis, channel: str) -> float:
     return found.ladder[-1].validation.channels[channel].rmse / found.ladder[0].validation.channels[channel].rmse
 
 
+def over(model: Model, unseen: ModelData, horizon: float) -> float:
+    """Return the error of the displacement predicted over windows of a horizon (s)."""
+    windowed = compare(model, unseen, horizon=horizon).channels["displacement"].windowed
+    assert windowed is not None
+    return windowed.rmse
+
+
 def test_a_ball_screw_axis_without_its_friction():
     """Published: Coulomb friction of 20.39 N; 5.98 % of the force are left on the record with pulses."""
     found, unseen = diagnosed(bare(Model.load("emps")), "emps", ["DATA_EMPS"], "DATA_EMPS_PULSES")
@@ -71,6 +78,20 @@ def test_a_magneto_rheological_damper_remembers():
     assert falls(found, "force") < 0.5
 
 
+@pytest.mark.parametrize(("known", "unseen"), [((1,), 4), ((1, 10), 7)])
+def test_a_damper_remembers_whatever_record_it_was_fitted_to(known, unseen):
+    """The zero of its force sensor is not known, and LuGre friction fits best that breaks away at less than it slides
+    at: what is possible must not be crowded out by that.
+    """
+    model = Model.from_dict({**DAMPER, "effects": {}, "update_period": 0.02})
+    names = [f"ensaio{number}.1_0V" for number in known]
+    found, _ = diagnosed(model, "mr_damper", names, f"ensaio{unseen}.1_0V")
+    assert proposed(found) & {"constant_load", "sensor_offset"}
+    assert proposed(found) & {"dahl_presliding", "bouc_wen_hysteresis", "lugre_friction"}
+    assert not proposed(found) & {"gravity_load", "stribeck_friction"}
+    assert falls(found, "force") < 0.2
+
+
 @pytest.mark.parametrize("motion", ["up_and_down", "sin_time_square"])
 def test_a_servo_that_holds_its_weight_shows_no_cogging(motion):
     """It rests where a fine wave of any order has its valleys; such a wave was "99.9 % explained"."""
@@ -82,6 +103,7 @@ def test_a_servo_that_holds_its_weight_shows_no_cogging(motion):
 def test_a_servo_is_judged_by_what_explains_other_motions_too():
     """At the higher gain, friction that only holds at rest fits the known motions best, and another one not at all."""
     names = [f"xl330_kp400_{motion}" for motion in ("lift_and_drop", "sin_time_square", "sin_sin", "up_and_down")]
-    found, _ = diagnosed(Model.load("xl330"), "xl330", names[:3], names[3])
+    found, unseen = diagnosed(Model.load("xl330"), "xl330", names[:3], names[3])
     assert found.ladder[-1].effects == ("load_dependent_friction",)
-    assert falls(found, "displacement") < 0.7
+    before, after = (over(m, unseen, 0.2) for m in (found.findings.steps[0].ranked.fit.fitted(), found.model))
+    assert after < 0.7 * before
