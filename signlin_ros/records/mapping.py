@@ -15,7 +15,7 @@ from signlin_ros.errors import ModelError, RecordError
 
 from .align import align, named
 from .header import TIME_KEYS
-from .slope import slope
+from .slope import held_slope, slope
 from .table import Record, Signal, frozen
 
 if TYPE_CHECKING:
@@ -113,6 +113,12 @@ def for_model(
         converted[name], noise = slope(record.t, converted[position])
         unit_of[name] = {"rad": "rad/s"}.get(unit_of[position], model.units[name])
         smoothed = f", smoothed by as much as its noise, {noise:.2g} {unit_of[position]}" if noise else ""
+        efforts = [converted[n] for n in model.outputs if n in converted and n not in model.states]
+        held = held_slope(record.t, converted[position], converted[name], efforts[0]) if efforts else None
+        if held is not None:
+            converted[name] = held
+            notes.append(f"{name} is the difference of {position} from sample to sample: it was held in between")
+            continue
         notes.append(f"{name} is the derivative of a spline through {position}{smoothed}")
     names = _unique(model.states, model.outputs)
     measured = {name: frozen(converted[name]) for name in names if name in chosen}

@@ -13,6 +13,8 @@ Array = npt.NDArray[np.float64]
 
 LEAST = 6
 """Fewer samples make no spline."""
+MANY, HELD = 100, 0.7
+"""Samples that tell whether a rate was held, and the largest share that held rates may leave of what smooth ones do."""
 PIECE = 3000
 """So many samples tell how far to smooth; which costs more than to smooth them all."""
 _WEAKEST, _STRONGEST = -6.0, 8.0
@@ -39,6 +41,35 @@ def slope(t: Array, values: Array) -> tuple[Array, float]:
     return np.where(good, rate, np.nan), sigma
 
 
+def held_slope(t: Array, values: Array, smooth: Array, effort: Array) -> Array | None:
+    """Return the rate (T,) of a quantity (T,) whose rate is held from sample to sample, where the effort (T,) that goes
+    with it asks for that; None where the ``smooth`` rate (T,) explains the effort as well.
+
+    A spline through what was led by held rates is half a step late: a damper c would also look like an inertia of
+    c step/2. Effort, and its change from sample to sample, are regressed on the quantity, its rate and the rate's sign:
+    one must ask for held rates clearly, the other not against them, as it does where a hysteresis lags.
+    """
+    steps = np.diff(t)
+    rate = np.append(np.diff(values) / steps, np.nan) if t.size > 1 else np.full(t.size, np.nan)
+    there = np.isfinite(rate) & np.isfinite(smooth) & np.isfinite(values) & np.isfinite(effort)
+    if np.count_nonzero(there) < MANY:
+        return None
+    features = [np.column_stack([values, v, np.sign(v)])[there] for v in (smooth, rate)]
+    levels = [_left(f - f.mean(axis=0), effort[there] - effort[there].mean()) for f in features]
+    changes = [_left(np.diff(f, axis=0), np.diff(effort[there])) for f in features]
+    shares = [after / max(before, 1e-300) for before, after in (levels, changes)]
+    if min(shares) > HELD or max(shares) > 1.0:
+        return None
+    rate[-1] = rate[-2]
+    return np.where(np.isfinite(values), rate, np.nan)
+
+
+def _left(features: Array, effort: Array) -> float:
+    """Return the mean square of an effort (T,) that features (T, k) leave."""
+    features = features / np.maximum(np.abs(features).max(axis=0), 1e-300)
+    return float(np.mean((effort - features @ np.linalg.lstsq(features, effort, rcond=None)[0]) ** 2))
+
+
 def _smoothing(times: Array, counts: Array) -> float:
     """Return the smoothing that leaves residuals of mean square 1, from the piece that moves most."""
     from scipy.interpolate import make_smoothing_spline
@@ -58,4 +89,4 @@ def _smoothing(times: Array, counts: Array) -> float:
     return float(10.0 ** brentq(excess, _WEAKEST, _STRONGEST, xtol=0.05)) if excess(_WEAKEST) < 0 else 0.0
 
 
-__all__ = ["slope"]
+__all__ = ["held_slope", "slope"]

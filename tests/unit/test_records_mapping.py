@@ -303,3 +303,16 @@ def test_what_no_sensor_says_is_refused_by_row_and_column(csv: Callable[[str], P
         read_for_model(file, motor())
     data = read_for_model(csv("t,voltage,speed,other\n0,1,2,1e300\n0.1,1,3,1e300\n"), motor())
     assert data.unused == ("other",)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_rate_that_was_held_is_told_from_a_smooth_one_by_the_force(held: bool) -> None:
+    t = np.arange(400) * 0.005
+    velocity = 0.3 * np.sin(9.0 * t) + 0.2 * np.cos(23.0 * t)
+    smooth = -0.3 * np.cos(9.0 * t) / 9.0 + 0.2 * np.sin(23.0 * t) / 23.0
+    stepped = np.concatenate([[0.0], np.cumsum(velocity[:-1]) * 0.005])
+    shown = {"displacement": Signal(stepped if held else smooth, "m"), "force": Signal(80.0 * velocity + 3.0, "N")}
+    data = Record(t, shown).for_model(element())
+    assert any("held in between" in note for note in data.notes) is held
+    error = np.abs(data.u[:-1, 0] - velocity[:-1]).max()
+    assert error < (1e-9 if held else 5e-3)
