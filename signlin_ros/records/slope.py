@@ -13,8 +13,9 @@ Array = npt.NDArray[np.float64]
 
 LEAST = 6
 """Fewer samples make no spline."""
-MANY, HELD = 100, 0.7
-"""Samples that tell whether a rate was held, and the largest share that held rates may leave of what smooth ones do."""
+MANY, HELD, SURELY = 100, 0.7, 50.0
+"""Samples that tell whether a rate was held; the largest share that held rates may leave of what smooth ones do; and by
+how much -2 log likelihood must be less with them if it is more."""
 PIECE = 3000
 """So many samples tell how far to smooth; which costs more than to smooth them all."""
 _WEAKEST, _STRONGEST = -6.0, 8.0
@@ -47,7 +48,7 @@ def held_slope(t: Array, values: Array, smooth: Array, effort: Array) -> Array |
 
     A spline through what was led by held rates is half a step late: a damper c would also look like an inertia of
     c step/2. Effort, and its change from sample to sample, are regressed on the quantity, its rate and the rate's sign:
-    one must ask for held rates clearly, the other not against them, as it does where a hysteresis lags.
+    one must ask for held rates clearly, the other not against them, as it does where a hysteresis lags; or both surely.
     """
     steps = np.diff(t)
     rate = np.append(np.diff(values) / steps, np.nan) if t.size > 1 else np.full(t.size, np.nan)
@@ -58,7 +59,8 @@ def held_slope(t: Array, values: Array, smooth: Array, effort: Array) -> Array |
     levels = [_left(f - f.mean(axis=0), effort[there] - effort[there].mean()) for f in features]
     changes = [_left(np.diff(f, axis=0), np.diff(effort[there])) for f in features]
     shares = [after / max(before, 1e-300) for before, after in (levels, changes)]
-    if min(shares) > HELD or max(shares) > 1.0:
+    clearly = min(shares) < HELD or max(shares) < np.exp(-SURELY / np.count_nonzero(there))
+    if not clearly or max(shares) > 1.0:
         return None
     rate[-1] = rate[-2]
     return np.where(np.isfinite(values), rate, np.nan)
