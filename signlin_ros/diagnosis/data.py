@@ -110,7 +110,7 @@ def driving(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], f
     step = float(np.median(np.diff(t)))
     if not plant.motion_is_imposed() or plant.position not in record.measured:
         return u, {}, model.early * step
-    x = _true(model, record, plant.position)
+    x = corrected(model, record, plant.position)
     there = np.isfinite(x)
     if np.count_nonzero(there) < DRIFT:
         return u, {}, model.early * step
@@ -145,7 +145,7 @@ def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]
     """Cut records at their gaps; returns the stretches, and notes on gaps and on what is too short to be used."""
     found, notes = [], []
     for number, record in enumerate(data):
-        y = np.column_stack([_true(model, record, name) for name in channels])
+        y = np.column_stack([corrected(model, record, name) for name in channels])
         parts, late = measured_parts(record, channels, y)
         if len(parts) > 1:
             notes.append(f"{record.source}: {len(parts) - 1} gap(s) in time; every run starts anew after each")
@@ -200,7 +200,7 @@ def gaps(t: Array) -> list[int]:
     return [0, *long.tolist(), t.size]
 
 
-def _true(model: Model, record: ModelData, name: str) -> Array:
+def corrected(model: Model, record: ModelData, name: str) -> Array:
     """Return what a sensor says of the model's quantity (T,): without its gain and offset, and at the right time."""
     sensor = model.sensors[name]
     values = np.asarray(sensor.true(record.measured[name]))
@@ -217,6 +217,7 @@ __all__ = [
     "Stretch",
     "arriving",
     "as_list",
+    "corrected",
     "driving",
     "gaps",
     "load_records",

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.diagnosis.data import driving, measured_channels, measured_parts, travelled
+from signlin_ros.diagnosis.data import corrected, driving, measured_channels, measured_parts, travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import kalman_gains
 from signlin_ros.diagnosis.missing import per_force
@@ -39,6 +39,8 @@ EVEN = 0.5
 FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 """Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches; and how many
 samples before each tell what an effect remembers at its start."""
+DOUBT = 3.0
+"""Times the distance between an imposed state, put together from rates, and its measurements by which it may be off."""
 SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 
@@ -50,7 +52,8 @@ class Segment:
     ``whole``: whether what an effect remembers at the start is fitted; not so for stretches and windows of a record.
     ``inner``: whether it begins within a record. ``before``: what came before it, where that is followed too: there an
     effect took up what it remembers.
-    ``early``: by how many s the input precedes its sample, see `signlin_ros.diagnosis.data.driving`.
+    ``early``: by how many s the input precedes its sample, see `signlin_ros.diagnosis.data.driving`. ``doubt``: by how
+    much a state that is imposed and recorded may be off at the start, by its name.
     """
 
     t: Array
@@ -62,6 +65,7 @@ class Segment:
     early: float = 0.0
     inner: bool = False
     before: Segment | None = None
+    doubt: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,8 @@ class Problem:
     def observer(self, tau: float, noise: Array | None = None) -> Gains:
         """Return the gains of an observer with time constant tau (s), in a noise (ny) other than its own if given."""
         noise = self.noise if noise is None else noise
-        return design(self.base, self.channels, noise, self.x_scale, self.scale.step, tau)
+        known = _doubts(self.segments)
+        return design(self.base, self.channels, noise, self.x_scale, self.scale.step, tau, known)
 
     @property
     def stretch(self) -> tuple[float, float]:
@@ -250,7 +255,14 @@ def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment
     held, known, early = driving(model, data)
     t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(held)
     start = {name: float(values[0]) for name, values in known.items()}
-    return Segment(t, u, y, _start(model, channels, t, y) | start, data.source, early=early)
+    doubt = {name: DOUBT * _apart(values, corrected(model, data, name)) for name, values in known.items()}
+    return Segment(t, u, y, _start(model, channels, t, y) | start, data.source, early=early, doubt=doubt)
+
+
+def _apart(values: Array, measured: Array) -> float:
+    """Return how far values (T,) are from what was measured (T,): RMS, or at the start if more."""
+    apart = (values - measured)[np.isfinite(measured)]
+    return float(max(np.sqrt(np.mean(apart**2)), abs(apart[0])))
 
 
 def _start(model: Model, channels: tuple[str, ...], t: Array, y: Array) -> dict[str, float]:
@@ -387,15 +399,32 @@ def _process_noise(model: Model, states: tuple[str, ...], sizes: dict[str, float
     return np.diag(wander**2)
 
 
+def _doubts(segments: Sequence[Segment]) -> dict[str, float]:
+    """Return the states that are imposed and recorded, and by how much they may be off at the start of any record.
+
+    An observer that were uncertain of more would hide a load in their zero.
+    """
+    return {name: max(s.doubt.get(name, np.inf) for s in segments) for name in segments[0].doubt}
+
+
 def design(
-    model: Model, channels: tuple[str, ...], noise: Array, sizes: dict[str, float], dt: float, tau: float
+    model: Model,
+    channels: tuple[str, ...],
+    noise: Array,
+    sizes: dict[str, float],
+    dt: float,
+    tau: float,
+    known: Mapping[str, float] | None = None,
 ) -> Gains:
-    """Return the gains of an observer with time constant tau (s), from an uncertain start on."""
+    """Return the gains of an observer with time constant tau (s); it starts uncertain of all states, of those ``known``
+    by no more than so much.
+    """
     states, A, _, C = linear_base(model, channels)
     measured = {c: float(s) for c, s in zip(channels, noise, strict=True)}
     measured["fallback"] = sizes.get(model.plant.velocity, 1.0)
     Q = _process_noise(model, states, measured, dt, tau)
-    P0 = np.diag([SETTLED * measured[s] ** 2 if s in measured else sizes.get(s, 1.0) ** 2 for s in states])
+    first = {s: SETTLED * measured[s] ** 2 if s in measured else sizes.get(s, 1.0) ** 2 for s in states}
+    P0 = np.diag([min(first[s], (known or {}).get(s, np.inf) ** 2) for s in states])
     values = np.zeros((20_000, len(states), len(channels)))
     variances = np.zeros((20_000, len(channels)))
     used = kalman_gains(expm(A * dt), np.ravel(C), Q, noise**2, P0, values, variances)
@@ -439,11 +468,12 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     sizes = {c: float(max(v, 1e-12)) for c, v in zip(channels, np.nanmax(np.abs(everything), axis=0), strict=True)}
     sizes = _guess_velocity(model, segments, channels, sizes)
     taus = time_constants(dt, duration, model.update_period)
-    look = first_look(model, segments, channels, design(model, channels, noise, sizes, dt, taus[0]))
+    known = _doubts(segments)
+    look = first_look(model, segments, channels, design(model, channels, noise, sizes, dt, taus[0], known))
     X = np.concatenate(look)
     peaks = np.nanmax(np.abs(X), axis=0)
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
-    levels = tuple(design(model, channels, noise, x_scale, dt, tau) for tau in taus)
+    levels = tuple(design(model, channels, noise, x_scale, dt, tau, known) for tau in taus)
     scale = _scale(model, segments, channels, look, dt, duration)
     units = {**model.units, **data[0].units}
     return Problem(

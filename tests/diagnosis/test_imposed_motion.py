@@ -222,3 +222,32 @@ def test_a_loop_may_yield_with_any_power():
     assert found.missing[0].parameters["n"].value == pytest.approx(1.6, abs=0.11)
     assert found.parameters["bouc_wen_hysteresis.alpha"].value == pytest.approx(0.4, abs=0.02)
     assert found.ladder[-1].validation.over_noise < 1.1
+
+
+def test_a_load_is_not_taken_for_the_zero_of_a_displacement_that_was_recorded():
+    """An observer that was uncertain of the first displacement moved it by what the spring needed to bear the load."""
+    rng = np.random.default_rng(3)
+    t = np.arange(2000) * 0.01
+    records = []
+    for _ in range(2):
+        tones, phases = rng.uniform(2.0, 20.0, 5), rng.uniform(0.0, 6.0, 5)
+        velocity = 0.02 * np.cos(t[:, None] * tones + phases).sum(axis=1)
+        displacement = 0.01 + np.concatenate([[0.0], np.cumsum(velocity[:-1]) * 0.01])
+        force = 1450.0 * velocity + 19000.0 * displacement + 130.0 + rng.normal(0.0, 4.0, t.size)
+        records.append(
+            ModelData(
+                t,
+                velocity[:, None],
+                {"displacement": displacement, "force": force},
+                None,
+                ("velocity",),
+                ("displacement",),
+                {"displacement": "m", "velocity": "m/s", "force": "N"},
+            )
+        )
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 1440.0, "k": 19100.0}, "tolerance": 0.02})
+    found = diagnose(model, *records)
+    effects = set(found.ladder[-1].effects)
+    assert len(effects) == 1
+    assert effects <= ZEROS
+    assert abs(next(iter(found.missing[0].parameters.values())).value) == pytest.approx(130.0, rel=0.02)
