@@ -49,6 +49,9 @@ def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | No
         return r.label, ""
     if not _real(problem, r, before):
         return r.label, f"its parameters do not differ from nothing by {REAL:g} standard errors"
+    vague = _undetermined(r, before)
+    if vague:
+        return vague, "none of its parameters is known to better than its own size"
     slight = _negligible(problem, r, before)
     if slight:
         return slight, f"it would be less than {100 * SLIGHT:g} % of what drives"
@@ -267,6 +270,23 @@ def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:
     a, spread = r.fit.theta[amplitudes], covariance[np.ix_(amplitudes, amplitudes)]
     wald = float(a @ np.linalg.pinv(spread, hermitian=True) @ a)
     return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))
+
+
+def _undetermined(r: Ranked, before: Ranked) -> str:
+    """Return an effect added to ``before`` of several parameters of which none is known to better than its own size,
+    where it acts but for (orders and phases): what they say together another effect says with fewer.
+    """
+    c, spread = r.fit.candidate, np.sqrt(np.abs(np.diag(np.linalg.pinv(r.fit.hessian, hermitian=True))))
+    where = _phases(c.model)
+    for key in c.label:
+        use = c.model.effects.get(key)
+        mine = [i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key and k.name not in where]
+        if use is None or use.type in before.effects or len(mine) < 2:
+            continue
+        sizes = [1.0 if c.coordinates[i].log else abs(float(r.fit.theta[i])) for i in mine]
+        if all(spread[i] > size for i, size in zip(mine, sizes, strict=True)):
+            return use.type
+    return ""
 
 
 __all__ = ["plausible", "refusal", "sound"]
