@@ -19,7 +19,7 @@ from signlin_ros.diagnosis.onestep import Motion, Target, lacking, motion_of, sm
 from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Estimate
-from signlin_ros.diagnosis.verdict import _added_parameters
+from signlin_ros.diagnosis.verdict import added_parameters
 
 Array = NDArray[np.float64]
 
@@ -159,7 +159,7 @@ def _explanation(
     found, curve = (
         tuple(band(x[own], values[own], block, dense_at_zero=place.dense) for own in parts) for values in (a, b)
     )
-    parameters = _added_parameters(f, ranked, effect) if effect else {}
+    parameters = added_parameters(f, ranked, effect) if effect else {}
     return Explanation(effect, ranked.effects, a, b, found, curve, parameters)
 
 

@@ -157,10 +157,8 @@ def _negligible(problem: Problem, r: Ranked, before: Ranked) -> str:
     their significance: in so fine a fit it stands in for the shape of a sensor's noise, or for a filter's; or "".
     """
     values, model = r.fit.parameters(), r.fit.candidate.model
-    for key in r.fit.candidate.label:
-        use = model.effects.get(key)
-        if use is None or use.type in before.effects:
-            continue
+    for key in _added(r, before):
+        use = model.effects[key]
         pars = find_effect(use.type, "effects").pars()
         units = {n: p.unit for n, p in pars.items() if f"{key}.{n}" in values and p.unit[:1] in ("F", "U")}
         level = {n for n, unit in units.items() if unit in ("F", "U")} or set(units)
@@ -170,12 +168,16 @@ def _negligible(problem: Problem, r: Ranked, before: Ranked) -> str:
     return ""
 
 
+def _added(r: Ranked, before: Ranked | None = None) -> list[str]:
+    """Return the keys of the effects that were added to ``before``, or to the base."""
+    model, known = r.fit.candidate.model, before.effects if before else ()
+    return [k for k in r.fit.candidate.label if k in model.effects and model.effects[k].type not in known]
+
+
 def _waves(problem: Problem, r: Ranked, before: Ranked | None = None) -> list[tuple[str, str, float]]:
     """Return the waves that were added to ``before``: key, parameter of the order, periods that the motion covers."""
     values, model, (low, high) = r.fit.parameters(), r.fit.candidate.model, problem.stretch
-    known = before.effects if before else ()
-    added = [k for k in r.fit.candidate.label if k in model.effects and model.effects[k].type not in known]
-    orders = [(k, n) for k in added for n in find_effect(model.effects[k].type, "effects").periodic[:1]]
+    orders = [(k, n) for k in _added(r, before) for n in find_effect(model.effects[k].type, "effects").periodic[:1]]
     return [(k, f"{k}.{n}", values[f"{k}.{n}"] * (high - low) / (2 * np.pi)) for k, n in orders]
 
 
@@ -278,14 +280,11 @@ def _undetermined(r: Ranked, before: Ranked) -> str:
     """
     c, spread = r.fit.candidate, np.sqrt(np.abs(np.diag(np.linalg.pinv(r.fit.hessian, hermitian=True))))
     where = _phases(c.model)
-    for key in c.label:
-        use = c.model.effects.get(key)
+    for key in _added(r, before):
         mine = [i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key and k.name not in where]
-        if use is None or use.type in before.effects or len(mine) < 2:
-            continue
         sizes = [1.0 if c.coordinates[i].log else abs(float(r.fit.theta[i])) for i in mine]
-        if all(spread[i] > size for i, size in zip(mine, sizes, strict=True)):
-            return use.type
+        if len(mine) > 1 and all(spread[i] > size for i, size in zip(mine, sizes, strict=True)):
+            return c.model.effects[key].type
     return ""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
@@ -355,15 +355,21 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     kind = kind_of_score(problem)
     noise = np.array([r.noise for r in f.left])
     unseen = f.unseen_noise
+    level = [_best_level(f.unseen, f.steps[0].ranked.fit)] if kind == "windowed" else []
     ladder = tuple(
-        Rung(s.ranked.effects, scores(problem, s.ranked.fit, kind, noise), scores(f.unseen, s.ranked.fit, kind, unseen))
+        Rung(
+            s.ranked.effects,
+            scores(problem, s.ranked.fit, kind, noise),
+            scores(f.unseen, s.ranked.fit, kind, unseen, () if s.ranked.effects else level),
+        )
         for s in f.steps
     )
-    explained = 0.0 if f.reversed or _alone_worse(ladder) else _explained(f)
+    nothing = bool(f.reversed) or _alone_worse(ladder)
+    explained = 0.0 if nothing else _explained(f)
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
-    verdict = _verdict(f, ladder, explained, rest)
+    verdict = "unexplained" if nothing else _verdict(f, ladder, explained, rest)
     partly = explained if verdict == "unexplained" else None
-    ranking = _ranking(f, kind, unseen, partly)
+    ranking = _ranking(f, kind, unseen, level, partly)
     proposed = f if whole or not _too_little(f, partly) else replace(f, steps=f.steps[:1])
     ladder, model, final = ladder[: len(proposed.steps)], proposal(proposed), proposed.final.ranked
     base = f.steps[0].ranked.fit
@@ -453,17 +459,13 @@ def _alone_worse(ladder: Sequence[Rung]) -> bool:
     """Tell whether the proposal, left alone, is worse than the model as it is in every channel, on the data that it was
     fitted to and on unseen data, or leaves all bounds: what held it is the observer.
     """
-    return all(
-        _worse(one.channels, last.channels)
-        for one, last in (
-            (ladder[0].estimation, ladder[-1].estimation),
-            (ladder[0].validation, ladder[-1].validation),
-        )
-    ) or (_bounded(ladder[0].validation) and not _bounded(ladder[-1].validation))
+    first, last = ladder[0], ladder[-1]
+    held = _bounded(first.validation) and not _bounded(last.validation)
+    return held or (_worse(first.estimation, last.estimation) and _worse(first.validation, last.validation))
 
 
-def _worse(before: Mapping[str, Score], after: Mapping[str, Score]) -> bool:
-    return all(after[name].rmse > WORSE * one.rmse for name, one in before.items())
+def _worse(before: Scores, after: Scores) -> bool:
+    return all(after.channels[name].rmse > WORSE * one.rmse for name, one in before.channels.items())
 
 
 def _bounded(s: Scores) -> bool:
@@ -471,8 +473,6 @@ def _bounded(s: Scores) -> bool:
 
 
 def _verdict(f: Findings, ladder: Sequence[Rung], explained: float, rest: float) -> str:
-    if f.reversed or _alone_worse(ladder):
-        return "unexplained"
     if len(f.steps) == 1 or not f.beyond_doubt:
         return "unexplained" if f.unaccounted or _elsewhere(f, explained, rest) else "adequate"
     if _elsewhere(f, explained, rest):
@@ -620,7 +620,7 @@ def _rivals(f: Findings, effect: str) -> list[str]:
             new = (set(r.effects) - others).pop()
             if abs(r.evidence - final.evidence) < TIE and new not in found and sound(f.problem, r):
                 found.append(new)
-    values, cls = {n: p.value for n, p in _added_parameters(f, final, effect).items()}, find_effect(effect, "effects")
+    values, cls = {n: p.value for n, p in added_parameters(f, final, effect).items()}, find_effect(effect, "effects")
     alike = [*cls.simpler(values), *(n for n in cls.blurred(values, f.problem.blur) if _as_good(f, n, effect))]
     alike += cls.single_channel_twins if len(f.problem.channels) == 1 else ()
     nearly = [n for n in alike if n not in (*found, *final.effects)]
@@ -634,13 +634,12 @@ def _as_good(f: Findings, effect: str, other: str) -> bool:
     return effect in cost and other in cost and cost[effect] - cost[other] < most
 
 
-def _ranking(f: Findings, kind: str, noise: Array, partly: float | None) -> tuple[Entry, ...]:
+def _ranking(f: Findings, kind: str, noise: Array, level: Sequence[int], partly: float | None) -> tuple[Entry, ...]:
     final = f.final.ranked
     best: dict[str, Step] = {}
     for s in f.singles:
         best.setdefault(s.ranked.label, s)
     rivals = {e: _rivals(f, e) for e in final.effects}
-    level = [_best_level(f.unseen, f.steps[0].ranked.fit)] if kind == "windowed" else []
     shown = {e: scores(f.unseen, step.ranked.fit, kind, noise, level) for e, step in best.items()}
     entries = [_entry(f, effect, step, shown[effect], rivals, partly) for effect, step in best.items()]
     entries.sort(key=lambda e: (_order(e, final.effects), -e.evidence))
@@ -661,7 +660,7 @@ def _entry(
 ) -> Entry:
     final = f.final.ranked
     r = final if effect in final.effects else _instead_of(f, effect, rivals) or step.ranked
-    parameters = _added_parameters(f, r, effect)
+    parameters = added_parameters(f, r, effect)
     gain = f.steps[0].ranked.evidence - step.ranked.evidence
     tied: tuple[str, ...] = ()
     if effect in final.effects:
@@ -690,7 +689,8 @@ def _instead_of(f: Findings, effect: str, rivals: dict[str, list[str]]) -> Ranke
     return min((r for r in f.pairs if set(r.effects) in sets), key=evidence_of, default=None)
 
 
-def _added_parameters(f: Findings, r: Any, effect: str) -> dict[str, Estimate]:
+def added_parameters(f: Findings, r: Any, effect: str) -> dict[str, Estimate]:
+    """Return the parameters of an effect that was added, in a fit, by their names without its key."""
     model = r.fit.candidate.model
     keys = added_keys(f.problem, model, effect)
     names = [f"{key}.{n}" for key in keys for n in model.effects[key].parameters]
@@ -736,7 +736,7 @@ def _why_not(f: Findings, effect: str, step: Step) -> tuple[str, str]:
 def _than_the_proposal(f: Findings, effect: str, step: Step) -> str:
     """Return how an effect alone compares with all that is proposed."""
     final, named = f.final.ranked, _named(f.final.ranked.effects)
-    values = {n: p.value for n, p in _added_parameters(f, step.ranked, effect).items()}
+    values = {n: p.value for n, p in added_parameters(f, step.ranked, effect).items()}
     same = [n for n in find_effect(effect, "effects").simpler(values) if (n,) == final.effects]
     if same:
         return f"with these parameters it is nothing but {_named(same)}"
@@ -877,4 +877,4 @@ def _scale_note(f: Findings) -> tuple[str, ...]:
     return (f"{what}: so they do if the {effort} that was recorded is {scale:.2g} times the true one",)
 
 
-__all__ = ["add", "describe", "diagnose", "refine"]
+__all__ = ["add", "added_parameters", "describe", "diagnose", "refine"]
