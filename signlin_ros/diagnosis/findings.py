@@ -15,6 +15,7 @@ from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiten
 from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.diagnosis.signs import reversed_signal
+from signlin_ros.errors import joined
 from signlin_ros.noise import fourth_difference_share
 
 Array = NDArray[np.float64]
@@ -78,7 +79,8 @@ class Findings:
     ``held_out``: innovations of the base and of the proposal on unseen data, at the gain where this is judged;
     ``followed``: the same at the middle gain. ``beside``: what effects promised beside others, on the data that was
     fitted to. ``declined``: why effects that lower the error were refused. ``beyond_doubt``: whether the last step
-    lowers the error on unseen data so; one that was asked for may not.
+    lowers the error on unseen data so; one that was asked for may not. ``floor``: the `noise` and
+    `unseen_noise` of a longer proposal, where there is one.
     """
 
     problem: Problem
@@ -94,21 +96,32 @@ class Findings:
     beside: Mapping[str, Sequence[Beside]]
     declined: Mapping[str, str]
     beyond_doubt: bool = True
+    floor: tuple[Array, Array] | None = None
 
     @property
     def final(self) -> Step:
         """The proposed model."""
         return self.steps[-1]
 
-    def base_only(self) -> Findings:
-        """Return the same with nothing proposed."""
-        base = self.steps[0]
+    def first(self, count: int) -> Findings:
+        """Return the same with so many steps, the base among them; what comes after is declined."""
+        base, last = self.steps[0].ranked, self.steps[count - 1].ranked
+        at, middle = judged(self.problem, last), self.problem.levels[1]
+        beside = f"beside {joined([e.replace('_', ' ') for e in last.effects])} " if last.effects else ""
+        why = {
+            e: f"{beside}it explains {100 * max(s.share, 0.0):.0f} % only of what is left, which is of another kind"
+            for s in self.steps[count:]
+            for e in s.ranked.effects
+            if e not in last.effects
+        }
         return replace(
             self,
-            steps=(base,),
-            left=left_by(self.problem, judged(self.problem, base.ranked)),
-            held_out=(self.held_out[0], self.held_out[0]),
-            followed=(self.followed[0], self.followed[0]),
+            steps=self.steps[:count],
+            left=left_by(self.problem, at),
+            held_out=(on_unseen(self.unseen, base, at.gains), on_unseen(self.unseen, last, at.gains)),
+            followed=(self.followed[0], on_unseen(self.unseen, last, middle)),
+            declined={**why, **self.declined},
+            floor=(self.noise, self.unseen_noise),
         )
 
     @functools.cached_property
@@ -128,6 +141,12 @@ class Findings:
         before, after = (np.sqrt(np.nanmean(e**2, axis=0)) for e in (seen, unseen))
         return bool((after / self.unseen.noise > WORSE * before / self.problem.noise).any())
 
+    @property
+    def noise(self) -> Array:
+        """Standard deviation (ny) of the noise on the data that was fitted to."""
+        found = np.array([r.noise for r in self.left])
+        return found if self.floor is None else np.minimum(found, self.floor[0])
+
     @functools.cached_property
     def unseen_noise(self) -> Array:
         """Standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure; where it
@@ -135,7 +154,8 @@ class Findings:
         """
         left = residues(self.held_out[1], self.unseen.noise)
         left = [r.depending(s.dependent) for r, s in zip(left, self.left, strict=True)]
-        found = np.array([r.noise if r.structure < 0.5 else s.noise for r, s in zip(left, self.left, strict=True)])
+        found = np.array([r.noise if r.structure < 0.5 else n for r, n in zip(left, self.noise, strict=True)])
+        found = found if self.floor is None else np.minimum(found, self.floor[1])
         if not self.unaccounted or not self.filter.rho.any():
             return found
         most, rho = _as_coloured(self.problem, self.filter, self._judged)
@@ -160,6 +180,15 @@ class Findings:
     def unaccounted(self) -> bool:
         """Whether structure is left that is not what noise in the input leaves."""
         return self.structured and not self.driven_by_noise
+
+
+def on_unseen(unseen: Problem, r: Ranked, gains: Gains) -> tuple[Array, ...]:
+    """Return the innovations (T, ny) of a fitted model on the records of a problem at a gain; large if it diverges."""
+    f = r.low if gains is r.low.gains else r.fit
+    found = follow_records(unseen, f.candidate, f.theta, gains, False)
+    if found is None:
+        return tuple(np.full(s.y.shape, 1e3) * unseen.noise for s in unseen.segments)
+    return tuple(found[0])
 
 
 def judged(problem: Problem, r: Ranked) -> Fit:
@@ -257,4 +286,4 @@ def _awake(problem: Problem, noise: Array, rho: Array) -> Gains:
     return problem.observer(high.tau, lasting)
 
 
-__all__ = ["NEEDED", "Beside", "Findings", "Step", "driven_by_noise", "judged", "left_by", "structured"]
+__all__ = ["NEEDED", "Beside", "Findings", "Step", "driven_by_noise", "judged", "left_by", "on_unseen", "structured"]

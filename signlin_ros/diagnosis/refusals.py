@@ -51,11 +51,11 @@ def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | No
         return r.label, f"its parameters do not differ from nothing by {REAL:g} standard errors"
     vague = _undetermined(r, before)
     if vague:
-        return vague, "none of its parameters is known to better than its own size"
+        return vague
     slight = _negligible(problem, r, before)
     if slight:
         return slight, f"it would be less than {100 * SLIGHT:g} % of what drives"
-    wave = _unrepeated(problem, r, before) or _of_any_order(problem, r, before)
+    wave = _unrepeated(problem, r) or _of_any_order(problem, r, before)
     if wave:
         return wave
     if _instant(problem, r, before):
@@ -181,12 +181,12 @@ def _waves(problem: Problem, r: Ranked, before: Ranked | None = None) -> list[tu
     return [(k, f"{k}.{n}", values[f"{k}.{n}"] * (high - low) / (2 * np.pi)) for k, n in orders]
 
 
-def _unrepeated(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | None:
-    """Return an effect added to ``before`` that is said to repeat where the motion covers less than one period, and how
-    much of it: any smooth force is a part of some wave, and a large part of one only to the noise if it is one; or one
-    whose periods are finer than the position is known.
+def _unrepeated(problem: Problem, r: Ranked) -> tuple[str, str] | None:
+    """Return an added effect that is said to repeat where the motion covers less than one period, and how much of it:
+    any smooth force is a part of some wave, and a large part of one only to the noise if it is one; or one whose
+    periods are finer than the position is known. One that was added before counts: it may have become another curve.
     """
-    for key, name, seen in _waves(problem, r, before):
+    for key, name, seen in _waves(problem, r):
         if r.fit.parameters()[name] > finest(problem):
             return r.fit.candidate.model.effects[key].type, ""
         if seen < REPEATED or (seen < 1.0 and any_structure(r.fit.innovations, problem.noise)):
@@ -274,18 +274,24 @@ def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:
     return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))
 
 
-def _undetermined(r: Ranked, before: Ranked) -> str:
-    """Return an effect added to ``before`` of several parameters of which none is known to better than its own size,
-    where it acts but for (orders and phases): what they say together another effect says with fewer.
+def _undetermined(r: Ranked, before: Ranked) -> tuple[str, str] | None:
+    """Return an effect added to ``before`` of which nothing that tells it from simpler ones is known to better than its
+    own size, and that this is so. Without such parameters of its own it is judged by all, where there are several, but
+    for orders and phases: what they say together another effect says with fewer.
     """
     c, spread = r.fit.candidate, np.sqrt(np.abs(np.diag(np.linalg.pinv(r.fit.hessian, hermitian=True))))
     where = _phases(c.model)
     for key in _added(r, before):
-        mine = [i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key and k.name not in where]
+        effect = find_effect(c.model.effects[key].type, "effects")
+        own = {i: k.name.partition(".")[2] for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key}
+        mine = {i: n for i, n in own.items() if n in (effect.telling or own.values()) and f"{key}.{n}" not in where}
         sizes = [1.0 if c.coordinates[i].log else abs(float(r.fit.theta[i])) for i in mine]
-        if len(mine) > 1 and all(spread[i] > size for i, size in zip(mine, sizes, strict=True)):
-            return c.model.effects[key].type
-    return ""
+        vague = all(spread[i] > size for i, size in zip(mine, sizes, strict=True))
+        if vague and len(mine) > (0 if effect.telling else 1):
+            names = f"of what tells it from simpler ones ({', '.join(mine.values())}) nothing"
+            which = names if effect.telling else "none of its parameters"
+            return effect.name, f"{which} is known to better than its own size"
+    return None
 
 
 __all__ = ["plausible", "refusal", "sound"]

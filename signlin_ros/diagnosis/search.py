@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.adding import Adding
 from signlin_ros.diagnosis.data import measured_channels, unit_asked
 from signlin_ros.diagnosis.derived import without_derived
-from signlin_ros.diagnosis.findings import Findings, Step, driven_by_noise, judged, left_by, structured
-from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, follow_records, tidied
+from signlin_ros.diagnosis.findings import Findings, Step, driven_by_noise, judged, left_by, on_unseen, structured
+from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, tidied
 from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residues
 from signlin_ros.diagnosis.problem import (
     LEAST_SAMPLES,
@@ -786,12 +786,7 @@ class _Search:
     # ------------------------------------------------------------ unseen data
 
     def _unseen(self, r: Ranked, gains: Gains) -> tuple[Array, ...]:
-        """Return the innovations on unseen data at a gain; large where it diverges."""
-        f = r.low if gains is r.low.gains else r.fit
-        found = follow_records(self.unseen, f.candidate, f.theta, gains, False)
-        if found is None:
-            return tuple(np.full(s.y.shape, 1e3) * self.problem.noise for s in self.unseen.segments)
-        return tuple(found[0])
+        return on_unseen(self.unseen, r, gains)
 
     def _both(self, path: Sequence[Step], gains: Gains) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
         return self._unseen(path[0].ranked, gains), self._unseen(path[-1].ranked, gains)

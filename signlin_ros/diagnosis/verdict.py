@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -348,26 +348,17 @@ def _drive(problem: Problem) -> str:
 
 def describe(f: Findings, whole: bool = False) -> Diagnosis:
     """Return the diagnosis that follows from what a search found; what explains too little is not proposed, unless the
-    ``whole`` path is wanted.
+    ``whole`` path is wanted: nothing at all, or what explains only a part of what the first effect leaves, where that
+    is enough. Of several effects together this is not said: they make many another law.
     """
-    f = f if whole or not _faint(f) else f.base_only()
-    problem = f.problem
-    kind = kind_of_score(problem)
-    noise = np.array([r.noise for r in f.left])
-    unseen = f.unseen_noise
-    level = [_best_level(f.unseen, f.steps[0].ranked.fit)] if kind == "windowed" else []
-    ladder = tuple(
-        Rung(
-            s.ranked.effects,
-            scores(problem, s.ranked.fit, kind, noise),
-            scores(f.unseen, s.ranked.fit, kind, unseen, () if s.ranked.effects else level),
-        )
-        for s in f.steps
-    )
-    nothing = bool(f.reversed) or _alone_worse(ladder)
-    explained = 0.0 if nothing else _explained(f)
-    rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
-    verdict = "unexplained" if nothing else _verdict(f, ladder, explained, rest)
+    f = f if whole or not _faint(f) else f.first(1)
+    told = _told(f)
+    if told.verdict == "unexplained" and not whole and len(f.steps) > 2 and len(f.steps[1].ranked.effects) == 1:
+        first = _told(f.first(2))
+        told = first if first.verdict == "missing" else told
+    f, kind, ladder, verdict, explained, rest = told
+    problem, unseen = f.problem, f.unseen_noise
+    noise, level = f.noise, _level(f, kind)
     partly = explained if verdict == "unexplained" else None
     ranking = _ranking(f, kind, unseen, level, partly)
     proposed = f if whole or not _too_little(f, partly) else replace(f, steps=f.steps[:1])
@@ -390,6 +381,43 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
         yaml=yaml_of(model, proposed),
         findings=f,
     )
+
+
+class _Told(NamedTuple):
+    """A verdict and what it is reached by: scores along the ladder, the share that is explained and the excess that is
+    left over the noise.
+    """
+
+    findings: Findings
+    kind: str
+    ladder: tuple[Rung, ...]
+    verdict: str
+    explained: float
+    rest: float
+
+
+def _told(f: Findings) -> _Told:
+    """Return the verdict on a proposal."""
+    kind = kind_of_score(f.problem)
+    level = _level(f, kind)
+    ladder = tuple(
+        Rung(
+            s.ranked.effects,
+            scores(f.problem, s.ranked.fit, kind, f.noise),
+            scores(f.unseen, s.ranked.fit, kind, f.unseen_noise, () if s.ranked.effects else level),
+        )
+        for s in f.steps
+    )
+    nothing = bool(f.reversed) or _alone_worse(ladder)
+    explained = 0.0 if nothing else _explained(f)
+    rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
+    verdict = "unexplained" if nothing else _verdict(f, ladder, explained, rest)
+    return _Told(f, kind, ladder, verdict, explained, rest)
+
+
+def _level(f: Findings, kind: str) -> list[int]:
+    """Return the gain whose states the base model predicts best from over windows."""
+    return [_best_level(f.unseen, f.steps[0].ranked.fit)] if kind == "windowed" else []
 
 
 def _faint(f: Findings) -> bool:
@@ -508,13 +536,14 @@ def _of_another_shape(f: Findings, rest: float) -> bool:
 
 
 def _outdone(f: Findings) -> bool:
-    """Tell whether the best effect alone beats the proposal with parameters that it cannot have, and what it imitates
-    is known: that, and not the proposal, is nearer to what is missing.
+    """Tell whether the best effect alone beats the proposal, on unseen data too, with parameters that it cannot have,
+    and what it imitates is known: that, and not the proposal, is nearer to what is missing.
     """
-    best = f.singles[0].ranked if f.singles else f.final.ranked
-    if best.evidence >= f.final.ranked.evidence - NEEDED or plausible(f.problem, best):
+    best = f.singles[0] if f.singles else f.final
+    if best.ranked.evidence >= f.final.ranked.evidence - NEEDED or plausible(f.problem, best.ranked):
         return False
-    return find_effect(best.label, "effects").outdoes
+    theirs, ours = (np.nanmean(np.concatenate(s.unseen) ** 2, axis=0) for s in (best, f.final))
+    return find_effect(best.ranked.label, "effects").outdoes and float(np.sum(np.log(theirs / ours))) < 0.0
 
 
 def _enough(f: Findings, rest: float) -> float:

@@ -65,3 +65,34 @@ def test_noise_in_the_force_does_not_go_with_the_position(bend, noise_in_force, 
     model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.8, "k": 16.0}})
     found = diagnose(model, pushed(1, bend, noise_in_force), pushed(2, bend, noise_in_force))
     assert found.verdict == verdict
+
+
+def circuit(seed: int, growing: bool) -> ModelData:
+    """Return an oscillator like the Silverbox circuit: a cubic spring and a quadratic term of a hundredth of its force,
+    driven by a multisine that is held between samples, nine of them in a period of its resonance.
+    """
+    rng, dt, fine = np.random.default_rng(seed), 1.0 / 610.35, 30
+    t, lines = np.arange(4000) * dt, np.linspace(2.0, 200.0, 60)
+    u = np.cos(2 * np.pi * np.outer(t, lines) + rng.uniform(0, 2 * np.pi, lines.size)).sum(axis=1)
+    u *= 0.05 / u.std() * (0.2 + t / t[-1] if growing else 1.0)
+    q, state, v, h = np.empty_like(t), 0.0, 0.0, dt / fine
+    for k, force in enumerate(u.tolist()):
+        q[k] = state
+        for _ in range(fine):
+            v += (force - 1.25e-4 * v - state - 3.93 * state**3 + 0.06 * state**2) * h / 5.43e-6
+            state += v * h
+    shown = {"displacement": q + rng.normal(size=t.size) * 4e-4}
+    units = {"displacement": "m", "force": "N"}
+    return ModelData(t, u[:, None], shown, None, ("force",), ("displacement", "velocity"), units)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_cubic_spring_with_a_little_of_something_else_is_cubic(seed):
+    """A loop without width explained more where it was fitted, and less on larger motion."""
+    base = {"m": 5.18e-6, "c": 1.32e-4, "k": 1.08}
+    model = Model.from_dict({"plant": "mass_spring_damper", "parameters": base, "tolerance": 0.08})
+    found = diagnose(model, circuit(seed, False), circuit(10 + seed, True))
+    assert found.verdict == "missing"
+    assert proposed(found) == {"cubic_stiffness"}
+    assert "Some structure remains" in found.sentence
+    assert found.parameters["cubic_stiffness.k3"].value == pytest.approx(3.93, rel=0.02)
