@@ -86,12 +86,11 @@ def circuit(seed: int, growing: bool) -> ModelData:
     return ModelData(t, u[:, None], shown, None, ("force",), ("displacement", "velocity"), units)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_cubic_spring_with_a_little_of_something_else_is_cubic(seed):
+def test_a_cubic_spring_with_a_little_of_something_else_is_cubic():
     """A loop without width explained more where it was fitted, and less on larger motion."""
     base = {"m": 5.18e-6, "c": 1.32e-4, "k": 1.08}
     model = Model.from_dict({"plant": "mass_spring_damper", "parameters": base, "tolerance": 0.08})
-    found = diagnose(model, circuit(seed, False), circuit(10 + seed, True))
+    found = diagnose(model, circuit(2, False), circuit(12, True))
     assert found.verdict == "missing"
     assert proposed(found) == {"cubic_stiffness"}
     assert "Some structure remains" in found.sentence
