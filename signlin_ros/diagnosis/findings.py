@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.dependence import dependence, strongest
-from signlin_ros.diagnosis.fit import Filter, Fit, fit, follow_records
+from signlin_ros.diagnosis.fit import Filter, Fit, evaluated, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
 from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.diagnosis.rank import Ranked
@@ -191,6 +191,17 @@ def on_unseen(unseen: Problem, r: Ranked, gains: Gains) -> tuple[Array, ...]:
     return tuple(found[0])
 
 
+def at_stake(unseen: Problem, f: Fit) -> float:
+    """Return by how much the uncertainty of fitted parameters is expected to raise -2 log likelihood on the records of
+    a problem: the trace of the information there times the covariance from where they were fitted.
+    """
+    there = evaluated(unseen, f.candidate, f.theta, f.gains, f.filter)
+    if there is None:
+        return np.inf
+    prior = np.diag([1.0 / k.spread**2 for k in f.candidate.coordinates])
+    return float(np.trace((there.hessian - prior) @ np.linalg.pinv(f.hessian, hermitian=True)))
+
+
 def judged(problem: Problem, r: Ranked) -> Fit:
     """Return the fit by whose residual a model is judged: that at the lowest gain, where most shows of what is missing.
 
@@ -286,4 +297,15 @@ def _awake(problem: Problem, noise: Array, rho: Array) -> Gains:
     return problem.observer(high.tau, lasting)
 
 
-__all__ = ["NEEDED", "Beside", "Findings", "Step", "driven_by_noise", "judged", "left_by", "on_unseen", "structured"]
+__all__ = [
+    "NEEDED",
+    "Beside",
+    "Findings",
+    "Step",
+    "at_stake",
+    "driven_by_noise",
+    "judged",
+    "left_by",
+    "on_unseen",
+    "structured",
+]

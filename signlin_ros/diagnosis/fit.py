@@ -35,6 +35,9 @@ RESTING, MEMORY = 0.02, 400
 """A record is at rest below this share of the RMS velocity; else what is remembered is fitted to so many samples."""
 SECANTS, SETTLED = 8, 1e-3
 """Most secants, and the share of the squared errors below which another one gains nothing."""
+SWEEPS, NEARBY, REMEMBERED = 4, 0.1, 3.0
+"""Most steps of all that is unknown of a start together, the part of its reach by which slopes are found, and so many
+time constants of the observer as that is remembered."""
 GAIN = 0.7
 """Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
 APART, WANDER = 0.3, 0.05
@@ -312,7 +315,7 @@ def follow_records(
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
         late = _unseen_before(problem, s, lags)
         rest = (p, scale, delay - s.early, ringing, late, belief, variances)
-        x0 = _start(problem, c, s, (rows, *rest)) - _led_back(problem, c, s, delay)
+        x0 = _start(problem, c, s, gains.tau, (rows, *rest)) - _led_back(problem, c, s, delay)
         own = [i for i, name in enumerate(c.model.states) if "." in name and not _twin(name, tuple(s.start))]
         if s.before and own:
             lead = follow_records(problem, c, theta, gains, False, (s.before,))
@@ -389,21 +392,22 @@ def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, fl
     return found
 
 
-def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) -> Array:
+def _start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[Any, ...]) -> Array:
     """Return the state (n,) that a record starts from.
 
     Where it starts in motion, what an effect remembers (a bristle's bend, a temperature, by how much a load lags) is
-    fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best.
+    fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best. Then all
+    that is unknown is fitted together, to as many samples as an observer of time constant ``tau`` in s remembers it.
     """
     x0 = _initial(c, s)
     rows, *others = rest
     unknown = {**_unknown(problem, c, s), **_late_states(problem, s, others[4])} if s.whole else {}
     if not unknown:
         return x0
-    size, eq = min(s.t.size, MEMORY), c.equations
-    t, u, y = s.t[:size], s.u[:size], s.y[:size]
+    eq = c.equations
 
-    def errors(x: Array) -> tuple[Array, Array]:
+    def errors(x: Array, size: int) -> tuple[Array, Array]:
+        t, u, y = s.t[:size], s.u[:size], s.y[:size]
         E, X = np.zeros((size, y.shape[1])), np.zeros((size, x.size))
         arguments: tuple[Any, ...] = (eq.flags(False, _turns(problem, c, others[0])), t, u, y, rows, x, *others)
         arguments = (eq.calls(False, c.filtered), *arguments, E, np.zeros((0, y.shape[1], eq.sizes[3])), X)
@@ -411,12 +415,34 @@ def _start(problem: Problem, c: Candidate, s: Segment, rest: tuple[Any, ...]) ->
             E[:] = np.inf
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
 
-    e, X = errors(x0)
+    size = min(s.t.size, MEMORY)
+    e, X = errors(x0, size)
+    reaches = []
     for i, (twin, known) in unknown.items():
         apart = X[:, i] - (X[:, twin] if twin >= 0 else 0.0)
-        reach = (known or float(np.abs(apart).max())) * np.eye(x0.size)[i]
-        x0, e = _by_secants(lambda x: errors(x)[0], x0, e, reach)
+        reaches.append((known or float(np.abs(apart).max())) * np.eye(x0.size)[i])
+        x0, e = _by_secants(lambda x: errors(x, size)[0], x0, e, reaches[-1])
+    longer = min(s.t.size, max(size, ceil(REMEMBERED * tau / problem.scale.step)))
+    if longer > size or len(unknown) > 1:
+        x0 = _together(lambda x: errors(x, longer)[0], x0, np.array(reaches))
     return x0
+
+
+def _together(errors: Callable[[Array], Array], x: Array, reaches: Array) -> Array:
+    """Return the point x (n,) moved in the plane of ``reaches`` (k, n) to where the errors are least."""
+    e = errors(x)
+    for _ in range(SWEEPS):
+        slopes = np.stack([(errors(x + NEARBY * r) - e) / NEARBY for r in reaches], axis=1)
+        if not np.abs(slopes).max() < 1e100:
+            break
+        new = x - np.linalg.lstsq(slopes, e, rcond=1e-9)[0] @ reaches
+        left = errors(new)
+        gained = e @ e - left @ left
+        if gained > 0:
+            x, e = new, left
+        if not gained > SETTLED * (e @ e):
+            break
+    return x
 
 
 def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int, float]]:
@@ -547,11 +573,11 @@ def fit(
 ) -> Fit | None:
     """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
     low, high = c.bounds
-    first = _at(problem, c, np.clip(c.start() if theta is None else theta, low, high), gains, filter)
+    first = evaluated(problem, c, np.clip(c.start() if theta is None else theta, low, high), gains, filter)
     return None if first is None else further(problem, first, steps, far)
 
 
-def _at(problem: Problem, c: Candidate, x: Array, gains: Gains, filter: Filter | None) -> Fit | None:
+def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains, filter: Filter | None) -> Fit | None:
     """Return a candidate at one point, as if it were fitted; None if it diverges there."""
     whiten = filter or Filter(np.zeros(c.equations.sizes[2]))
     found = follow_records(problem, c, x, gains, True)
@@ -573,7 +599,7 @@ def further(problem: Problem, f: Fit, steps: int, far: float = FAR) -> Fit:
         shift = new - f.theta
         if float(-2 * f.gradient @ shift - shift @ f.hessian @ shift) < ENOUGH:
             break
-        trial = _at(problem, f.candidate, new, f.gains, f.filter)
+        trial = evaluated(problem, f.candidate, new, f.gains, f.filter)
         if trial is None or not trial.cost < f.cost:
             damping *= 16
             if damping > 1e9:
@@ -614,6 +640,7 @@ __all__ = [
     "Filter",
     "Fit",
     "candidate",
+    "evaluated",
     "fit",
     "follow_records",
     "further",

@@ -275,22 +275,22 @@ def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:
 
 
 def _undetermined(r: Ranked, before: Ranked) -> tuple[str, str] | None:
-    """Return an effect added to ``before`` of which nothing that tells it from simpler ones is known to better than its
-    own size, and that this is so. Without such parameters of its own it is judged by all, where there are several, but
-    for orders and phases: what they say together another effect says with fewer.
+    """Return an effect added to ``before`` of which a parameter that tells it from simpler ones is not known to better
+    than its own size, and that this is so. Without such parameters of its own it is judged by all, where there are
+    several, but for orders and phases: what they say together another effect says with fewer.
     """
     c, spread = r.fit.candidate, np.sqrt(np.abs(np.diag(np.linalg.pinv(r.fit.hessian, hermitian=True))))
     where = _phases(c.model)
     for key in _added(r, before):
         effect = find_effect(c.model.effects[key].type, "effects")
         own = {i: k.name.partition(".")[2] for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key}
-        mine = {i: n for i, n in own.items() if n in (effect.telling or own.values()) and f"{key}.{n}" not in where}
-        sizes = [1.0 if c.coordinates[i].log else abs(float(r.fit.theta[i])) for i in mine]
-        vague = all(spread[i] > size for i, size in zip(mine, sizes, strict=True))
-        if vague and len(mine) > (0 if effect.telling else 1):
-            names = f"of what tells it from simpler ones ({', '.join(mine.values())}) nothing"
-            which = names if effect.telling else "none of its parameters"
-            return effect.name, f"{which} is known to better than its own size"
+        sizes = {i: 1.0 if c.coordinates[i].log else abs(float(r.fit.theta[i])) for i in own}
+        vague = [i for i in own if spread[i] > sizes[i] and f"{key}.{own[i]}" not in where]
+        telling = [own[i] for i in vague if own[i] in effect.telling]
+        if telling:
+            return effect.name, f"its {telling[0]}, which tells it from simpler effects, is not known to its own size"
+        if not effect.telling and 1 < len(vague) == sum(f"{key}.{n}" not in where for n in own.values()):
+            return effect.name, "none of its parameters is known to better than its own size"
     return None
 
 

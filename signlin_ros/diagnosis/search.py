@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.adding import Adding
 from signlin_ros.diagnosis.data import measured_channels, unit_asked
 from signlin_ros.diagnosis.derived import without_derived
-from signlin_ros.diagnosis.findings import Findings, Step, driven_by_noise, judged, left_by, on_unseen, structured
+from signlin_ros.diagnosis.findings import (
+    Findings,
+    Step,
+    at_stake,
+    driven_by_noise,
+    judged,
+    left_by,
+    on_unseen,
+    structured,
+)
 from signlin_ros.diagnosis.fit import FAR, Filter, Fit, fit, tidied
 from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residues
 from signlin_ros.diagnosis.problem import (
@@ -627,11 +636,14 @@ class _Search:
         first, or one that is another explanation than the step before, and enough, or one that frees them from a strain
         which is out of the question.
 
-        A loss that would be a tie is no harm, however sure: what was bent may be the same model but for the priors.
+        A loss that would be a tie is no harm, however sure, nor is one that the uncertainty of its parameters makes:
+        what was bent may be the same model but for the priors.
         """
         last, r = path[-1].ranked, step.ranked
         freed = strain(last.fit) - strain(r.fit)
-        if freed <= MOVED or (step.certainty <= -SURE and step.gain <= -TIE):
+        if freed <= MOVED:
+            return False
+        if step.certainty <= -SURE and step.gain <= -TIE and -step.gain > at_stake(self.unseen, r.fit):
             return False
         other = not set(last.effects) < set(r.effects)
         return len(path) == 1 or ((other or freed > STRAINED) and self._enough(r))
@@ -646,6 +658,8 @@ class _Search:
         poor = len(path) > 1 and not self._enough(last)
         if poor and (step.share < SHARE or (not self._enough(r) and self._patch(path, r))):
             return False
+        if step.gain < at_stake(self.unseen, last.fit):
+            return False  # so much a model that is right may lose there, and one that is wrong gain by chance
         return step.certainty > FURTHER or not self._wandering(last)
 
     def _to_the_noise(self, path: list[Step], step: Step) -> bool:

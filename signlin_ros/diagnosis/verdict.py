@@ -61,6 +61,11 @@ ALIKE = 0.2
 """Largest difference of the logarithms of factors that are called the same."""
 FAR = (0.2, 3.0)
 """A known effect's parameter moved far: by more than this share of it, and so many standard errors."""
+FREED = (
+    "without it known parameters are far from their values, and the error on unseen data differs by no more than their "
+    "uncertainty makes"
+)
+"""What is said of an effect that is named for that, not for the error."""
 WHOLE = 0.9995
 """A share from which on no digits are told."""
 ORDINARY = 0.1
@@ -731,7 +736,7 @@ def added_parameters(f: Findings, r: Any, effect: str) -> dict[str, Estimate]:
 def _why_named(f: Findings, effect: str, parameters: dict[str, Estimate], tied: tuple[str, ...]) -> str:
     step = next(s for s in f.steps if effect in s.ranked.effects)
     text = sentence_of(effect, f.problem, parameters)
-    text += f"; {_change(step)}"
+    text += f"; {_change(step) if step.gain > 0 or step is not f.final or not f.beyond_doubt else FREED}"
     if tied:
         text += f"; {_named(tied)} would explain this record as well"
     return text

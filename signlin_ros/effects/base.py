@@ -101,7 +101,7 @@ class Effect(HasPars):
     essential: ClassVar[tuple[str, ...]] = ()
     """Parameters that make it what it is: a fit without one of them must be clearly worse."""
     telling: ClassVar[tuple[str, ...]] = ()
-    """Parameters that tell it from simpler ones: one of them must be known to better than its own size."""
+    """Parameters that tell it from simpler effects: each must be known to better than its own size."""
     single_channel_twins: ClassVar[tuple[str, ...]] = ()
     """Effects that a record of a single channel cannot tell from it."""
     floating: ClassVar[bool] = False

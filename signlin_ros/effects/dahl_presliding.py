@@ -23,7 +23,7 @@ class DahlPresliding(Effect):
     )
     experiment = "ramp the force slowly up and down without breaking away"
     states = {"z": "Q"}
-    telling = ("sigma",)
+    telling = ("F_c", "sigma")
 
     F_c = Par("F", nominal=0.03, positive=True, doc="friction while sliding")
     sigma = Par("F/Q", nominal=1.0, positive=True, doc="stiffness of the bristles")

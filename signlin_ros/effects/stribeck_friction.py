@@ -26,7 +26,7 @@ class StribeckFriction(Effect):
     experiment = "let it creep through standstill, slower than the speed at which friction settles"
     dissipative = True
     breakaway = ("mu", "excess")
-    telling = ("excess", "v_s")
+    telling = ("excess",)
 
     mu = Par("F", nominal=0.025, doc="friction at high velocity")
     excess = Par("F", nominal=0.02, doc="breakaway level above mu")

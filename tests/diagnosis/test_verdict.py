@@ -7,6 +7,7 @@ import pytest
 
 from signlin_ros.diagnosis import verdict
 from signlin_ros.diagnosis.verdict import describe, diagnose
+from tests.diagnosis.test_sensitive import drawn
 from tests.diagnosis.test_traps import AXIS, proposed, recorded
 
 TWO = {"coulomb_friction": {"mu": 21.0}, "cubic_stiffness": {"k3": 3e4}}
@@ -41,3 +42,22 @@ def test_nothing_shorter_is_told_where_nothing_shorter_is_enough(found, monkeypa
     whole = describe(found.findings)
     assert whole.verdict == "unexplained"
     assert whole.ladder[-1].effects == found.ladder[-1].effects
+
+
+def test_where_a_velocity_starts_and_what_a_loop_remembers_are_found_together(tmp_path):
+    """Fitted one by one to the first samples, they left 1.4 times the noise with the true parameters."""
+    given, truth = drawn(tmp_path, "single", 125, 37)
+    found = diagnose(*given)
+    assert found.verdict == "missing"
+    assert proposed(found) == {"bouc_wen_hysteresis"}
+    true = truth["values"]["bouc_wen_hysteresis"]
+    assert found.parameters["bouc_wen_hysteresis.k"].value == pytest.approx(true["k"], rel=0.03)
+    assert found.ladder[-1].validation.channels["velocity"].rmse_over_noise < 1.1
+
+
+def test_what_the_uncertainty_of_parameters_makes_on_other_motion_decides_nothing(tmp_path):
+    """A slow record hardly tells the mass, steps depend on it: presliding gained there by chance, the spring lost."""
+    given, _ = drawn(tmp_path, "single", 62, 37)
+    found = diagnose(*given)
+    assert proposed(found) == {"linear_stiffness"}
+    assert "known parameters are far from their values" in found.ranking[0].why
