@@ -619,9 +619,8 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
     if effects and not f.unaccounted:
         share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
-    if effects and explained >= 0.01:
-        return f"{before}; what remains has structure that no listed effect explains."
-    return NOT_LISTED
+    rest = f"{before}; what remains has structure that no listed effect explains."
+    return rest if effects and explained >= 0.01 else NOT_LISTED
 
 
 def _noise_in_input(f: Findings) -> str:
