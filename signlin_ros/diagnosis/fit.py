@@ -396,8 +396,9 @@ def _start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[A
     """Return the state (n,) that a record starts from.
 
     Where it starts in motion, what an effect remembers (a bristle's bend, a temperature, by how much a load lags) is
-    fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best. Then all
-    that is unknown is fitted together, to as many samples as an observer of time constant ``tau`` in s remembers it.
+    fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best. Where
+    nobody saw the position, all that is unknown is then fitted together, to as many samples as an observer of time
+    constant ``tau`` in s remembers it; a wrong model would bend to its ends a position that was seen.
     """
     x0 = _initial(c, s)
     rows, *others = rest
@@ -422,10 +423,11 @@ def _start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[A
         apart = X[:, i] - (X[:, twin] if twin >= 0 else 0.0)
         reaches.append((known or float(np.abs(apart).max())) * np.eye(x0.size)[i])
         x0, e = _by_secants(lambda x: errors(x, size)[0], x0, e, reaches[-1])
+    position = problem.base.plant.position
+    if position in s.start or position not in c.model.states:
+        return x0
     longer = min(s.t.size, max(size, ceil(REMEMBERED * tau / problem.scale.step)))
-    if longer > size or len(unknown) > 1:
-        x0 = _together(lambda x: errors(x, longer)[0], x0, np.array(reaches))
-    return x0
+    return _together(lambda x: errors(x, longer)[0], x0, np.array(reaches))
 
 
 def _together(errors: Callable[[Array], Array], x: Array, reaches: Array) -> Array:
