@@ -554,7 +554,7 @@ def _outdone(f: Findings) -> bool:
 def _enough(f: Findings, rest: float) -> float:
     """Return the least share of the missing motion on unseen data that is enough, for what is left beyond the noise."""
     if rest <= REST or not f.structured:
-        return EXPLAINED
+        return DRIVEN if f.driven_by_noise and len(f.final.ranked.effects) > 1 else EXPLAINED
     if f.driven_by_noise and rest <= ELSEWHERE:
         return DRIVEN
     return NEARLY_ALL[0] if f.driven_by_noise or 1.0 + rest < DETAIL else NEARLY_ALL[1]

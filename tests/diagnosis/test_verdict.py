@@ -61,3 +61,10 @@ def test_what_the_uncertainty_of_parameters_makes_on_other_motion_decides_nothin
     found = diagnose(*given)
     assert proposed(found) == {"linear_stiffness"}
     assert "known parameters are far from their values" in found.ranking[0].why
+
+
+def test_several_effects_that_imitate_one_are_not_named_for_what_noise_in_the_input_may_leave(tmp_path):
+    """Coulomb friction, presliding and a cubic spring explained 95 %."""
+    given, truth = drawn(tmp_path, "outside", 12, 39)
+    assert truth["laws"] == ["root_friction"]
+    assert diagnose(*given).verdict == "unexplained"
