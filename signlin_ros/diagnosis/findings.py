@@ -15,7 +15,6 @@ from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiten
 from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.diagnosis.signs import reversed_signal
-from signlin_ros.errors import joined
 from signlin_ros.noise import fourth_difference_share
 
 Array = NDArray[np.float64]
@@ -104,23 +103,15 @@ class Findings:
         return self.steps[-1]
 
     def first(self, count: int) -> Findings:
-        """Return the same with so many steps, the base among them; what comes after is declined."""
+        """Return the same with so many steps, the base among them."""
         base, last = self.steps[0].ranked, self.steps[count - 1].ranked
         at, middle = judged(self.problem, last), self.problem.levels[1]
-        beside = f"beside {joined([e.replace('_', ' ') for e in last.effects])} " if last.effects else ""
-        why = {
-            e: f"{beside}it explains {100 * max(s.share, 0.0):.0f} % only of what is left, which is of another kind"
-            for s in self.steps[count:]
-            for e in s.ranked.effects
-            if e not in last.effects
-        }
         return replace(
             self,
             steps=self.steps[:count],
             left=left_by(self.problem, at),
             held_out=(on_unseen(self.unseen, base, at.gains), on_unseen(self.unseen, last, at.gains)),
             followed=(self.followed[0], on_unseen(self.unseen, last, middle)),
-            declined={**why, **self.declined},
             floor=(self.noise, self.unseen_noise),
         )
 
@@ -193,11 +184,11 @@ def on_unseen(unseen: Problem, r: Ranked, gains: Gains) -> tuple[Array, ...]:
 
 def at_stake(unseen: Problem, f: Fit) -> float:
     """Return by how much the uncertainty of fitted parameters is expected to raise -2 log likelihood on the records of
-    a problem: the trace of the information there times the covariance from where they were fitted.
+    a problem: the trace of the information there times the covariance from where they were fitted; 0 if it diverges.
     """
     there = evaluated(unseen, f.candidate, f.theta, f.gains, f.filter)
     if there is None:
-        return np.inf
+        return 0.0
     prior = np.diag([1.0 / k.spread**2 for k in f.candidate.coordinates])
     return float(np.trace((there.hessian - prior) @ np.linalg.pinv(f.hessian, hermitian=True)))
 

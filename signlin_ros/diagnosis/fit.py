@@ -407,7 +407,7 @@ def _start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[A
         return x0
     eq = c.equations
 
-    def errors(x: Array, size: int) -> tuple[Array, Array]:
+    def run(x: Array, size: int) -> tuple[Array, Array]:
         t, u, y = s.t[:size], s.u[:size], s.y[:size]
         E, X = np.zeros((size, y.shape[1])), np.zeros((size, x.size))
         arguments: tuple[Any, ...] = (eq.flags(False, _turns(problem, c, others[0])), t, u, y, rows, x, *others)
@@ -416,35 +416,17 @@ def _start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[A
             E[:] = np.inf
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
 
-    size = min(s.t.size, MEMORY)
-    e, X = errors(x0, size)
-    reaches = []
+    size, reaches = min(s.t.size, MEMORY), []
+    e, X = run(x0, size)
     for i, (twin, known) in unknown.items():
         apart = X[:, i] - (X[:, twin] if twin >= 0 else 0.0)
         reaches.append((known or float(np.abs(apart).max())) * np.eye(x0.size)[i])
-        x0, e = _by_secants(lambda x: errors(x, size)[0], x0, e, reaches[-1])
+        x0, e = _by_secants(lambda x: run(x, size)[0], x0, e, reaches[-1])
     position = problem.base.plant.position
     if position in s.start or position not in c.model.states:
         return x0
     longer = min(s.t.size, max(size, ceil(REMEMBERED * tau / problem.scale.step)))
-    return _together(lambda x: errors(x, longer)[0], x0, np.array(reaches))
-
-
-def _together(errors: Callable[[Array], Array], x: Array, reaches: Array) -> Array:
-    """Return the point x (n,) moved in the plane of ``reaches`` (k, n) to where the errors are least."""
-    e = errors(x)
-    for _ in range(SWEEPS):
-        slopes = np.stack([(errors(x + NEARBY * r) - e) / NEARBY for r in reaches], axis=1)
-        if not np.abs(slopes).max() < 1e100:
-            break
-        new = x - np.linalg.lstsq(slopes, e, rcond=1e-9)[0] @ reaches
-        left = errors(new)
-        gained = e @ e - left @ left
-        if gained > 0:
-            x, e = new, left
-        if not gained > SETTLED * (e @ e):
-            break
-    return x
+    return _descended(lambda x: run(x, longer)[0], x0, run(x0, longer)[0], np.array(reaches), SWEEPS)[0]
 
 
 def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int, float]]:
@@ -478,10 +460,20 @@ def _by_secants(errors: Callable[[Array], Array], x: Array, e: Array, reach: Arr
     """Return the point x (n,) moved along ``reach`` (n,) to where the errors are least, and these."""
     tried = [(x + sign * reach, errors(x + sign * reach)) for sign in (-1.0, 1.0)]
     x, e = min([(x, e), *tried], key=lambda pair: float(pair[1] @ pair[1]))
-    for _ in range(SECANTS):
-        change = errors(x + 0.1 * reach) - e
-        square = float(change @ change)
-        moved = x - 0.1 * reach * (float(change @ e) / square if square > 0 else 0.0)
+    return _descended(errors, x, e, reach[None], SECANTS)
+
+
+def _descended(errors: Callable[[Array], Array], x: Array, e: Array, reaches: Array, most: int) -> tuple[Array, Array]:
+    """Return the point x (n,) moved in the span of ``reaches`` (k, n) to where the errors are least, and these: steps
+    of Gauss and Newton with secants for slopes.
+    """
+    near = NEARBY * reaches
+    for _ in range(most):
+        changes = np.stack([errors(x + r) - e for r in near])
+        products = changes @ changes.T
+        if not 0.0 < products.max() < np.inf:
+            break
+        moved = x - np.linalg.lstsq(products, changes @ e, rcond=1e-13)[0] @ near
         new = errors(moved)
         gained = e @ e - new @ new
         if gained > 0:

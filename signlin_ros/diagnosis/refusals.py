@@ -288,7 +288,10 @@ def _undetermined(r: Ranked, before: Ranked) -> tuple[str, str] | None:
         vague = [i for i in own if spread[i] > sizes[i] and f"{key}.{own[i]}" not in where]
         telling = [own[i] for i in vague if own[i] in effect.telling]
         if telling:
-            return effect.name, f"its {telling[0]}, which tells it from simpler effects, is not known to its own size"
+            return (
+                effect.name,
+                f"its {telling[0]}, which tells it from simpler effects, is known no better than to its size",
+            )
         if not effect.telling and 1 < len(vague) == sum(f"{key}.{n}" not in where for n in own.values()):
             return effect.name, "none of its parameters is known to better than its own size"
     return None

@@ -357,13 +357,14 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     is enough. Of several effects together this is not said: they make many another law.
     """
     f = f if whole or not _faint(f) else f.first(1)
-    told = _told(f)
+    kind = kind_of_score(f.problem)
+    level = [_best_level(f.unseen, f.steps[0].ranked.fit)] if kind == "windowed" else []
+    told = _told(f, kind, level)
     if told.verdict == "unexplained" and not whole and len(f.steps) > 2 and len(f.steps[1].ranked.effects) == 1:
-        first = _told(f.first(2))
+        first = _told(_first_alone(f), kind, level)
         told = first if first.verdict == "missing" else told
-    f, kind, ladder, verdict, explained, rest = told
-    problem, unseen = f.problem, f.unseen_noise
-    noise, level = f.noise, _level(f, kind)
+    f, ladder, verdict, explained, rest = told
+    problem, unseen, noise = f.problem, f.unseen_noise, f.noise
     partly = explained if verdict == "unexplained" else None
     ranking = _ranking(f, kind, unseen, level, partly)
     proposed = f if whole or not _too_little(f, partly) else replace(f, steps=f.steps[:1])
@@ -394,17 +395,16 @@ class _Told(NamedTuple):
     """
 
     findings: Findings
-    kind: str
     ladder: tuple[Rung, ...]
     verdict: str
     explained: float
     rest: float
 
 
-def _told(f: Findings) -> _Told:
-    """Return the verdict on a proposal."""
-    kind = kind_of_score(f.problem)
-    level = _level(f, kind)
+def _told(f: Findings, kind: str, level: Sequence[int]) -> _Told:
+    """Return the verdict on a proposal; ``level``: the gain whose states the base model predicts best from over
+    windows.
+    """
     ladder = tuple(
         Rung(
             s.ranked.effects,
@@ -417,12 +417,21 @@ def _told(f: Findings) -> _Told:
     explained = 0.0 if nothing else _explained(f)
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
     verdict = "unexplained" if nothing else _verdict(f, ladder, explained, rest)
-    return _Told(f, kind, ladder, verdict, explained, rest)
+    return _Told(f, ladder, verdict, explained, rest)
 
 
-def _level(f: Findings, kind: str) -> list[int]:
-    """Return the gain whose states the base model predicts best from over windows."""
-    return [_best_level(f.unseen, f.steps[0].ranked.fit)] if kind == "windowed" else []
+def _first_alone(f: Findings) -> Findings:
+    """Return the same with the first step only; why what comes after is not proposed is among what is declined."""
+    first = f.first(2)
+    known = first.final.ranked.effects
+    why = {
+        e: f"beside {_named(known)} it explains {100 * max(s.share, 0.0):.0f} % only of what is left, which is of "
+        "another kind"
+        for s in f.steps[2:]
+        for e in s.ranked.effects
+        if e not in known
+    }
+    return replace(first, declined={**why, **f.declined})
 
 
 def _faint(f: Findings) -> bool:

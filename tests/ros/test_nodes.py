@@ -448,9 +448,11 @@ def test_restart_in_any_order(graph: Any) -> None:
     def second() -> list[int]:
         """The numbers of the second one's models; the last of the first may still wait to be read."""
         sequences = [convert.read_model(message).sequence for message in models[count - 1 :]]
-        return sequences[int(np.argmax(np.diff(sequences) < 0)) + 1 :] if np.any(np.diff(sequences) < 0) else []
+        restarts = np.flatnonzero(np.diff(sequences) < 0)
+        return sequences[restarts[0] + 1 :] if restarts.size else []
 
-    sequences = graph.wait(lambda: second() if len(second()) > 5 else [], "models of the second linearizer")
+    graph.wait(lambda: len(second()) > 5, "models of the second linearizer")
+    sequences = second()
     assert sequences == sorted(sequences)
     assert sequences[-1] <= (monotonic() - before) / 0.02  # counted anew: no more than the time allows
 
