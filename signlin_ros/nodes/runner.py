@@ -5,7 +5,6 @@ from __future__ import annotations
 import faulthandler
 import signal
 import sys
-import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -37,7 +36,7 @@ def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None =
     """Run the node that ``create`` makes until a signal, or its ``finished``; return the exit code.
 
     0: ended as asked; 2: what the user gave is bad, said in one line. With the handlers of rclpy itself one
-    end in ten fails on SIGTERM: the context dies under the running wait. So the signals only set an event; what is
+    end in ten fails on SIGTERM: the context dies under the running wait. So the signals only set a flag; what is
     long in coming, as the first compilation or a large record, they interrupt: at once, or a moment later where a
     callback from C would swallow it.
     """
@@ -58,7 +57,7 @@ def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
         node = create()
         signals.started = True
         executor.add_node(node)
-        while not signals.stop.is_set() and not getattr(node, "finished", False):
+        while not signals.stop and not getattr(node, "finished", False):
             executor.spin_once(timeout_sec=0.1)
         return 0
     except (InputError, RCLError, ParameterException) as error:
@@ -69,18 +68,20 @@ def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
 
 
 class _Signals:
-    """SIGINT and SIGTERM: ``stop`` is set by the first; until ``started`` is, it interrupts what is done."""
+    """SIGINT and SIGTERM: ``stop`` is set by the first; until ``started`` is, it interrupts what is done.
+
+    No `threading.Event`: a second signal may come while the first is handled, and would wait for its lock for ever.
+    """
 
     def __init__(self) -> None:
-        self.stop, self.started = threading.Event(), False
+        self.stop = self.started = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
         signal.signal(signal.SIGALRM, self._interrupt)
         sys.unraisablehook = _again
 
     def _stop(self, *_: Any) -> None:
-        first = not self.stop.is_set()
-        self.stop.set()
+        first, self.stop = not self.stop, True
         if first:
             self._interrupt()
 

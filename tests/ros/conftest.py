@@ -44,10 +44,15 @@ class Process:
         return self.popen.poll() is None
 
     def stop(self, number: int = signal.SIGINT) -> int:
-        """Send a signal, wait for the end, return the exit code."""
+        """Send a signal, wait for the end, return the exit code; kill what does not end, for the tests to come."""
         if self.running:
             self.popen.send_signal(number)
-        return self.popen.wait(PATIENCE)
+        try:
+            return self.popen.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self.popen.kill()
+            self.popen.wait()
+            raise
 
 
 class Graph:

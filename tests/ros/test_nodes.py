@@ -388,6 +388,24 @@ sys.exit(run("late", create, []))
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
 
 
+def test_signals_while_signals_are_handled_wait_for_nothing() -> None:
+    """Thousands in a second: some come while an earlier one is handled."""
+    script = """
+import os, subprocess, sys
+from signlin_ros.nodes.runner import _Signals
+
+signals = _Signals()
+signals.started = True
+sender = "import os, time; end = time.time() + 1.0\\nwhile time.time() < end: [os.kill({}, n) for n in (2, 15)]"
+sending = subprocess.Popen([sys.executable, "-c", sender.format(os.getpid())])
+while sending.poll() is None:
+    pass
+sys.exit(int(not signals.stop))
+"""
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, "", "")
+
+
 def test_an_end_that_hangs_is_ended_and_says_where() -> None:
     script = """
 import os, signal, sys, threading, time
