@@ -83,7 +83,12 @@ class HasPars:
 
 
 def check_values(pars: Mapping[str, Par], given: Mapping[str, Any], where: str) -> dict[str, float]:
-    """Return all parameters of ``pars`` from ``given`` and the defaults, checked; raise `ModelError` otherwise."""
+    """Return all parameters of ``pars`` from ``given`` and the defaults, checked; raise `ModelError` otherwise.
+
+    A name may be given as the attribute that it is in Python (``lambda_``).
+    """
+    attributes = {Namespace.attribute(name): name for name in pars}
+    given = {name if name in pars else attributes.get(name, name): value for name, value in given.items()}
     for name in given:
         if name not in pars:
             raise ModelError(f"{where}.{name}: unknown parameter; known: {choices(pars)}{suggest(str(name), pars)}")

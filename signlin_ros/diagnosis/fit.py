@@ -438,7 +438,9 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
     unknown: dict[int, tuple[int, float]] = {}
     if _moving(problem, s):
         twins = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and not (c.filtered and n in c.floating)}
-        unknown = {i: (names.index(twin) if twin else -1, 0.0) for i, twin in twins.items()}
+        if twins and plant.velocity in names and plant.velocity not in problem.channels:
+            unknown[names.index(plant.velocity)] = (-1, abs(s.start.get(plant.velocity, 0.0)))
+        unknown |= {i: (names.index(twin) if twin else -1, 0.0) for i, twin in twins.items()}
         if plant.position in names and plant.position not in s.start:
             unknown[names.index(plant.position)] = (-1, 0.0)
     if c.angular and plant.position in s.start and plant.position in problem.channels:

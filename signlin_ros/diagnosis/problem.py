@@ -254,6 +254,7 @@ def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment
     y = np.ascontiguousarray(np.column_stack([data.measured[c] for c in channels]))
     held, known, early = driving(model, data)
     t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(held)
+    y = _without(y, _turned(model, data, u))
     start = {name: float(values[0]) for name, values in known.items()}
     doubt = {name: DOUBT * _apart(values, corrected(model, data, name)) for name, values in known.items()}
     return Segment(t, u, y, _start(model, channels, t, y) | start, data.source, early=early, doubt=doubt)
@@ -549,8 +550,20 @@ def _of_known_direction(model: Model, s: Segment) -> Segment:
     blur = _blur(model, s)
     if not blur:
         return s
-    unknown = np.abs(s.u[:, model.inputs.index(model.plant.velocity)]) < blur
-    return s if unknown.mean() > RARE else replace(s, y=np.where(unknown[:, None], np.nan, s.y))
+    return replace(s, y=_without(s.y, np.abs(s.u[:, model.inputs.index(model.plant.velocity)]) < blur))
+
+
+def _turned(model: Model, data: ModelData, u: Array) -> NDArray[np.bool_]:
+    """Return where (T,) an imposed velocity is so small that its correction in ``u`` (T, m) turned its direction."""
+    if not model.plant.motion_is_imposed():
+        return np.zeros(u.shape[0], dtype=bool)
+    j = model.inputs.index(model.plant.velocity)
+    return np.asarray(data.u[:, j] * u[:, j] < 0.0)
+
+
+def _without(y: Array, unknown: NDArray[np.bool_]) -> Array:
+    """Return measurements (T, ny) without those where something is unknown (T,), if that is rare."""
+    return y if unknown.mean() > RARE or not unknown.any() else np.where(unknown[:, None], np.nan, y)
 
 
 def _inertia(model: Model) -> float:

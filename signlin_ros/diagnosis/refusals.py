@@ -49,9 +49,9 @@ def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | No
         return r.label, ""
     if not _real(problem, r, before):
         return r.label, f"its parameters do not differ from nothing by {REAL:g} standard errors"
-    vague = _undetermined(r, before)
-    if vague:
-        return vague
+    unknown = _undetermined(r)
+    if unknown:
+        return unknown
     slight = _negligible(problem, r, before)
     if slight:
         return slight, f"it would be less than {100 * SLIGHT:g} % of what drives"
@@ -274,27 +274,37 @@ def _real(problem: Problem, r: Ranked, before: Ranked) -> bool:
     return not amplitudes or wald > chi2.ppf(2 * norm.cdf(REAL) - 1, len(amplitudes))
 
 
-def _undetermined(r: Ranked, before: Ranked) -> tuple[str, str] | None:
-    """Return an effect added to ``before`` of which a parameter that tells it from simpler ones is not known to better
-    than its own size, and that this is so. Without such parameters of its own it is judged by all, where there are
-    several, but for orders and phases: what they say together another effect says with fewer.
+def vague(f: Fit, key: str) -> list[str]:
+    """Return the parameters of an effect (its key) that a fit knows no better than to their own size."""
+    spread = np.sqrt(np.abs(np.diag(np.linalg.pinv(f.hessian, hermitian=True))))
+    found = []
+    for k, x, own in zip(f.candidate.coordinates, f.theta.tolist(), spread.tolist(), strict=True):
+        owner, _, name = k.name.partition(".")
+        if owner == key and own > (1.0 if k.log else abs(x)):
+            found.append(name)
+    return found
+
+
+def _undetermined(r: Ranked) -> tuple[str, str] | None:
+    """Return an added effect of which a parameter that tells it from simpler ones is not known to better than its own
+    size, and that this is so; one that was added before counts too, with others it may have become vague. Without such
+    parameters of its own it is judged by all, where there are several, but for orders and phases: what they say
+    together another effect says with fewer.
     """
-    c, spread = r.fit.candidate, np.sqrt(np.abs(np.diag(np.linalg.pinv(r.fit.hessian, hermitian=True))))
-    where = _phases(c.model)
-    for key in _added(r, before):
+    c, where = r.fit.candidate, _phases(r.fit.candidate.model)
+    for key in _added(r):
         effect = find_effect(c.model.effects[key].type, "effects")
-        own = {i: k.name.partition(".")[2] for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key}
-        sizes = {i: 1.0 if c.coordinates[i].log else abs(float(r.fit.theta[i])) for i in own}
-        vague = [i for i in own if spread[i] > sizes[i] and f"{key}.{own[i]}" not in where]
-        telling = [own[i] for i in vague if own[i] in effect.telling]
+        unknown = [n for n in vague(r.fit, key) if f"{key}.{n}" not in where]
+        telling = [n for n in unknown if n in effect.telling]
         if telling:
             return (
                 effect.name,
                 f"its {telling[0]}, which tells it from simpler effects, is known no better than to its size",
             )
-        if not effect.telling and 1 < len(vague) == sum(f"{key}.{n}" not in where for n in own.values()):
+        free = [k.name for k in c.coordinates if k.name.partition(".")[0] == key and k.name not in where]
+        if not effect.telling and 1 < len(unknown) == len(free):
             return effect.name, "none of its parameters is known to better than its own size"
     return None
 
 
-__all__ = ["plausible", "refusal", "sound"]
+__all__ = ["plausible", "refusal", "sound", "vague"]

@@ -66,7 +66,7 @@ from signlin_ros.diagnosis.rank import (
     unfiltered,
     without,
 )
-from signlin_ros.diagnosis.refusals import plausible, refusal
+from signlin_ros.diagnosis.refusals import plausible, refusal, vague
 from signlin_ros.diagnosis.several import LARGEST, at_once, best_sets
 from signlin_ros.diagnosis.timing import CLEARLY, WAYS, better_hold
 from signlin_ros.effects import EFFECTS, find_effect
@@ -255,9 +255,19 @@ def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
 
 def _values(r: Ranked, effect: str) -> dict[str, float]:
     """Return the fitted parameters of an effect that was added last under its name; none for one of a sensor."""
-    model, label = r.fit.fitted(), r.fit.candidate.label
-    keys = [k for k in label if k in model.effects and model.effects[k].type == effect]
-    return dict(model.effects[keys[-1]].parameters) if keys else {}
+    key = _key(r, effect)
+    return dict(r.fit.fitted().effects[key].parameters) if key else {}
+
+
+def _vague(r: Ranked, effect: str) -> list[str]:
+    """Return those of the parameters that are known no better than to their own size."""
+    return vague(r.fit, _key(r, effect))
+
+
+def _key(r: Ranked, effect: str) -> str:
+    """Return the key of an effect that was added last under its name, "" if it is one of a sensor."""
+    known = r.fit.candidate.model.effects
+    return next((k for k in reversed(r.fit.candidate.label) if k in known and known[k].type == effect), "")
 
 
 def _simple(singles: Sequence[Ranked]) -> list[Ranked]:
@@ -710,10 +720,12 @@ class _Search:
 
     def _plainer(self, r: Ranked) -> Ranked:
         """Return a set of effects with those replaced that are nothing but simpler ones, for their values, where these
-        are as good, followed in the same way.
+        are as good, followed in the same way. What tells it from these is nothing where it is not known.
         """
         for effect in r.effects:
-            simpler = EFFECTS[effect].simpler(_values(r, effect))
+            values = _values(r, effect)
+            nothing = [n for n in _vague(r, effect) if n in EFFECTS[effect].telling]
+            simpler = EFFECTS[effect].simpler(values | dict.fromkeys(nothing, 0.0))
             for name, start in simpler.items():
                 before = without(self.problem, r, effect) if name in self.known and name not in r.effects else None
                 parts = [(self.known[name], start)] if before else []
