@@ -87,8 +87,8 @@ def check_values(pars: Mapping[str, Par], given: Mapping[str, Any], where: str) 
 
     A name may be given as the attribute that it is in Python (``lambda_``).
     """
-    attributes = {Namespace.attribute(name): name for name in pars}
-    given = {name if name in pars else attributes.get(name, name): value for name, value in given.items()}
+    attributes = {Namespace.attribute(name): name for name in pars if name not in given}
+    given = {attributes.get(name, name): value for name, value in given.items()}
     for name in given:
         if name not in pars:
             raise ModelError(f"{where}.{name}: unknown parameter; known: {choices(pars)}{suggest(str(name), pars)}")

@@ -161,6 +161,26 @@ def test_a_bristle_that_bends_less_than_the_motion_is_known_is_no_more_than_fric
     assert LuGreFriction.blurred(lugre, 4e-7) == ()
 
 
+def test_a_direction_that_is_not_known_at_the_first_sample_makes_no_bristle():
+    """It is at rest but for rounding, and a slow drift of the displacement corrects the velocity by more than that."""
+    records = []
+    for seed in (1, 2):
+        rng, t = np.random.default_rng(seed), np.arange(3200) * 0.0025
+        tones, parts = 2 * np.pi * np.array([0.4, 1.1, 2.6]), rng.uniform(0.01, 0.05, 3)
+        fine = np.arange(20 * t.size) * (t[1] / 20)
+        v = np.minimum(fine / 0.5, 1.0) * (np.sin(tones * fine[:, None]) @ parts) - 9e-9
+        q = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1])) * (t[1] / 20)])
+        q, v = q[::20] + 1e-5 * t, v[::20]
+        force = 1045.0 * v + 2345.0 * q + 6.0 * np.sign(v) + rng.normal(0.0, 0.8, t.size)
+        units = {"displacement": "m", "force": "N", "velocity": "m/s"}
+        measured = {"displacement": q, "force": force}
+        records.append(ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), units))
+    u, _, _ = driving(Model.from_dict(BASE), records[0])
+    assert u[0, 0] * records[0].u[0, 0] < 0.0
+    nominal = {"plant": "force_element", "parameters": {"c": 1030.0, "k": 2310.0}}
+    assert diagnose(Model.from_dict(nominal), *records).ladder[-1].effects == ("coulomb_friction",)
+
+
 MOUNT = {"plant": "force_element", "parameters": {"c": 610.0, "k": 6500.0}, "tolerance": 0.1}
 
 

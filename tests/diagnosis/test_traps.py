@@ -15,7 +15,7 @@ from benchmarks.hidden.generator import draw, simulate, write
 from benchmarks.hidden.laws import STEP
 from signlin_ros.diagnosis.problem import Problem, prepare
 from signlin_ros.diagnosis.rank import Ranked, applicable, assess, descend, evidence_of, extended, ranked
-from signlin_ros.diagnosis.refusals import plausible, refusal
+from signlin_ros.diagnosis.refusals import plausible, refusal, vague
 from signlin_ros.diagnosis.verdict import add, diagnose
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.errors import RecordError, SimulationError
@@ -582,6 +582,43 @@ def test_lugre_friction_is_found_from_dahls(tmp_path):
     found = diagnose(*recorded(tmp_path, AXIS, {"lugre_friction": own}, only=("displacement",), level=1e-3))
     assert proposed(found) == {"lugre_friction"}
     assert found.parameters["lugre_friction.F_c"].value == pytest.approx(12.0, rel=0.1)
+
+
+def test_a_first_speed_that_noisy_positions_tell_wrong_bends_no_bristle(tmp_path):
+    """A motor starts from rest under full voltage; for as long as its bristle remembers, its current would be wrong."""
+    own = {"sigma0": 0.25, "sigma1": 0.006, "sigma2": 8e-5, "F_c": 0.036, "F_s": 0.058, "v_s": 5.0}
+    true = {"R_a": 0.82, "L_a": 1.4e-4, "K_t": 0.0624, "K_m": 0.0624, "B": 0.0, "J": 4e-4}
+    rng, t = np.random.default_rng(5), np.arange(2000) * 0.004
+    u = 4.0 * np.cos(3.0 * t) + 1.6 * np.cos(8.1 * t)
+    run = simulate(Drive(MOTOR, true, 5.6, 2.0), {"lugre_friction": own}, u, np.zeros_like(u), t[1], 0, STEP)
+    shown = run.motion.shown[:, [0, 2]] + noise(rng, "coloured", (t.size, 2)) * [0.016, 0.08]
+    units = {"voltage": "V", "current": "A", "position": "rad"}
+    names = ("current", "position")
+    measured = dict(zip(names, shown.T, strict=True))
+    data = ModelData(t, run.motion.u[:, None], measured, None, ("voltage",), names, units)
+    model = Model.from_dict({"plant": "dc_motor", "parameters": true, "effects": {"lugre_friction": own}})
+    problem = prepare(model, [data])
+    (e,) = assess(problem, None).low.innovations
+    assert np.std(e[1:30, 0]) < 1.5 * np.std(e[100:, 0])
+
+
+def test_a_fall_of_friction_that_became_vague_beside_another_effect_is_not_named(tmp_path):
+    model, estimation, _ = recorded(
+        tmp_path, SMALL, {"coulomb_friction": {"mu": 0.033}, "quadratic_drag": {"c2": 6e-5}}
+    )
+    problem = prepare(model, estimation)
+    trials = {t.effect: t for t in applicable(problem)[0]}
+
+    def added(r: Ranked, effect: str, **start: float) -> Ranked:
+        c = extended(problem, r, trials[effect], start)
+        fits = descend(problem, c, c.start(r.fit.parameters()), problem.levels, 20, None)
+        return ranked(problem, (*r.effects, effect), (), fits)
+
+    fall = added(assess(problem, None), "stribeck_friction", mu=0.04, excess=0.01, v_s=8.0)
+    both = added(fall, "quadratic_drag", c2=5e-5)
+    assert "excess" in vague(both.fit, "stribeck_friction")
+    assert vague(both.fit, "quadratic_drag") == []
+    assert refusal(problem, both, fall)[0] == "stribeck_friction"
 
 
 def test_what_is_beneath_notice_is_not_named(tmp_path):

@@ -97,7 +97,7 @@ BAD = {
         {**MASS, "effects": {"bouc_wen_hysteresis": {**LOOP, "k": 3.0}}},
         ["bouc_wen_hysteresis.k", "spring of its own"],
     ),
-    "lambda with an underscore": (
+    "lambda with an underscore and without": (
         {"plant": "bouc_wen", "parameters": MASS["parameters"] | {"lambda_": 1.0} | LOOP},
         ["parameters.lambda_", "did you mean 'lambda'"],
     ),
@@ -270,6 +270,8 @@ def test_lambda_is_an_attribute_with_an_underscore_and_a_key_without():
     assert model.value("lambda") == 1.0
     assert model.with_parameters(lambda_=1.5).value("lambda") == 1.5
     assert "parameters.lambda" in model.par_declarations()
+    own = {("lambda_" if n == "lambda" else n): v for n, v in LOOP.items()}
+    assert Model.from_dict({"plant": "bouc_wen", "parameters": MASS["parameters"] | own}).value("lambda") == 1.0
     assert "lambda: 1.0" in model.to_yaml()
 
 
