@@ -50,6 +50,12 @@ class _Shape:
     names: tuple[str, ...]
     columns: Array
 
+    @property
+    def least(self) -> Array:
+        """The least allowed values (names,) of the linear parameters."""
+        pars = EFFECTS[self.trial.effect].pars()
+        return np.array([pars[n].low for n in self.names])
+
     def values(self, found: Array) -> dict[str, float] | None:
         """Return all parameters for the linear ones (names,); None if these are not allowed."""
         pars = EFFECTS[self.trial.effect].pars()
@@ -158,7 +164,8 @@ def _known(problem: Problem, efforts: Efforts, kept: NDArray[np.bool_], computed
 def _solved(shapes: Sequence[_Shape], target: Array, known: Array) -> Iterator[tuple[tuple[str, ...], float, Parts]]:
     """Yield every set of two and three effects that has allowed parameters: names, cost and parts.
 
-    Squares are in units of those that all effects together leave; base parameters count their priors.
+    Squares are in units of those that all effects together leave; base parameters count their priors. A parameter that
+    would be less than it may be is nothing, as one of two directions is whose damping the base model has already.
     """
     everything = np.hstack([known, *(s.columns for s in shapes)])
     left = target - everything @ np.linalg.lstsq(everything, target, rcond=None)[0]
@@ -167,23 +174,37 @@ def _solved(shapes: Sequence[_Shape], target: Array, known: Array) -> Iterator[t
     gram[np.diag_indices(known.shape[1])] += 1.0
     size_of = np.sqrt(np.diag(gram))
     gram, right = gram / np.outer(size_of, size_of), right / size_of
-    ends = known.shape[1] + np.cumsum([0, *(s.columns.shape[1] for s in shapes)])
     own, price = np.arange(known.shape[1]), float(np.log(target.size))
+    ends = own.size + np.cumsum([0, *(s.columns.shape[1] for s in shapes)])
+    least = np.concatenate([np.full(own.size, -np.inf), *(s.least for s in shapes)])
     for size in range(2, LARGEST + 1):
         for chosen in itertools.combinations(range(len(shapes)), size):
             names = tuple(shapes[i].trial.effect for i in chosen)
             if _overlapping(names):
                 continue
             at = np.concatenate([own, *(np.arange(ends[i], ends[i + 1]) for i in chosen)])
-            found = np.linalg.lstsq(gram[np.ix_(at, at)], right[at], rcond=None)[0]
-            split = np.split(
-                (found / size_of[at])[own.size :], np.cumsum([shapes[i].columns.shape[1] for i in chosen])[:-1]
-            )
+            found, there = _bounded(gram[np.ix_(at, at)], right[at], least[at] * size_of[at])
+            cuts = own.size + np.cumsum([0, *(shapes[i].columns.shape[1] for i in chosen)])
+            if not np.logical_or.reduceat(there, cuts[:-1]).all():
+                continue
+            split = np.split((found / size_of[at])[own.size :], cuts[1:-1] - own.size)
             parts = [(shapes[i].trial, shapes[i].values(p)) for i, p in zip(chosen, split, strict=True)]
             if any(values is None for _, values in parts):
                 continue
-            cost = -float(found @ right[at]) + price * (at.size - own.size) + PRICE * size
+            cost = -float(found @ right[at]) + price * (np.count_nonzero(there) - own.size) + PRICE * size
             yield names, cost, [(trial, values) for trial, values in parts if values is not None]
+
+
+def _bounded(gram: Array, right: Array, least: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the least squares from normal equations without what would be below its least (k,), and what is there."""
+    there = np.ones(right.size, dtype=bool)
+    while True:
+        found = np.zeros(right.size)
+        found[there] = np.linalg.lstsq(gram[np.ix_(there, there)], right[there], rcond=None)[0]
+        below = there & (found < least)
+        if not below.any():
+            return found, there
+        there &= ~below
 
 
 def _overlapping(names: tuple[str, ...]) -> bool:
