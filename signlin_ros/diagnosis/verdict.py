@@ -353,16 +353,16 @@ def _drive(problem: Problem) -> str:
 
 def describe(f: Findings, whole: bool = False) -> Diagnosis:
     """Return the diagnosis that follows from what a search found; what explains too little is not proposed, unless the
-    ``whole`` path is wanted: nothing at all, or what explains only a part of what those before it leave, where these
-    are enough. Several effects together make many another law: they must explain nearly all.
+    ``whole`` path is wanted: nothing at all, or what explains only a part of what the first effect leaves, where that
+    is enough. Of several effects together this is not said: they make many another law.
     """
     f = f if whole or not _faint(f) else f.first(1)
     kind = kind_of_score(f.problem)
     level = [_best_level(f.unseen, f.steps[0].ranked.fit)] if kind == "windowed" else []
     told = _told(f, kind, level)
-    if told.verdict == "unexplained" and not whole:
-        shorter = (_told(_shorter(f, count), kind, level) for count in range(len(f.steps) - 1, 1, -1))
-        told = next((one for one in shorter if _stands(one)), told)
+    if told.verdict == "unexplained" and not whole and len(f.steps) > 2 and len(f.steps[1].ranked.effects) == 1:
+        first = _told(_first_alone(f), kind, level)
+        told = first if first.verdict == "missing" else told
     f, ladder, verdict, explained, rest = told
     problem, unseen, noise = f.problem, f.unseen_noise, f.noise
     partly = explained if verdict == "unexplained" else None
@@ -420,22 +420,14 @@ def _told(f: Findings, kind: str, level: Sequence[int]) -> _Told:
     return _Told(f, ladder, verdict, explained, rest)
 
 
-def _stands(told: _Told) -> bool:
-    """Tell whether a proposal that was cut short is one."""
-    several = len(told.findings.final.ranked.effects) > 1
-    return told.verdict == "missing" and (not several or told.explained >= NEARLY_ALL[1])
-
-
-def _shorter(f: Findings, count: int) -> Findings:
-    """Return the same with the first ``count`` steps only, the base among them; why what comes after is not proposed is
-    among what is declined.
-    """
-    first = f.first(count)
+def _first_alone(f: Findings) -> Findings:
+    """Return the same with the first step only; why what comes after is not proposed is among what is declined."""
+    first = f.first(2)
     known = first.final.ranked.effects
     why = {
         e: f"beside {_named(known)} it explains {100 * max(s.share, 0.0):.0f} % only of what is left, which is of "
         "another kind"
-        for s in f.steps[count:]
+        for s in f.steps[2:]
         for e in s.ranked.effects
         if e not in known
     }
