@@ -432,13 +432,15 @@ def _start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[A
 def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int, float]]:
     """Return the states whose start is fitted: (what each moves with or -1, by how much it may be off).
 
-    0: as far as it ever gets from what it moves with.
+    0: as far as it ever gets from what it moves with. A velocity is among them where it was not measured, but other
+    channels than the position tell of it, and what bends with it.
     """
     names, plant = c.model.states, problem.base.plant
     unknown: dict[int, tuple[int, float]] = {}
     if _moving(problem, s):
         twins = {i: _twin(n, names) for i, n in enumerate(names) if "." in n and not (c.filtered and n in c.floating)}
-        if twins and plant.velocity in names and plant.velocity not in problem.channels:
+        others = set(problem.channels) - {plant.position}
+        if others and plant.velocity in names and plant.velocity not in others and not all(twins.values()):
             unknown[names.index(plant.velocity)] = (-1, abs(s.start.get(plant.velocity, 0.0)))
         unknown |= {i: (names.index(twin) if twin else -1, 0.0) for i, twin in twins.items()}
         if plant.position in names and plant.position not in s.start:
