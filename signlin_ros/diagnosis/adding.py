@@ -157,9 +157,7 @@ class Adding:
         """Return trials fitted out, best first."""
 
         def finished(p: _Promise) -> Ranked | None:
-            levels, (c, theta) = self.problem.levels, (p.fit.candidate, p.fit.theta)
-            fits = descend(self.problem, c, theta, levels, 10, filter)
-            fits = fits or descend(self.problem, c, theta, levels[1:], 10, filter)  # at the highest it may diverge
+            fits = descend(self.problem, p.fit.candidate, p.fit.theta, self.problem.levels, 10, filter)
             return ranked(self.problem, p.ranked.effects, p.ranked.sensors, fits)
 
         return sorted((r for r in self.executor.map(finished, promising) if r is not None), key=evidence_of)

@@ -259,11 +259,6 @@ def _values(r: Ranked, effect: str) -> dict[str, float]:
     return dict(r.fit.fitted().effects[key].parameters) if key else {}
 
 
-def _vague(r: Ranked, effect: str) -> list[str]:
-    """Return those of the parameters that are known no better than to their own size."""
-    return vague(r.fit, _key(r, effect))
-
-
 def _key(r: Ranked, effect: str) -> str:
     """Return the key of an effect that was added last under its name, "" if it is one of a sensor."""
     known = r.fit.candidate.model.effects
@@ -724,7 +719,7 @@ class _Search:
         """
         for effect in r.effects:
             values = _values(r, effect)
-            nothing = [n for n in _vague(r, effect) if n in EFFECTS[effect].telling]
+            nothing = [n for n in vague(r.fit, _key(r, effect)) if n in EFFECTS[effect].telling]
             simpler = EFFECTS[effect].simpler(values | dict.fromkeys(nothing, 0.0))
             for name, start in simpler.items():
                 before = without(self.problem, r, effect) if name in self.known and name not in r.effects else None
