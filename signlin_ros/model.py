@@ -67,7 +67,7 @@ class Model:
     operating_range: dict[str, float] = field(default_factory=dict)
     linearization: str = ""
     operating_point: str = "start"
-    input_hold: str = ""
+    input_hold: str | float = ""
     update_period: float = 0.2
     state_weights: dict[str, float] = field(default_factory=dict)
     initial_state: dict[str, float] = field(default_factory=dict)
@@ -301,7 +301,7 @@ class Model:
     @property
     def early(self) -> float:
         """By how many steps a recorded input precedes its sample (`HOLDS`); 0 where the model does not say."""
-        return HOLDS.get(self.input_hold, 0.0)
+        return HOLDS.get(self.input_hold, 0.0) if isinstance(self.input_hold, str) else self.input_hold
 
     @functools.cached_property
     def delay(self) -> float:
@@ -518,13 +518,22 @@ def _order(value: Any, where: str) -> int:
         raise ModelError(str(error)) from error
 
 
+def _hold(value: Any, where: str) -> str | float:
+    if isinstance(value, str) and value in HOLDS:
+        return value
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 <= value <= 1.0:
+        return next((name for name, early in HOLDS.items() if early == value), float(value))
+    names = ", ".join(HOLDS)
+    raise ModelError(f"{where}: found {value!r}; allowed: {names}, or by how many steps it precedes its sample, 0 to 1")
+
+
 _OPTIONS: dict[str, Callable[[Any, str], Any]] = {
     "sign_order": _order,
     "sign_scale": lambda v, w: _number(v, w, 0.0, 1e12),
     "operating_range": _number_table(0.0, positive=True),
     "linearization": _choice(METHODS),
     "operating_point": _choice(OPERATING_POINTS),
-    "input_hold": _choice(tuple(HOLDS)),
+    "input_hold": _hold,
     "update_period": lambda v, w: _number(v, w, 0.0, 3600.0, "s", positive=True),
     "state_weights": _number_table(0.0),
     "initial_state": _number_table(-math.inf),

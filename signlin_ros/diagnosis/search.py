@@ -106,6 +106,9 @@ RIVAL = 0.5
 """How far from the best single, as a part of what that gains, the next is gone on from to deeper minima too."""
 BEAM = 4
 """How many singles are tried with a second effect where no single is enough."""
+FIRST = 0.5
+"""What another timing of the input must gain, as a share of what the best single effect does, to be gone on with
+first."""
 DEPTH = 3
 """Most effects that one diagnosis adds."""
 EXPLAINED = 0.95
@@ -175,40 +178,43 @@ def search(
     """
     own = ThreadPoolExecutor(os.cpu_count() or 1) if run is None else None
 
-    def found(model: Model, *notes: str) -> Findings:
+    def begun(model: Model, *notes: str) -> _Search:
         problem, unseen = prepared(model, data, validation)
         problem = replace(problem, notes=(*problem.notes, *notes))
-        return _Search(problem, unseen, run or own, progress or _silent, depth).run(only)  # type: ignore[arg-type]
+        return _Search(problem, unseen, run or own, progress or _silent, depth, only)  # type: ignore[arg-type]
+
+    def otherwise(hold: str | float) -> Findings:
+        return begun(model.with_options(input_hold=hold), _said(model, hold)).run()
 
     try:
-        first = found(model)
-        hold = "" if model.input_hold else _hold(first, run or own)  # type: ignore[arg-type]
-        if not hold:
-            return first
-        second = found(model.with_options(input_hold=hold), _said(model, hold))
-        return second if _clearer(second, first) else first
+        one = begun(model)
+        early = "" if model.input_hold else one.hold_at_first()
+        second = otherwise(early) if early else None
+        if second and not second.structured and second.final.ranked.evidence < one.best.evidence - CLEARLY:
+            return second
+        first = one.run()
+        hold = "" if model.input_hold or second else one.hold(first)
+        second = otherwise(hold) if hold else second
+        return second if second and _clearer(second, first) else first
     finally:
         if own:
             own.shutdown(wait=True, cancel_futures=True)
 
 
-def _hold(f: Findings, run: Executor) -> str:
-    """Return when the input acts, if otherwise than it was taken; see `signlin_ros.diagnosis.timing`."""
-    options = {r.label + str(r.sensors): r for r in (s.ranked for s in (f.steps[0], f.final, *f.singles[:1]))}
-    return better_hold(f.problem, list(options.values()), f.filter, run.map)
-
-
-def _said(model: Model, hold: str) -> str:
+def _said(model: Model, hold: str | float) -> str:
     name = model.inputs[0]
-    return f"{name} acts {WAYS[hold]} (input_hold: {hold}; input_hold: forward in the model file forbids it)"
+    way = WAYS[hold] if isinstance(hold, str) else f"from {hold:g} steps before its sample on"
+    return f"{name} acts {way} (input_hold: {hold}; input_hold: forward in the model file forbids it)"
 
 
 def _clearer(a: Findings, b: Findings) -> bool:
-    """Tell whether one proposal explains more than another, and leaves no structure or needs fewer effects: among
-    models that are wrong anyway, another timing is one more imitation.
+    """Tell whether one proposal explains more than another, and leaves no structure or needs fewer effects or the same:
+    among models that are wrong anyway, another timing is one more imitation.
     """
-    better = a.final.ranked.evidence < b.final.ranked.evidence - CLEARLY
-    return better and (not a.structured or len(a.final.ranked.effects) < len(b.final.ranked.effects))
+    mine, other = a.final.ranked, b.final.ranked
+    fewer = len(mine.effects) < len(other.effects)
+    same = set(mine.effects) == set(other.effects)
+    return mine.evidence < other.evidence - CLEARLY and (not a.structured or fewer or same)
 
 
 def _too_slow(problem: Problem) -> str:
@@ -282,26 +288,50 @@ def _between(before: Ranked, options: Sequence[Ranked], after: Ranked) -> list[R
 
 
 class _Search:
-    def __init__(self, problem: Problem, unseen: Problem, run: Executor, progress: Progress, depth: int) -> None:
-        self.problem, self.unseen, self.executor, self.progress, self.depth = problem, unseen, run, progress, depth
+    def __init__(
+        self, problem: Problem, unseen: Problem, run: Executor, progress: Progress, depth: int, only: str | None
+    ) -> None:
+        self.problem, self.unseen, self.executor, self.progress = problem, unseen, run, progress
+        self.depth, self.only = depth, only
         self.filter = Filter(np.zeros(len(problem.channels)))
         self.adding = Adding(problem, run)
         self.pairs: list[Ranked] = []
         self.declined: dict[str, str] = {}
-        self.known: dict[str, Trial] = {}
         self.told: dict[int, tuple[Ranked, Filter, bool]] = {}
         samples = sum(s.t.size for s in unseen.segments)
         self.block = max(min(int(BLOCK / problem.scale.step), samples // BLOCKS), 8)
-
-    def run(self, only: str | None = None) -> Findings:
         self.progress("preparing", 0.0)
-        trials, outside = applicable(self.problem)
+        self.trials, self.outside = applicable(problem)
         if only is not None:
-            trials = _only(trials, only, self.problem.base)
-        self.known = {t.effect: t for t in trials if t.added}
-        base = self._base()
+            self.trials = _only(self.trials, only, problem.base)
+        self.known = {t.effect: t for t in self.trials if t.added}
+        self.base = self._base()
         self.progress("single effects", 0.1)
-        base, singles = self._whiten(base, self._sharpened(self._singles(base, trials)))
+        self.alone = self._competed(self.base, self.trials)
+
+    @property
+    def best(self) -> Ranked:
+        """The best that was found before anything was looked at twice: the base model, or one effect more."""
+        return min([self.base, *self.alone], key=evidence_of)
+
+    def hold_at_first(self) -> str | float:
+        """Return when the input acts, if otherwise than it was taken, where no single effect is enough, and if that is
+        worth a good part of what the best of these is.
+        """
+        hold, gain = ("", 0.0) if self._enough(self.best) else self._hold([self.base, *self.alone[:2]])
+        return hold if gain > FIRST * (self.base.evidence - self.best.evidence) else ""
+
+    def hold(self, f: Findings) -> str | float:
+        """Return when the input acts, if otherwise than it was taken, by what was found."""
+        return self._hold([s.ranked for s in (f.steps[0], f.final, *f.singles[:1])])[0]
+
+    def _hold(self, options: list[Ranked]) -> tuple[str | float, float]:
+        different = {r.label + str(r.sensors): r for r in options}
+        return better_hold(self.problem, list(different.values()), self.filter, self.executor.map)
+
+    def run(self) -> Findings:
+        base, trials, only = self.base, self.trials, self.only
+        base, singles = self._whiten(base, self._sharpened(self._singles(base, self.alone, trials)))
         path = self._forced(base, singles) if only else self._path(base, singles, trials)
         self.pairs += self._exchanged(base, path[-1].ranked, singles)
         self.progress("validation", 0.9)
@@ -314,7 +344,7 @@ class _Search:
             tuple(map(_tidied, _in_order(path))),
             tuple(map(_tidied, shown)),
             tuple(self.pairs),
-            tuple(outside),
+            tuple(self.outside),
             left_by(self.problem, at),
             self._both(path, at.gains),
             self._both(path, self.problem.levels[1]),
@@ -335,11 +365,14 @@ class _Search:
             self.filter = white
         return base
 
-    def _singles(self, base: Ranked, trials: list[Trial]) -> list[Ranked]:
-        """Return every effect alone, best first; searched as thoroughly as is needed for one that is enough."""
+    def _competed(self, base: Ranked, trials: list[Trial]) -> list[Ranked]:
+        """Return every effect alone, best first."""
         singles = compete(self.problem, base, trials, self.executor)
         first = [self._unborrowed(base, afloat(self.problem, r, self.executor.map)) for r in singles[:1]]
-        singles = sorted([*first, *singles[1:]], key=evidence_of)
+        return sorted([*first, *singles[1:]], key=evidence_of)
+
+    def _singles(self, base: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Ranked]:
+        """Return every effect alone, best first, searched as thoroughly as is needed for one that is enough."""
         if not (self.filter.rho.any() or self._enough(min([base, *singles], key=evidence_of))):
             singles = [self._unborrowed(base, r) for r in searched(self.problem, trials, singles, self.executor)]
             singles = sorted(singles, key=evidence_of)

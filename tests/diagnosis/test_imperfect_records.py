@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import butter, filtfilt
 
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.derived import without_derived
@@ -30,8 +31,9 @@ def axis(seed: int, samples: int = 4000, fine: int = 10) -> tuple[np.ndarray, np
         for _ in range(fine):
             free = force - 130.0 * w
             after = w + (free - 17.0 * np.sign(w)) / 22.0 * h
+            before = w
             w = after if w * after > 0 else (w * 0.0 if abs(free) < 17.0 else (free - 17.0 * np.sign(free)) / 22.0 * h)
-            x += w * h
+            x += (before + w) / 2 * h
     return t, u, q, v
 
 
@@ -113,6 +115,32 @@ def test_a_velocity_that_was_computed_from_the_position_is_no_channel_of_its_own
     model, shown = Model.from_dict(AXIS), np.round(q / QUANTUM) * QUANTUM
     own = without_derived(model, [read(t, u, displacement=shown, velocity=law(shown))], ("displacement", "velocity"))
     assert own == ("displacement",)
+
+
+def in_the_drive(q: np.ndarray, every: int, cutoff: float) -> np.ndarray:
+    """Return a velocity that a drive filtered at its own rate, from the encoder; a log has every n-th value."""
+    raw = np.diff(np.round(q / QUANTUM) * QUANTUM, prepend=q[0]) * FS
+    return filtfilt(*butter(2, 2 * cutoff / FS), raw)[::every]
+
+
+@pytest.mark.parametrize(("every", "cutoff"), [(2, 25.0), (3, 30.0), (4, 60.0)])
+def test_a_velocity_that_was_filtered_faster_than_it_was_logged_is_no_channel(moved, every, cutoff):
+    t, u, q, _ = moved
+    shown = (np.round(q / QUANTUM) * QUANTUM)[::every]
+    data = read(t[::every], u[::every], displacement=shown, velocity=in_the_drive(q, every, cutoff))
+    assert without_derived(Model.from_dict(AXIS), [data], ("displacement", "velocity")) == ("displacement",)
+
+
+def test_what_a_filter_did_to_a_velocity_is_not_taken_for_an_effect():
+    data = []
+    for seed in (3, 4):
+        t, u, q, _ = axis(seed, 12_000, 4)
+        shown = (np.round(q / QUANTUM) * QUANTUM)[::2]
+        data.append(read(t[::2], u[::2], displacement=shown, velocity=in_the_drive(q, 2, 20.0)))
+    found = diagnose(Model.from_dict(AXIS), *data)
+    assert found.verdict == "missing"
+    assert found.ladder[-1].effects == ("coulomb_friction",)
+    assert found.ranking[0].parameters["mu"].value == pytest.approx(17.0, rel=0.01)
 
 
 @pytest.mark.parametrize("level", [1e-5, 1e-3, 1e-2])

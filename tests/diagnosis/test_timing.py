@@ -27,10 +27,12 @@ def record(seed: int, hold: str, mu: float = 0.0, seconds: float = 10.0) -> Mode
     t = np.arange(count) * STEP
     fine = np.arange(count * FINE) * dt + dt / 2
     shown = force(t)
+    after = zip(shown, np.append(shown[1:], 0.0), strict=True)
     acting = {
         "forward": np.repeat(shown, FINE),
         "centred": force(fine),
         "backward": np.repeat(np.append(shown[1:], 0.0), FINE),
+        "three quarters": np.concatenate([np.where(np.arange(FINE) < FINE / 4, *w) for w in after]).ravel(),
     }[hold]
     states, q, v = np.zeros((count, 2)), 0.0, 0.0
     for i, F in enumerate(acting):
@@ -57,6 +59,16 @@ def test_it_is_found_out(hold, mu):
     assert (found.model.input_hold or "forward") == hold
     assert any("input_hold" in note for note in found.notes) == (hold != "forward")
     assert found.parameters["k"].value == pytest.approx(K, rel=0.003)
+
+
+def test_a_loop_that_is_faster_than_its_log_acts_anywhere_in_between():
+    found = diagnose(Model.from_dict(BASE), record(1, "three quarters", 3.0), record(2, "three quarters", 3.0))
+    assert found.verdict == "missing"
+    assert found.ladder[-1].effects in (("coulomb_friction",), ("stribeck_friction",))
+    assert found.model.input_hold == pytest.approx(0.75, abs=0.04)
+    assert any("steps before its sample" in note for note in found.notes)
+    again = Model.from_dict(found.model.to_dict())
+    assert again.input_hold == found.model.input_hold
 
 
 def test_what_was_found_holds_for_a_comparison():
