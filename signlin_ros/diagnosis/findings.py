@@ -143,7 +143,7 @@ class Findings:
         """Standard deviation (ny) of the noise on unseen data: what the proposal leaves there but structure; where it
         leaves some, no more than the sensors' can be.
         """
-        left = residues(self.held_out[1], self.unseen.noise)
+        left = residues(self.held_out[1], self.unseen.white(self._judged.gains))
         left = [r.depending(s.dependent) for r, s in zip(left, self.left, strict=True)]
         found = np.array([r.noise if r.structure < 0.5 else n for r, n in zip(left, self.noise, strict=True)])
         found = found if self.floor is None else np.minimum(found, self.floor[1])
@@ -197,9 +197,12 @@ def judged(problem: Problem, r: Ranked) -> Fit:
     """Return the fit by whose residual a model is judged: that at the lowest gain, where most shows of what is missing.
 
     Where the motion is so sensitive there that noise and the uncertainty of the parameters alone make what is left
-    (chaos under cogging, contacts), it is the one of highest likelihood.
+    (chaos under cogging, contacts), it is the one of highest likelihood; and where gains are those of noise in the
+    inputs, of which one fits it best.
     """
     low, c = r.low, r.fit.candidate
+    if problem.driven:
+        return r.fit
     if low is r.fit or low.cost - r.fit.cost <= NEEDED:
         return low
     reference = follow_records(problem, c, r.fit.theta, low.gains, False)
@@ -234,7 +237,7 @@ def _by_chance(problem: Problem, f: Fit, gains: Gains, left: Sequence[Array], fl
 def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:
     """Tell whether the residual of a fitted model shows structure that is no noise of the filter's colour."""
     at = judged(problem, r)
-    if at.cost - r.fit.cost > NEEDED or any_structure(at.innovations, problem.noise):
+    if at.cost - r.fit.cost > NEEDED or any_structure(at.innovations, problem.white(at.gains)):
         return True
     whitened = [filter.apply(e) for e in at.innovations]
     rounding = np.nanstd(np.concatenate(at.innovations), axis=0) < ROUNDED * problem.quanta
@@ -245,7 +248,7 @@ def structured(problem: Problem, r: Ranked, filter: Filter) -> bool:
 def left_by(problem: Problem, f: Fit) -> tuple[Residue, ...]:
     """Return what a fit leaves in every channel, taken apart; what follows from its motion is structure."""
     shares = dependence(problem, f)
-    found = residues(f.innovations, problem.noise)
+    found = residues(f.innovations, problem.white(f.gains))
     return tuple(r.depending(s if s > DEPENDENT else 0.0) for r, s in zip(found, shares.tolist(), strict=True))
 
 
@@ -257,7 +260,7 @@ def driven_by_noise(problem: Problem, r: Ranked) -> bool:
     where little of it is left, from one function of it at least.
     """
     c = r.fit.candidate
-    if problem.scale.imposed or c.filtered:
+    if problem.scale.imposed or problem.driven or c.filtered:
         return False
     at = judged(problem, r)
     if bool((dependence(problem, at, of_input=False) > AT_RANDOM).any()):

@@ -41,6 +41,8 @@ FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 samples before each tell what an effect remembers at its start."""
 DOUBT = 3.0
 """Times the distance between an imposed state, put together from rates, and its measurements by which it may be off."""
+TIMES = (8.0, 4.0, 2.0, 1.0)
+"""Multiples of the noise in the inputs that gains are made for, from high to low: between samples there may be more."""
 SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 
@@ -74,6 +76,7 @@ class Gains:
 
     ``weights`` (G, ny): what the first innovations count, made uncertain as they are by the unknown initial state.
     ``spread`` (2, n): variances that a step adds to the states, and those that they start with; (2, 0): not known.
+    ``expected`` (ny): standard deviation of the innovations of a filter that is right.
     """
 
     tau: float
@@ -81,6 +84,7 @@ class Gains:
     values: Array
     weights: Array
     spread: Array = field(default_factory=lambda: np.zeros((2, 0)))
+    expected: Array = field(default_factory=lambda: np.zeros(0))
 
     def rows(self, states: tuple[str, ...]) -> Array:
         """Return the gains for a model with these states: an effect's own position or velocity moves with the
@@ -108,7 +112,8 @@ class Problem:
     ``base``: the model as given (a motor whose position is measured has it as a state). ``noise`` (ny): standard
     deviation of white noise on each channel, from fourth differences. ``levels``: gains from high to low.
     ``x_scale``: size of every state by name. ``units``: of what is measured, as the records have them. ``quanta``
-    (ny): the steps in which it is shown, 0 for none.
+    (ny): the steps in which it is shown, 0 for none. ``driven``: the gains are those of noise in the inputs, see
+    `driven_by_inputs`.
     """
 
     base: Model
@@ -122,6 +127,7 @@ class Problem:
     units: dict[str, str] = field(default_factory=dict)
     quanta: Array = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
+    driven: bool = False
 
     @functools.cached_property
     def short(self) -> Problem:
@@ -135,6 +141,12 @@ class Problem:
     def led(self) -> Problem:
         """The same, where effects remember what was before each stretch: half as much again takes it."""
         return _shortened(self)
+
+    def white(self, gains: Gains) -> Array:
+        """Return the standard deviation (ny) of the white noise that a right model leaves at a gain: that of the
+        sensors, with what noise in the inputs adds within a step where the gains are made for that.
+        """
+        return gains.expected if self.driven else self.noise
 
     def observer(self, tau: float, noise: Array | None = None) -> Gains:
         """Return the gains of an observer with time constant tau (s), in a noise (ny) other than its own if given."""
@@ -426,11 +438,46 @@ def design(
     Q = _process_noise(model, states, measured, dt, tau)
     first = {s: SETTLED * measured[s] ** 2 if s in measured else sizes.get(s, 1.0) ** 2 for s in states}
     P0 = np.diag([min(first[s], (known or {}).get(s, np.inf) ** 2) for s in states])
-    values = np.zeros((20_000, len(states), len(channels)))
-    variances = np.zeros((20_000, len(channels)))
-    used = kalman_gains(expm(A * dt), np.ravel(C), Q, noise**2, P0, values, variances)
+    return _kalman(states, expm(A * dt), C, Q, noise, P0, tau)
+
+
+def _kalman(states: tuple[str, ...], Ad: Array, C: Array, Q: Array, noise: Array, P0: Array, tau: float) -> Gains:
+    """Return the gains of the Kalman filter of a discrete model, from what is known at the start on."""
+    values = np.zeros((20_000, len(states), noise.size))
+    variances = np.zeros((20_000, noise.size))
+    used = kalman_gains(Ad, np.ravel(C), Q, noise**2, P0, values, variances)
     spread = np.array([np.diag(Q), np.diag(P0)])
-    return Gains(tau, states, values[:used].copy(), np.sqrt(variances[used - 1] / variances[:used]), spread)
+    last = variances[used - 1]
+    return Gains(tau, states, values[:used].copy(), np.sqrt(last / variances[:used]), spread, np.sqrt(last))
+
+
+def input_noise(segments: Sequence[Segment]) -> Array:
+    """Return the standard deviation (m) of white noise on every recorded input, steps left out."""
+    levels = [[noise_level(s.t, column).sigma for column in s.u.T] for s in segments]
+    return np.asarray(np.sqrt(np.average(np.square(levels), axis=0, weights=[s.t.size for s in segments])))
+
+
+def driven_by_inputs(problem: Problem) -> Problem | None:
+    """Return a problem with the gains of Kalman filters for which noise in the inputs, as the records show it and up to
+    `TIMES` as much, is what moves the state at random; None where an input is not noisy enough to matter.
+
+    A loop that is faster than its log acts between the samples as the log does not tell; and where the position is
+    known finely, that is more than its noise within a sample or two.
+    """
+    sigma = input_noise(problem.segments)
+    if problem.scale.imposed or not sigma.any():
+        return None
+    first = np.diag(problem.levels[0].spread[1])
+    states, A, B, C = linear_base(problem.base, problem.channels)
+    n, m = B.shape
+    step = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * problem.scale.step)
+    levels = []
+    for times in TIMES:
+        moved = step[:n, n:] * (times * sigma)
+        levels.append(_kalman(states, step[:n, :n], C, moved @ moved.T, problem.noise, first, problem.scale.step))
+    own = [(states.index(name), c) for c, name in enumerate(problem.channels) if name in states]
+    faster = [levels[-1].values[-1, i, c] > problem.levels[1].values[-1, i, c] for i, c in own]
+    return replace(problem, levels=tuple(levels), driven=True) if any(faster) else None
 
 
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:
@@ -579,4 +626,15 @@ def _ranges(model: Model, segments: Sequence[Segment], X: Array) -> dict[str, tu
     return {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
 
 
-__all__ = ["LEAST_SAMPLES", "Gains", "Problem", "Segment", "check_moving", "constant_inputs", "moves", "prepare"]
+__all__ = [
+    "LEAST_SAMPLES",
+    "Gains",
+    "Problem",
+    "Segment",
+    "check_moving",
+    "constant_inputs",
+    "driven_by_inputs",
+    "input_noise",
+    "moves",
+    "prepare",
+]

@@ -105,7 +105,7 @@ def consistent(problem: Problem, f: Fit, strict: bool = False) -> bool:
     """
     close = f.candidate.floating and (strict or f.gains is problem.levels[-1])
     left, most = np.concatenate(f.innovations), CONSISTENT[0] if close else CONSISTENT[1]
-    return bool((np.nanmedian(np.abs(left), axis=0) < most * norm.ppf(0.75) * problem.noise).all())
+    return bool((np.nanmedian(np.abs(left), axis=0) < most * norm.ppf(0.75) * problem.white(f.gains)).all())
 
 
 def trusted(problem: Problem, fits: Sequence[Fit]) -> Sequence[Fit]:
@@ -413,7 +413,7 @@ def _near(problem: Problem, reference: float, climbed: Sequence[Sequence[tuple[F
     best = min(climbed, key=_reached, default=())
     if not best or not reference - _reached(best) >= MUCH:
         return np.inf
-    if any_structure(best[0][1].innovations, problem.noise):
+    if any_structure(best[0][1].innovations, problem.white(best[0][1].gains)):
         return np.inf
     return _reached(best) + BEHIND
 

@@ -124,7 +124,7 @@ def _needless(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | 
     start = fit(problem, before.fit.candidate, f.gains, before.fit.theta, 2, f.filter) if essential else None
     for i in essential:
         gained = start.cost - f.cost if start else np.inf
-        least = NEEDLESS * gained if any_structure(f.innovations, problem.noise) else roughness(f)
+        least = NEEDLESS * gained if any_structure(f.innovations, problem.white(f.gains)) else roughness(f)
         if any(cost - f.cost < max(NEEDED, least) for cost in _without(problem, f, i)):
             key, _, name = c.coordinates[i].name.partition(".")
             return c.model.effects[key].type, name
@@ -189,7 +189,7 @@ def _unrepeated(problem: Problem, r: Ranked) -> tuple[str, str] | None:
     for key, name, seen in _waves(problem, r):
         if r.fit.parameters()[name] > finest(problem):
             return r.fit.candidate.model.effects[key].type, ""
-        if seen < REPEATED or (seen < 1.0 and any_structure(r.fit.innovations, problem.noise)):
+        if seen < REPEATED or (seen < 1.0 and any_structure(r.fit.innovations, problem.white(r.fit.gains))):
             why = f"the motion covers {seen:.0%} of what would be its period: nothing shows that it repeats"
             return r.fit.candidate.model.effects[key].type, why
     return None
@@ -216,7 +216,7 @@ def _as_good_at_others(problem: Problem, f: Fit, name: str, without: float) -> b
     gained = max(without - f.cost, 1e-300)
     fits = (_at_order(problem, f, name, times) for times in OTHERS)
     shares = ((without - other.cost) / gained if other else 0.0 for other in fits)
-    if any_structure(f.innovations, problem.noise):
+    if any_structure(f.innovations, problem.white(f.gains)):
         return any(share > INDIFFERENT[0] for share in islice(shares, 2))
     return all(share > INDIFFERENT[1] for share in shares)
 

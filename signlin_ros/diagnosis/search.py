@@ -33,6 +33,7 @@ from signlin_ros.diagnosis.problem import (
     added_keys,
     check_moving,
     constant_inputs,
+    driven_by_inputs,
     linear_base,
     moves,
     pieces,
@@ -106,9 +107,9 @@ RIVAL = 0.5
 """How far from the best single, as a part of what that gains, the next is gone on from to deeper minima too."""
 BEAM = 4
 """How many singles are tried with a second effect where no single is enough."""
-FIRST = 0.5
-"""What another timing of the input must gain, as a share of what the best single effect does, to be gone on with
-first."""
+WORTH = 0.3
+"""Least share of the squared innovations that an effect must take where gains are made for noise in the inputs: that is
+recorded with them, and so bends a model by some of what it leaves."""
 DEPTH = 3
 """Most effects that one diagnosis adds."""
 EXPLAINED = 0.95
@@ -170,31 +171,37 @@ def search(
     progress: Progress | None = None,
     depth: int = DEPTH,
     only: str | None = None,
+    driven: bool = False,
 ) -> Findings:
     """Find what a model lacks; see `Findings`. ``run``: where candidates are fitted, threads by default.
 
-    ``only``: one effect that is added in any case. Raises `InputError` where it does not apply or the base diverges.
-    Where the model does not say when its input acts, and the records say so clearly, all is done again with that.
+    ``only``: one effect that is added in any case. ``driven``: with gains as of `driven_by_inputs`, where these matter.
+    Raises `InputError` where an effect does not apply or the base diverges. Where the model does not say when its input
+    acts, and the records say so clearly, all is done again with that.
     """
     own = ThreadPoolExecutor(os.cpu_count() or 1) if run is None else None
 
     def begun(model: Model, *notes: str) -> _Search:
         problem, unseen = prepared(model, data, validation)
+        if driven and (other := driven_by_inputs(problem)):
+            problem, unseen = other, replace(unseen, levels=other.levels, driven=True)
         problem = replace(problem, notes=(*problem.notes, *notes))
         return _Search(problem, unseen, run or own, progress or _silent, depth, only)  # type: ignore[arg-type]
 
-    def otherwise(hold: str | float) -> Findings:
-        return begun(model.with_options(input_hold=hold), _said(model, hold)).run()
+    def otherwise(hold: str | float) -> _Search:
+        return begun(model.with_options(input_hold=hold), _said(model, hold))
 
     try:
-        one = begun(model)
+        one, second = begun(model), None
         early = "" if model.input_hold else one.hold_at_first()
-        second = otherwise(early) if early else None
-        if second and not second.structured and second.final.ranked.evidence < one.best.evidence - CLEARLY:
-            return second
+        if early:
+            other = otherwise(early)
+            second = other.run()
+            if not second.structured and not other.hold(second):
+                return second
         first = one.run()
         hold = "" if model.input_hold or second else one.hold(first)
-        second = otherwise(hold) if hold else second
+        second = otherwise(hold).run() if hold else second
         return second if second and _clearer(second, first) else first
     finally:
         if own:
@@ -309,17 +316,13 @@ class _Search:
         self.progress("single effects", 0.1)
         self.alone = self._competed(self.base, self.trials)
 
-    @property
-    def best(self) -> Ranked:
-        """The best that was found before anything was looked at twice: the base model, or one effect more."""
-        return min([self.base, *self.alone], key=evidence_of)
-
     def hold_at_first(self) -> str | float:
-        """Return when the input acts, if otherwise than it was taken, where no single effect is enough, and if that is
-        worth a good part of what the best of these is.
+        """Return when the input acts, if otherwise than it was taken, where that explains more than any single effect
+        does, and none of these is enough.
         """
-        hold, gain = ("", 0.0) if self._enough(self.best) else self._hold([self.base, *self.alone[:2]])
-        return hold if gain > FIRST * (self.base.evidence - self.best.evidence) else ""
+        best = min([self.base, *self.alone], key=evidence_of)
+        hold, gain = ("", 0.0) if self._enough(best) else self._hold([self.base])
+        return hold if gain > self.base.evidence - best.evidence else ""
 
     def hold(self, f: Findings) -> str | float:
         """Return when the input acts, if otherwise than it was taken, by what was found."""
@@ -411,7 +414,7 @@ class _Search:
 
     def _colour(self, r: Ranked) -> Filter:
         """Return the colour of what a model leaves."""
-        return Filter(np.array([one.filter for one in residues(r.low.innovations, self.problem.noise)]))
+        return Filter(np.array([one.filter for one in residues(r.low.innovations, self.problem.white(r.low.gains))]))
 
     def _in_colour(self, r: Ranked, colour: Filter) -> float:
         """Return the evidence of a model fitted to the end in noise of that colour."""
@@ -514,7 +517,9 @@ class _Search:
         if not better:
             return path
         step = None if self._refused(r, path[0].ranked) else self._compared(path[0], r)
-        return self._onto(path, step, path[0]) if step is not None and self._beyond_doubt(path[:1], step) else path
+        if step is None or (self.problem.driven and step.share < WORTH):
+            return path
+        return self._onto(path, step, path[0]) if self._beyond_doubt(path[:1], step) else path
 
     def _needed(self, r: Ranked) -> Ranked:
         """Return a set of effects without those that explain nothing of unseen data beside the others."""
@@ -634,6 +639,8 @@ class _Search:
         if kept is None:
             return None
         step = self._seen_awake(path[-1], self._compared(path[-1], kept))
+        if self.problem.driven and step.share < WORTH:
+            return None
         return step if self._unbent(path, step) or self._beyond_doubt(path, step) else None
 
     def _gains(self, r: Ranked, last: Ranked) -> bool:
@@ -707,7 +714,7 @@ class _Search:
         if len(path) < 2 or self._enough(path[-1].ranked) or not self._enough(step.ranked):
             return False
         left = np.sqrt(np.nanmean(np.concatenate(step.unseen) ** 2, axis=0))
-        return bool((left < NOISE * self.unseen.noise).all())
+        return bool((left < NOISE * self.unseen.white(step.ranked.fit.gains)).all())
 
     def _seen_awake(self, before: Step, step: Step) -> Step:
         """Return a step as certain as it is at the highest gain, where that is beyond doubt and noise in the input may

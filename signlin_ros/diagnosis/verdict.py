@@ -16,12 +16,20 @@ from signlin_ros.diagnosis.data import arriving, as_list
 from signlin_ros.diagnosis.findings import NEEDED, Findings, Step, structured
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records, seen_late
 from signlin_ros.diagnosis.judge import correlations
-from signlin_ros.diagnosis.problem import Gains, Problem, Segment, added_keys, linear_base
+from signlin_ros.diagnosis.problem import (
+    Gains,
+    Problem,
+    Segment,
+    added_keys,
+    driven_by_inputs,
+    input_noise,
+    linear_base,
+)
 from signlin_ros.diagnosis.rank import Ranked, evidence_of
 from signlin_ros.diagnosis.refusals import plausible, sound
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
 from signlin_ros.diagnosis.scores import Score, score
-from signlin_ros.diagnosis.search import CERTAIN, EXPLAINED, FURTHER, SIMPLE, SURE, TIE, Progress, search
+from signlin_ros.diagnosis.search import CERTAIN, DEPTH, EXPLAINED, FURTHER, SIMPLE, SURE, TIE, Progress, search
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
@@ -86,7 +94,7 @@ def diagnose(
     third of every record is held out. ``jobs``: where candidates are fitted (threads by default). Raises
     `RecordError` for records that cannot be used.
     """
-    return describe(search(model, as_list(data), _or_none(validation), jobs, progress))
+    return _found(model, data, validation, jobs, progress)
 
 
 def add(
@@ -102,8 +110,8 @@ def add(
 
     Arguments as in `diagnose`; raises `ModelError` for an unknown effect, `InputError` where it cannot be added.
     """
-    findings = search(model, as_list(data), _or_none(validation), jobs, progress, only=effect)
-    found, share = describe(findings, whole=True), _explained(findings)
+    found = _found(model, data, validation, jobs, progress, only=effect)
+    findings, share = found.findings, _explained(found.findings)
     rest = " Structure remains: ask `diagnose` what else is missing." if findings.unaccounted else ""
     worth = f"{effect.replace('_', ' ')} explains {_percent(share)} of the missing motion"
     sure = f"by {min(findings.final.certainty, 99):.1f} standard errors"
@@ -129,8 +137,33 @@ def refine(
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Add effects until nothing confirmed is missing; the last of the notes says why it stopped."""
-    found = describe(search(model, as_list(data), _or_none(validation), jobs, progress, depth=MOST))
+    found = _found(model, data, validation, jobs, progress, depth=MOST)
     return replace(found, notes=(*found.notes, _why_stopped(found)))
+
+
+def _found(
+    model: Model,
+    data: ModelData | Sequence[ModelData],
+    validation: ModelData | Sequence[ModelData] | None,
+    jobs: Executor | None,
+    progress: Progress | None,
+    depth: int = DEPTH,
+    only: str | None = None,
+) -> Diagnosis:
+    """Return the verdict on what a search found, or on what one found that takes noise in the inputs for what moves the
+    state, if that matters and explains what the first does not.
+    """
+
+    def one(driven: bool) -> Diagnosis:
+        found = search(model, as_list(data), _or_none(validation), jobs, progress, depth, only, driven)
+        return describe(found, whole=only is not None)
+
+    first = one(False)
+    f = first.findings
+    if first.verdict != "unexplained" or f.reversed or driven_by_inputs(f.problem) is None:
+        return first
+    second = one(True)
+    return first if second.verdict == "unexplained" else second
 
 
 def _why_stopped(d: Diagnosis) -> str:
@@ -898,7 +931,17 @@ def _notes(f: Findings) -> tuple[str, ...]:
     for name, rho in zip(f.problem.channels, f.filter.rho, strict=True):
         if rho:
             notes.append(f"the noise of {name} is coloured (correlation {rho:.2f} from sample to sample)")
-    return (*f.problem.notes, *f.unseen.notes, *notes, *_scale_note(f))
+    return (*f.problem.notes, *f.unseen.notes, *notes, *_driven_note(f.problem), *_scale_note(f))
+
+
+def _driven_note(problem: Problem) -> tuple[str, ...]:
+    """Return that models were told apart by what they leave from one sample to the next, and why."""
+    if not problem.driven:
+        return ()
+    name = problem.base.inputs[0]
+    noise = f"{input_noise(problem.segments)[0]:.2g} {problem.units.get(name, '')}".rstrip()
+    why = f"the motion is recorded so finely that noise of {noise} in the {name} moves it more than its own noise"
+    return (f"{why}: models were told apart by what they leave from one sample to the next",)
 
 
 def _scale_note(f: Findings) -> tuple[str, ...]:
