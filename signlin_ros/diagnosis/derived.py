@@ -29,7 +29,7 @@ FORETOLD = 0.1
 """Part of the velocity's noise, and of what its neighbours foretell, beneath which it is foretold by the position."""
 WIDE, MOST = 60, 20_000
 """Differences of the position before and after a sample that a filter may have gone through, and samples looked at."""
-NEARLY, FINE, SMOOTH, APART = 0.02, 0.05, 0.5, 3.0
+NEARLY, FINE, SMOOTH, APART = 0.02, 0.05, 0.5, 2.5
 """A velocity was filtered if wide combinations of differences leave less than this share of it, if noise of the
 position makes less than that share of a single difference, if of what is left no more is white noise than that, and if
 it leads elsewhere than the position by more than so many times what noise in both would."""
@@ -74,7 +74,7 @@ def _is_filtered(t: Array, q: Array, v: Array) -> bool:
         return False
     size, step, noise = float(np.std(v)), float(np.median(np.diff(t))), noise_level(t, q).sigma
     apart = np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t)) - q[1:]
-    astray = np.hypot(noise, noise_level(t, v).sigma * np.sqrt(step * (t[-1] - t[0])))
+    astray = np.hypot(noise, noise_level(t, v).sigma * np.sqrt(step * (t[-1] - t[0]) / 6))  # as a random walk's
     if np.sqrt(2) * noise > FINE * size * step or np.std(apart) < APART * astray:
         return False
     slopes, rows = np.diff(q) / np.diff(t), np.arange(reach, t.size - 1 - reach)

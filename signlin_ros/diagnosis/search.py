@@ -822,7 +822,20 @@ class _Search:
             if not self._enough(min(found, key=evidence_of)):
                 found += self.adding.awake([r for r in starts if r is not now], trials, self.filter)
         self.pairs += found
-        return sorted(found, key=evidence_of)
+        return sorted([*found, *self._reached_by(found, singles)], key=evidence_of)
+
+    def _reached_by(self, pairs: Sequence[Ranked], singles: list[Ranked]) -> list[Ranked]:
+        """Return the parts of the best pairs that are far better alone than these are among the singles, and put them
+        there: one more effect showed the way out of a local minimum.
+        """
+        best = [r for r in sorted(pairs, key=evidence_of) if len(r.effects) == 2 and not r.sensors][:FRONT]
+        parts = self.executor.map(lambda w: without(self.problem, *w), [(r, e) for r in best for e in r.effects])
+        found: dict[tuple[str, ...], Ranked] = {}
+        for part in sorted((r for r in parts if r), key=evidence_of):
+            known = next((r for r in singles if r.effects == part.effects), None)
+            if known and part.evidence < known.evidence - STRONG:
+                singles[singles.index(known)] = found.setdefault(part.effects, part)
+        return list(found.values())
 
     def _exchanged(self, base: Ranked, final: Ranked, singles: Sequence[Ranked]) -> list[Ranked]:
         """Return what is proposed with each of several effects exchanged for what explained as much alone."""

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
+from signlin_ros.diagnosis import search
 from signlin_ros.diagnosis.data import Stretch
 from signlin_ros.diagnosis.inverse import Efforts
 from signlin_ros.diagnosis.rank import applicable
@@ -100,3 +103,19 @@ def test_three_plain_effects_are_not_taken_for_a_rich_one():
 def test_three_plain_effects_do_not_stand_for_what_is_not_listed():
     found = diagnose(NOMINAL, *(lift(seed, lambda v: FRICTION * (1.0 + v**0.5)) for seed in (7, 8)))
     assert found.verdict == "unexplained"
+
+
+def test_a_pair_shows_the_way_to_its_part(monkeypatch):
+    problem, unseen = prepared(NOMINAL, [lift(1)], [lift(2)])
+    with ThreadPoolExecutor(1) as run:
+        sought = search._Search(problem, unseen, run, lambda what, done: None, 3, None)
+    weight, friction = (replace(sought.base, effects=(n,)) for n in ("constant_load", "coulomb_friction"))
+    singles = [replace(weight, evidence=-100.0), replace(friction, evidence=-90.0)]
+    pair = replace(sought.base, effects=("constant_load", "coulomb_friction"), evidence=-500.0)
+    parts = {"coulomb_friction": replace(weight, evidence=-400.0), "constant_load": replace(friction, evidence=-91.0)}
+    monkeypatch.setattr(search, "without", lambda problem, r, effect: parts[effect])
+    with ThreadPoolExecutor(1) as run:
+        sought.executor = run
+        found = sought._reached_by([pair], singles)
+    assert found == [parts["coulomb_friction"]]
+    assert singles == [parts["coulomb_friction"], replace(friction, evidence=-90.0)]
