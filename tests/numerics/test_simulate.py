@@ -395,9 +395,10 @@ def test_an_input_delay_shifts_the_input() -> None:
 
 
 @pytest.mark.parametrize(
-    ("hold", "weights"), [("forward", (1.0, 0.0)), ("centred", (0.5, 0.5)), ("backward", (0.0, 1.0))]
+    ("hold", "weights"),
+    [("forward", (1.0, 0.0)), ("centred", (0.5, 0.5)), ("backward", (0.0, 1.0)), (0.2, (0.8, 0.2))],
 )
-def test_when_an_input_acts(hold: str, weights: tuple[float, float]) -> None:
+def test_when_an_input_acts(hold: str | float, weights: tuple[float, float]) -> None:
     rng = np.random.default_rng(1)
     t, u = np.cumsum(rng.uniform(0.01, 0.03, 50)), rng.normal(size=50)
     model = Model.from_dict(

@@ -646,3 +646,16 @@ def test_numbers_are_read_as_ros_2_reads_them(tmp_path):
         "/**:\n  ros__parameters:\n    plant: mass_spring_damper\n    parameters: {m: 1e0, c: 1.0e-3, k: 1.0e5}\n"
     )
     assert Model.load(file).parameters == {"m": 1.0, "c": 0.001, "k": 1e5}
+
+
+@pytest.mark.parametrize(("given", "kept", "early"), [(0, "forward", 0.0), (0.5, "centred", 0.5), (0.4, 0.4, 0.4)])
+def test_an_input_precedes_its_sample_by_steps_or_by_name(given, kept, early):
+    model = Model.load("mass_spring_damper").with_options(input_hold=given)
+    assert (model.input_hold, model.early) == (kept, early)
+    assert Model.from_dict(model.to_dict()).early == early
+
+
+@pytest.mark.parametrize("wrong", [-0.1, 1.5, "later", True, None, float("nan")])
+def test_an_input_is_no_more_than_a_step_early(wrong):
+    with pytest.raises(ModelError, match=r"input_hold.*forward, centred, backward, or by how many steps"):
+        Model.load("mass_spring_damper").with_options(input_hold=wrong)
