@@ -11,6 +11,7 @@ from sample to sample, as no sensor's noise does, and no model leaves nothing bu
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,18 @@ def without_derived(model: Model, records: Sequence[ModelData], channels: tuple[
     return tuple(name for name in channels if name != velocity)
 
 
+def position_alone(model: Model, records: Sequence[ModelData]) -> list[ModelData]:
+    """Return records without their velocity, where the position is known so finely in all that it tells the motion
+    alone; none where it is not, or where they have only one of both.
+    """
+    position, velocity = model.plant.position, model.plant.velocity
+    for r in records:
+        both = position in r.measured and velocity in r.measured
+        if not both or not _is_fine(r.t, r.measured[position], r.measured[velocity]):
+            return []
+    return [replace(r, measured={n: v for n, v in r.measured.items() if n != velocity}) for r in records]
+
+
 def _is_derived(t: Array, q: Array, v: Array) -> bool:
     """Tell whether a velocity v (T,) is a linear combination of differences of the position q (T,) nearby, and of what
     it was just before; NaN is a missing sample.
@@ -73,14 +86,21 @@ def _is_filtered(t: Array, q: Array, v: Array) -> bool:
     if reach < REACH:
         return False
     size, step, noise = float(np.std(v)), float(np.median(np.diff(t))), noise_level(t, q).sigma
+    if not _is_fine(t, q, v):
+        return False
     apart = np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t)) - q[1:]
     astray = np.hypot(noise, noise_level(t, v).sigma * np.sqrt(step * (t[-1] - t[0]) / 6))  # as a random walk's
-    if np.sqrt(2) * noise > FINE * size * step or np.std(apart) < APART * astray:
+    if np.std(apart) < APART * astray:
         return False
     slopes, rows = np.diff(q) / np.diff(t), np.arange(reach, t.size - 1 - reach)
     near = np.lib.stride_tricks.sliding_window_view(slopes, 2 * reach)[: rows.size]
     rest = _rest(near, v[rows])
     return float(np.std(rest)) < NEARLY * size and noise_level(t[rows], rest).sigma < SMOOTH * float(np.std(rest))
+
+
+def _is_fine(t: Array, q: Array, v: Array) -> bool:
+    """Tell whether a position q (T,) is so fine that its noise makes little of a difference; v (T,): its velocity."""
+    return bool(np.sqrt(2) * noise_level(t, q).sigma <= FINE * np.nanstd(v) * np.median(np.diff(t)))
 
 
 def _left(basis: Array, target: Array) -> float:
@@ -94,4 +114,4 @@ def _rest(basis: Array, target: Array) -> Array:
     return np.asarray(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0])
 
 
-__all__ = ["without_derived"]
+__all__ = ["position_alone", "without_derived"]

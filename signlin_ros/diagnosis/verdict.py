@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import arriving, as_list
+from signlin_ros.diagnosis.derived import position_alone
 from signlin_ros.diagnosis.findings import NEEDED, Findings, Step, structured
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records, seen_late
 from signlin_ros.diagnosis.judge import correlations
@@ -150,19 +151,26 @@ def _found(
     depth: int = DEPTH,
     only: str | None = None,
 ) -> Diagnosis:
-    """Return the verdict on what a search found, or on what one found that takes noise in the inputs for what moves the
-    state, if that matters and explains what the first does not.
+    """Return the verdict on what a search found, or where that stays unexplained, on what one found that takes noise in
+    the inputs for what moves the state, if that matters, or that is told a fine position alone, whose derivative no
+    model can miss that does not miss it.
     """
+    known, unseen = as_list(data), _or_none(validation)
 
     def one(driven: bool) -> Diagnosis:
-        found = search(model, as_list(data), _or_none(validation), jobs, progress, depth, only, driven)
-        return describe(found, whole=only is not None)
+        return describe(search(model, known, unseen, jobs, progress, depth, only, driven), whole=only is not None)
 
     first = one(False)
     f = first.findings
-    if first.verdict != "unexplained" or f.reversed or driven_by_inputs(f.problem) is None:
+    if first.verdict != "unexplained" or f.reversed:
         return first
-    second = one(True)
+    second = one(True) if driven_by_inputs(f.problem) else first
+    fine = position_alone(model, [*known, *(unseen or [])]) if model.plant.velocity in f.problem.channels else []
+    if second.verdict == "unexplained" and fine:
+        count = len(known)
+        second = _found(model, fine[:count], fine[count:] or None, jobs, progress, depth, only)
+        why = f"{model.plant.velocity} was left out: with it nothing explains this record, and {model.plant.position}"
+        second = replace(second, notes=(*second.notes, f"{why} tells the motion finely enough"))
     return first if second.verdict == "unexplained" else second
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.signal import butter, filtfilt
+from scipy.signal import butter, filtfilt, lfilter
 
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.derived import without_derived
+from signlin_ros.diagnosis.derived import position_alone, without_derived
 from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.verdict import diagnose
 from signlin_ros.model import Model
@@ -141,6 +141,29 @@ def test_what_a_filter_did_to_a_velocity_is_not_taken_for_an_effect():
     assert found.verdict == "missing"
     assert found.ladder[-1].effects == ("coulomb_friction",)
     assert found.ranking[0].parameters["mu"].value == pytest.approx(17.0, rel=0.01)
+
+
+def test_a_velocity_that_lags_behind_a_fine_position_is_left_out():
+    data = []
+    for seed in (5, 6):
+        t, u, q, _ = axis(seed, 12_000, 4)
+        shown = np.round(q / QUANTUM) * QUANTUM
+        pole = np.exp(-2 * np.pi * 15.0 / FS)
+        late = lfilter([1.0 - pole], [1.0, -pole], np.diff(shown, prepend=shown[0]) * FS)
+        data.append(read(t[::2], u[::2], displacement=shown[::2], velocity=noisy(late, 2e-4, seed)[::2]))
+    found = diagnose(Model.from_dict(AXIS), *data)
+    assert found.verdict == "missing"
+    assert found.ladder[-1].effects == ("coulomb_friction",)
+    assert any("velocity was left out" in note for note in found.notes)
+
+
+def test_only_a_fine_position_tells_the_motion_alone(moved):
+    t, u, q, v = moved
+    model, fine = Model.from_dict(AXIS), read(t, u, displacement=noisy(q, 1e-6), velocity=noisy(v, 1e-3))
+    coarse = read(t, u, displacement=noisy(q, 1e-4), velocity=noisy(v, 1e-3))
+    assert [sorted(r.measured) for r in position_alone(model, [fine])] == [["displacement"]]
+    assert not position_alone(model, [fine, coarse])
+    assert not position_alone(model, [read(t, u, displacement=q)])
 
 
 @pytest.mark.parametrize("level", [1e-5, 1e-3, 1e-2])
