@@ -41,6 +41,8 @@ FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 samples before each tell what an effect remembers at its start."""
 DOUBT = 3.0
 """Times the distance between an imposed state, put together from rates, and its measurements by which it may be off."""
+MATTERS = 1.2
+"""Noise in an input matters where it makes what a filter leaves in a step so many times the noise of a channel."""
 TIMES = (8.0, 4.0, 2.0, 1.0)
 """Multiples of the noise in the inputs that gains are made for, from high to low: between samples there may be more."""
 SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
@@ -475,9 +477,8 @@ def driven_by_inputs(problem: Problem) -> Problem | None:
     for times in TIMES:
         moved = step[:n, n:] * (times * sigma)
         levels.append(_kalman(states, step[:n, :n], C, moved @ moved.T, problem.noise, first, problem.scale.step))
-    own = [(states.index(name), c) for c, name in enumerate(problem.channels) if name in states]
-    faster = [levels[-1].values[-1, i, c] > problem.levels[1].values[-1, i, c] for i, c in own]
-    return replace(problem, levels=tuple(levels), driven=True) if any(faster) else None
+    matters = bool((levels[-1].expected > MATTERS * problem.noise).any())
+    return replace(problem, levels=tuple(levels), driven=True) if matters else None
 
 
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:
