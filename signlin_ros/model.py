@@ -523,8 +523,8 @@ def _hold(value: Any, where: str) -> str | float:
         return value
     if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 <= value <= 1.0:
         return next((name for name, early in HOLDS.items() if early == value), float(value))
-    names = ", ".join(HOLDS)
-    raise ModelError(f"{where}: found {value!r}; allowed: {names}, or by how many steps it precedes its sample, 0 to 1")
+    allowed = f"{', '.join(HOLDS)}, or by how many steps it precedes its sample, 0 to 1"
+    raise ModelError(f"{where}: found {value!r}; allowed: {allowed}{suggest(str(value), HOLDS)}")
 
 
 _OPTIONS: dict[str, Callable[[Any, str], Any]] = {

@@ -83,19 +83,16 @@ def _is_filtered(t: Array, q: Array, v: Array) -> bool:
     there = np.isfinite(q) & np.isfinite(v)
     t, q, v = t[there][:MOST], q[there][:MOST], v[there][:MOST]
     reach = min(WIDE, t.size // 40)
-    if reach < REACH:
-        return False
-    size, step, noise = float(np.std(v)), float(np.median(np.diff(t))), noise_level(t, q).sigma
-    if not _is_fine(t, q, v):
+    if reach < REACH or not _is_fine(t, q, v):
         return False
     apart = np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t)) - q[1:]
-    astray = np.hypot(noise, noise_level(t, v).sigma * np.sqrt(step * (t[-1] - t[0]) / 6))  # as a random walk's
-    if np.std(apart) < APART * astray:
+    walk = noise_level(t, v).sigma * np.sqrt(np.median(np.diff(t)) * (t[-1] - t[0]) / 6)
+    if np.std(apart) < APART * np.hypot(noise_level(t, q).sigma, walk):
         return False
     slopes, rows = np.diff(q) / np.diff(t), np.arange(reach, t.size - 1 - reach)
     near = np.lib.stride_tricks.sliding_window_view(slopes, 2 * reach)[: rows.size]
     rest = _rest(near, v[rows])
-    return float(np.std(rest)) < NEARLY * size and noise_level(t[rows], rest).sigma < SMOOTH * float(np.std(rest))
+    return float(np.std(rest)) < NEARLY * np.std(v) and noise_level(t[rows], rest).sigma < SMOOTH * float(np.std(rest))
 
 
 def _is_fine(t: Array, q: Array, v: Array) -> bool:

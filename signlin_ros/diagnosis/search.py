@@ -517,9 +517,7 @@ class _Search:
         if not better:
             return path
         step = None if self._refused(r, path[0].ranked) else self._compared(path[0], r)
-        if step is None or (self.problem.driven and step.share < WORTH):
-            return path
-        return self._onto(path, step, path[0]) if self._beyond_doubt(path[:1], step) else path
+        return self._onto(path, step, path[0]) if step is not None and self._beyond_doubt(path[:1], step) else path
 
     def _needed(self, r: Ranked) -> Ranked:
         """Return a set of effects without those that explain nothing of unseen data beside the others."""
@@ -639,8 +637,6 @@ class _Search:
         if kept is None:
             return None
         step = self._seen_awake(path[-1], self._compared(path[-1], kept))
-        if self.problem.driven and step.share < WORTH:
-            return None
         return step if self._unbent(path, step) or self._beyond_doubt(path, step) else None
 
     def _gains(self, r: Ranked, last: Ranked) -> bool:
@@ -676,6 +672,10 @@ class _Search:
             self.declined[found[0]] = found[1]
         return found is not None
 
+    def _takes_enough(self, step: Step) -> bool:
+        """Tell whether a step takes more than noise in the inputs bends a model by, where gains are made for that."""
+        return not self.problem.driven or step.share >= WORTH
+
     def _unbent(self, path: list[Step], step: Step) -> bool:
         """Tell whether a step frees known parameters that were bent to imitate it, and does no harm on unseen data: the
         first, or one that is another explanation than the step before, and enough, or one that frees them from a strain
@@ -686,7 +686,7 @@ class _Search:
         """
         last, r = path[-1].ranked, step.ranked
         freed = strain(last.fit) - strain(r.fit)
-        if freed <= MOVED:
+        if freed <= MOVED or not self._takes_enough(step):
             return False
         if step.certainty <= -SURE and step.gain <= -TIE and -step.gain > at_stake(self.unseen, r.fit):
             return False
@@ -698,7 +698,7 @@ class _Search:
         last, r = path[-1].ranked, step.ranked
         strong = last.evidence - r.evidence > STRONG and not self.filter.rho.any()
         needed = SURE if self._to_the_noise(path, step) else FURTHER if len(path) > 1 else LIKELY if strong else SURE
-        if step.gain <= 0 or step.certainty <= needed:
+        if step.gain <= 0 or step.certainty <= needed or not self._takes_enough(step):
             return False
         poor = len(path) > 1 and not self._enough(last)
         if poor and (step.share < SHARE or (not self._enough(r) and self._patch(path, r))):

@@ -151,9 +151,9 @@ def _found(
     depth: int = DEPTH,
     only: str | None = None,
 ) -> Diagnosis:
-    """Return the verdict on what a search found, or where that stays unexplained, on what one found that takes noise in
-    the inputs for what moves the state, if that matters, or that is told a fine position alone, whose derivative no
-    model can miss that does not miss it.
+    """Return the verdict on what a search found; where that stays unexplained, on what one found that takes noise in
+    the inputs for what moves the state, if that matters; or on the position alone, if it is fine: a model that explains
+    it explains its derivative.
     """
     known, unseen = as_list(data), _or_none(validation)
 
@@ -165,9 +165,9 @@ def _found(
     if first.verdict != "unexplained" or f.reversed:
         return first
     second = one(True) if driven_by_inputs(f.problem) else first
-    fine = position_alone(model, [*known, *(unseen or [])]) if model.plant.velocity in f.problem.channels else []
-    if second.verdict == "unexplained" and fine:
-        count = len(known)
+    still, count = second.verdict == "unexplained" and model.plant.velocity in f.problem.channels, len(known)
+    fine = position_alone(model, [*known, *(unseen or [])]) if still else []
+    if fine:
         second = _found(model, fine[:count], fine[count:] or None, jobs, progress, depth, only)
         why = f"{model.plant.velocity} was left out: with it nothing explains this record, and {model.plant.position}"
         second = replace(second, notes=(*second.notes, f"{why} tells the motion finely enough"))
