@@ -202,7 +202,7 @@ def search(
         first = one.run()
         hold = "" if model.input_hold or second else one.hold(first)
         second = otherwise(hold).run() if hold else second
-        return second if second and _clearer(second, first) else first
+        return second if second and _clearer(second, first, one.block) else first
     finally:
         if own:
             own.shutdown(wait=True, cancel_futures=True)
@@ -214,14 +214,22 @@ def _said(model: Model, hold: str | float) -> str:
     return f"{name} acts {way} (input_hold: {hold}; input_hold: forward in the model file forbids it)"
 
 
-def _clearer(a: Findings, b: Findings) -> bool:
-    """Tell whether one proposal explains more than another, and leaves no structure or needs fewer effects or the same:
-    among models that are wrong anyway, another timing is one more imitation.
+def _clearer(a: Findings, b: Findings, block: int) -> bool:
+    """Tell whether one proposal explains more than another, and leaves no structure or needs fewer effects, or the same
+    and explains unseen data much better: among models that are wrong anyway, another timing is one more imitation.
     """
     mine, other = a.final.ranked, b.final.ranked
-    fewer = len(mine.effects) < len(other.effects)
-    same = set(mine.effects) == set(other.effects)
-    return mine.evidence < other.evidence - CLEARLY and (not a.structured or fewer or same)
+    if mine.evidence >= other.evidence - CLEARLY:
+        return False
+    if not a.structured or len(mine.effects) < len(other.effects):
+        return True
+    return set(mine.effects) == set(other.effects) and _much_better(b.followed[1], a.followed[1], block)
+
+
+def _much_better(before: Sequence[Array], after: Sequence[Array], block: int) -> bool:
+    """Tell whether innovations (T, ny) on unseen data are much less than others, beyond doubt."""
+    gain, certainty, share = gain_on(before, after, block)
+    return gain > 0 and certainty > CERTAIN and share > MUCH
 
 
 def _too_slow(problem: Problem) -> str:
@@ -662,8 +670,7 @@ class _Search:
     def _better_unseen(self, a: Ranked, b: Ranked) -> bool:
         """Tell whether a model explains unseen data much better than another, beyond doubt, at the middle gain."""
         middle = self.problem.levels[1]
-        gain, certainty, share = gain_on(self._unseen(a, middle), self._unseen(b, middle), self.block)
-        return gain > 0 and certainty > CERTAIN and share > MUCH
+        return _much_better(self._unseen(a, middle), self._unseen(b, middle), self.block)
 
     def _refused(self, r: Ranked, last: Ranked) -> bool:
         """Tell whether what a set adds is not what it is called, and note why."""
