@@ -432,7 +432,7 @@ def _as_written(result: Any, original: Any, output: str | None) -> Any:
     The model file names the position only if the model as given did or an effect needs it (`load_records` adds it for
     the comparison where it is measured), and effect files from where it stands.
     """
-    from signlin_ros.diagnosis.verdict import yaml_of
+    from signlin_ros.diagnosis.proposal import yaml_of
 
     model = result.model
     if model.with_position and not original.with_position:

@@ -16,10 +16,10 @@ from signlin_ros.diagnosis.coordinates import Place, place_of
 from signlin_ros.diagnosis.curves import Band, band, memory
 from signlin_ros.diagnosis.findings import Findings
 from signlin_ros.diagnosis.onestep import Motion, Target, lacking, motion_of, smoothed, target, target_at
+from signlin_ros.diagnosis.parameters import added_parameters
 from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Estimate
-from signlin_ros.diagnosis.verdict import added_parameters
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from signlin_ros.diagnosis import diagnosis_pictures as drawn
 from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import Comparison, compare
 from signlin_ros.diagnosis.evidence import Evidence, evidence
+from signlin_ros.diagnosis.parameters import estimates, given
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Scores
 from signlin_ros.diagnosis.search import held_out
-from signlin_ros.diagnosis.verdict import estimates, given
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
