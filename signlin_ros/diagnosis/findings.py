@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.dependence import dependence, strongest
 from signlin_ros.diagnosis.fit import Filter, Fit, evaluated, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
-from signlin_ros.diagnosis.problem import Gains, Problem
+from signlin_ros.diagnosis.problem import Gains, Problem, as_uncertain_throughout, driven_by_changes
 from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.diagnosis.signs import reversed_signal
 from signlin_ros.noise import fourth_difference_share
@@ -273,6 +273,21 @@ def driven_by_noise(problem: Problem, r: Ranked) -> bool:
     return bool((left < AWAKE * noise).all())
 
 
+def sooner_or_later(problem: Problem, f: Fit) -> bool:
+    """Tell whether what a model leaves is there where the inputs change, and not elsewhere: they act sooner or later
+    than the record tells. A force that the model lacks lasts, and is better explained by as much noise throughout.
+    """
+    other = driven_by_changes(problem)
+    if other is None or f.candidate.floating:
+        return False
+
+    def least(levels: Sequence[Gains]) -> float:
+        found = (fit(problem, f.candidate, g, f.theta, 5) for g in levels)
+        return min((one.cost for one in found if one), default=np.inf)
+
+    return least(other.levels) < least(as_uncertain_throughout(problem)) - NEEDED
+
+
 def _as_coloured(problem: Problem, filter: Filter, f: Fit) -> tuple[Array, Array]:
     """Return the standard deviation (ny) of the noise, of which fourth differences show a share where it has the colour
     of a filter, and its correlation (ny) from sample to sample.
@@ -301,5 +316,6 @@ __all__ = [
     "judged",
     "left_by",
     "on_unseen",
+    "sooner_or_later",
     "structured",
 ]

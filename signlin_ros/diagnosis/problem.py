@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 from signlin_ros.diagnosis.data import corrected, driving, measured_channels, measured_parts, travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.follow import kalman_gains
+from signlin_ros.diagnosis.follow import gains_along, kalman_gains
 from signlin_ros.diagnosis.missing import per_force
 from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.tracking import Tracker
@@ -45,6 +45,9 @@ MATTERS = 1.2
 """Noise in an input matters where it makes what a filter leaves in a step so many times the noise of a channel."""
 TIMES = (8.0, 4.0, 2.0, 1.0)
 """Multiples of the noise in the inputs that gains are made for, from high to low: between samples there may be more."""
+CHANGES = ((1.0, 4.0), (0.3, 2.0), (0.1, 1.0), (0.03, 1.0))
+"""Shares of what an input changes by from sample to sample that gains are made for, from high to low, since between
+samples it may change sooner or later; and multiples of its noise beside them."""
 SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 
@@ -73,12 +76,48 @@ class Segment:
 
 
 @dataclass(frozen=True)
+class Moved:
+    """What makes a filter's gains different at every sample: inputs that are uncertain by more where they change.
+
+    Transition A (n, n) and what an input held for a step adds, B (n, m); C (ny, n); ``noise`` (ny) of the channels;
+    ``first`` (n, n): covariance of the initial state; ``floor`` (m): noise of the inputs; ``share`` of their changes
+    from sample to sample, or, if ``steady``, of the root mean square of these, ``usual`` (m).
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    noise: Array
+    first: Array
+    floor: Array
+    usual: Array
+    share: float
+    steady: bool
+
+    def along(self, u: Array) -> tuple[Array, Array]:
+        """Return the gains (T, n, ny) along inputs u (T, m), and the standard deviations (T, ny) of the innovations."""
+        moved = self.share * (np.broadcast_to(self.usual, u.shape) if self.steady else changes(u))
+        values, variances = np.zeros((len(u), *self.C.T.shape)), np.zeros((len(u), len(self.C)))
+        sizes = np.sqrt(self.floor**2 + moved**2)
+        gains_along(self.A, np.ravel(self.C), self.B, sizes, self.noise**2, self.first, values, variances)
+        return values, np.sqrt(variances)
+
+
+def changes(u: Array) -> Array:
+    """Return the larger of an input's changes (T, m) to and from every sample: either may come sooner or later."""
+    steps = np.abs(np.diff(u, axis=0))
+    still = np.zeros((1, u.shape[1]))
+    return np.asarray(np.maximum(np.concatenate([still, steps]), np.concatenate([steps, still])))
+
+
+@dataclass(frozen=True)
 class Gains:
     """Kalman gains (G, n, ny) for the states ``names``; ``tau`` is the observer's time constant in s.
 
     ``weights`` (G, ny): what the first innovations count, made uncertain as they are by the unknown initial state.
     ``spread`` (2, n): variances that a step adds to the states, and those that they start with; (2, 0): not known.
-    ``expected`` (ny): standard deviation of the innovations of a filter that is right.
+    ``expected`` (ny): standard deviation of the innovations of a filter that is right. ``moved``: what makes gains and
+    weights different at every sample of a record (`along`); `values` are then those of its mean.
     """
 
     tau: float
@@ -87,6 +126,19 @@ class Gains:
     weights: Array
     spread: Array = field(default_factory=lambda: np.zeros((2, 0)))
     expected: Array = field(default_factory=lambda: np.zeros(0))
+    moved: Moved | None = None
+    known: dict[int, tuple[Segment, Gains]] = field(default_factory=dict, repr=False, compare=False)
+
+    def along(self, s: Segment) -> Gains:
+        """Return the gains, and how much innovations count, at every sample of a record; remembered."""
+        if self.moved is None:
+            return self
+        found = self.known.get(id(s))
+        if found is None or found[0] is not s:
+            values, deviations = self.moved.along(s.u)
+            one = replace(self, values=values, weights=self.expected / deviations, moved=None, known={})
+            found = self.known[id(s)] = (s, one)
+        return found[1]
 
     def rows(self, states: tuple[str, ...]) -> Array:
         """Return the gains for a model with these states: an effect's own position or velocity moves with the
@@ -469,16 +521,66 @@ def driven_by_inputs(problem: Problem) -> Problem | None:
     sigma = input_noise(problem.segments)
     if problem.scale.imposed or not sigma.any():
         return None
-    first = np.diag(problem.levels[0].spread[1])
+    levels = tuple(_random(problem, times * sigma) for times in TIMES)
+    matters = bool((levels[-1].expected > MATTERS * problem.noise).any())
+    return replace(problem, levels=levels, driven=True) if matters else None
+
+
+def driven_by_changes(problem: Problem) -> Problem | None:
+    """Return a problem with the gains of Kalman filters for which an input is uncertain by `CHANGES` times what it
+    changes by from sample to sample: it may act sooner or later than the log tells, by another part of a step each
+    time. None where motion is imposed, or nothing changes.
+    """
+    if problem.scale.imposed or not _usual_change(problem).any():
+        return None
+    levels = tuple(_uncertain(problem, share, False, times) for share, times in CHANGES)
+    return replace(problem, levels=levels, driven=True)
+
+
+def as_uncertain_throughout(problem: Problem) -> tuple[Gains, ...]:
+    """Return the gains of Kalman filters whose inputs are as uncertain where they stay as where they change: what the
+    gains of `driven_by_changes` have to be better than, of any size.
+    """
+    usual, floor = _usual_change(problem), input_noise(problem.segments)
+    noise = [_uncertain(problem, 0.0, True, times) for times in (*TIMES, 2 * TIMES[0]) if floor.any()]
+    shares = (3.0, *(share for share, _ in CHANGES)) if usual.any() else ()
+    return (*noise, *(_uncertain(problem, share, True) for share in shares))
+
+
+def _usual_change(problem: Problem) -> Array:
+    """Return the root mean square (m) of what the inputs change by from sample to sample."""
+    return np.asarray(np.sqrt(np.mean(np.concatenate([changes(s.u) for s in problem.segments]) ** 2, axis=0)))
+
+
+def _stepped(problem: Problem) -> tuple[tuple[str, ...], Array, Array, Array]:
+    """Return the states of the base model, linear, its transition (n, n), what inputs held for a step add (n, m), and
+    what the channels show (ny, n).
+    """
     states, A, B, C = linear_base(problem.base, problem.channels)
     n, m = B.shape
     step = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * problem.scale.step)
-    levels = []
-    for times in TIMES:
-        moved = step[:n, n:] * (times * sigma)
-        levels.append(_kalman(states, step[:n, :n], C, moved @ moved.T, problem.noise, first, problem.scale.step))
-    matters = bool((levels[-1].expected > MATTERS * problem.noise).any())
-    return replace(problem, levels=tuple(levels), driven=True) if matters else None
+    return states, step[:n, :n], step[:n, n:], C
+
+
+def _random(problem: Problem, sigma: Array) -> Gains:
+    """Return the gains for inputs that are uncertain by standard deviations (m) at every sample."""
+    states, A, B, C = _stepped(problem)
+    first, moved = np.diag(problem.levels[0].spread[1]), B * sigma
+    return _kalman(states, A, C, moved @ moved.T, problem.noise, first, problem.scale.step)
+
+
+def _uncertain(problem: Problem, share: float, steady: bool, times: float = 1.0) -> Gains:
+    """Return the gains for inputs that are uncertain by a share of their changes, and by some times their noise.
+
+    Weights have a geometric mean of 1, so that -2 log likelihoods compare.
+    """
+    _, A, B, C = _stepped(problem)
+    usual, floor = _usual_change(problem), times * input_noise(problem.segments)
+    gains = _random(problem, np.sqrt(floor**2 + (share * usual) ** 2))
+    first = np.diag(problem.levels[0].spread[1])
+    moved = Moved(A, B, C, problem.noise, first, floor, usual, share, steady)
+    deviations = np.concatenate([moved.along(s.u)[1] for s in problem.segments])
+    return replace(gains, expected=np.exp(np.mean(np.log(deviations), axis=0)), moved=moved)
 
 
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:

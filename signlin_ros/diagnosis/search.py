@@ -33,7 +33,6 @@ from signlin_ros.diagnosis.problem import (
     added_keys,
     check_moving,
     constant_inputs,
-    driven_by_inputs,
     linear_base,
     moves,
     pieces,
@@ -67,7 +66,7 @@ from signlin_ros.diagnosis.rank import (
     unfiltered,
     without,
 )
-from signlin_ros.diagnosis.refusals import plausible, refusal, vague
+from signlin_ros.diagnosis.refusals import plausible, refusal, sound, vague
 from signlin_ros.diagnosis.several import LARGEST, at_once, best_sets
 from signlin_ros.diagnosis.timing import CLEARLY, WAYS, better_hold
 from signlin_ros.effects import EFFECTS, find_effect
@@ -171,11 +170,12 @@ def search(
     progress: Progress | None = None,
     depth: int = DEPTH,
     only: str | None = None,
-    driven: bool = False,
+    driven: Callable[[Problem], Problem | None] | None = None,
 ) -> Findings:
     """Find what a model lacks; see `Findings`. ``run``: where candidates are fitted, threads by default.
 
-    ``only``: one effect that is added in any case. ``driven``: with gains as of `driven_by_inputs`, where these matter.
+    ``only``: one effect that is added in any case. ``driven``: with gains as of `driven_by_inputs`, say, where it finds
+    that these matter.
     Raises `InputError` where an effect does not apply or the base diverges. Where the model does not say when its input
     acts, and the records say so clearly, all is done again with that.
     """
@@ -183,7 +183,7 @@ def search(
 
     def begun(model: Model, *notes: str) -> _Search:
         problem, unseen = prepared(model, data, validation)
-        if driven and (other := driven_by_inputs(problem)):
+        if driven and (other := driven(problem)):
             problem, unseen = other, replace(unseen, levels=other.levels, driven=True)
         problem = replace(problem, notes=(*problem.notes, *notes))
         return _Search(problem, unseen, run or own, progress or _silent, depth, only)  # type: ignore[arg-type]
@@ -436,8 +436,10 @@ class _Search:
         all again with it.
 
         Coloured noise is borrowed by flexible models as long as it is taken for white; and what is missing looks like
-        coloured noise.
+        coloured noise. So does what too low a gain leaves where it is made for inputs that act sooner or later.
         """
+        if self.problem.levels[0].moved:
+            return base, singles
         good = [base, *sorted(singles, key=evidence_of)[:FRONT]]
         colours = [self._colour(r) for r in good]
         if any(c.rho.any() for c in colours):
@@ -753,7 +755,7 @@ class _Search:
             best = min(fewer, key=evidence_of, default=r)
             for f in fewer:
                 better = f.effects == path[-1].ranked.effects and f.evidence < path[-1].ranked.evidence
-                if better and plausible(self.problem, f):
+                if better and sound(self.problem, f):
                     path[-1] = self._compared(path[-2], f)
             if best is r or best.evidence > r.evidence:
                 return r

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import NamedTuple
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import as_list
 from signlin_ros.diagnosis.derived import position_alone
-from signlin_ros.diagnosis.findings import NEEDED, Findings, structured
+from signlin_ros.diagnosis.findings import NEEDED, Findings, sooner_or_later, structured
 from signlin_ros.diagnosis.parameters import estimates
-from signlin_ros.diagnosis.problem import Problem, driven_by_inputs, input_noise
+from signlin_ros.diagnosis.problem import Problem, driven_by_changes, driven_by_inputs, input_noise
 from signlin_ros.diagnosis.proposal import proposal, yaml_of
 from signlin_ros.diagnosis.ranking import (
     PARTLY,
@@ -50,7 +50,7 @@ DETAIL, NEARLY_ALL = 10.0, (0.995, 0.999)
 shares of what was missing that must be explained."""
 CURVES, PERIODS = 0.03, 3.0
 """Largest excess over the noise, as a share of it, of two curves over the position: beyond, they are the first terms of
-another. A wave of so many periods is no such term."""
+another. A wave of so many periods is no such term; one of fewer is, where it leaves more than `ELSEWHERE`."""
 DRIVEN = 0.99
 """Least share that must be explained where what is left is what noise in the input would leave: so is what is left of
 a law outside the list that a listed one imitates by 97 or 98 %."""
@@ -128,19 +128,23 @@ def _found(
     only: str | None = None,
 ) -> Diagnosis:
     """Return the verdict on what a search found; where that stays unexplained, on what one found that takes noise in
-    the inputs for what moves the state, if that matters; or on the position alone, if it is fine: a model that explains
-    it explains its derivative.
+    the inputs for what moves the state, if that matters, or inputs that act sooner or later than the record tells; or
+    on the position alone, if it is fine: a model that explains it explains its derivative.
     """
     known, unseen = as_list(data), _or_none(validation)
 
-    def one(driven: bool) -> Diagnosis:
+    def one(driven: Callable[[Problem], Problem | None] | None) -> Diagnosis:
         return describe(search(model, known, unseen, jobs, progress, depth, only, driven), whole=only is not None)
 
-    first = one(False)
+    first = one(None)
     f = first.findings
     if first.verdict != "unexplained" or f.reversed:
         return first
-    second = one(True) if driven_by_inputs(f.problem) else first
+    second = one(driven_by_inputs) if driven_by_inputs(f.problem) else first
+    if second.verdict == "unexplained" and sooner_or_later(f.problem, f.final.ranked.fit):
+        third = one(driven_by_changes)
+        g = third.findings
+        second = third if not g.structured and sooner_or_later(g.problem, g.final.ranked.fit) else second
     still, count = second.verdict == "unexplained" and model.plant.velocity in f.problem.channels, len(known)
     fine = position_alone(model, [*known, *(unseen or [])]) if still else []
     if fine:
@@ -342,18 +346,21 @@ def _elsewhere(f: Findings, explained: float, rest: float) -> bool:
 
 def _of_another_shape(f: Findings, rest: float) -> bool:
     """Tell whether a proposal has several curves over the position: together they make nearly any other curve; two that
-    leave noise alone may be what they are called.
+    leave noise alone may be what they are called. So may a wave of which the record shows a period or two.
 
     The weight of an arm is no such curve, nor is a wave of many periods.
     """
-    problem, r, curves = f.problem, f.final.ranked.fit, 0
+    problem, r, curves, waves = f.problem, f.final.ranked.fit, 0, 0
     low, high = problem.stretch
     values, model = r.parameters(), r.candidate.model
     for key in (k for k in r.candidate.label if k in model.effects):
         kind = find_effect(model.effects[key].type, "effects")
         weight = kind.name == "gravity_load" and driving(problem) == "torque"
         seen = [values[f"{key}.{n}"] * (high - low) / (2 * np.pi) for n in kind.periodic[:1]]
-        curves += kind.shaped and not weight and all(periods < PERIODS for periods in seen)
+        few = kind.shaped and not weight and all(periods < PERIODS for periods in seen)
+        curves, waves = curves + few, waves + (few and bool(seen))
+    if waves and f.unaccounted and rest > ELSEWHERE:
+        return True
     return curves > 2 or (curves == 2 and rest > CURVES and not f.uncertain)
 
 
@@ -422,8 +429,9 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
         more = f"{found.replace('_', ' ')} explains more with parameters that it cannot have"
         return f"{before}; {more}: {find_effect(found, 'effects').imitates}."
     if _of_another_shape(f, over):
-        left = f"leave {1.0 + over:.3g} times the noise" if over > 0.0 else "leave structure"
-        return f"{before}, and {left}: they stand for one force over the position, of a shape that is not listed."
+        left = f"{1.0 + over:.3g} times the noise" if over > 0.0 else "structure"
+        leave, they = ("leaves", "it stands") if len(effects) == 1 else ("leave", "they stand")
+        return f"{before}, and {leave} {left}: {they} for one force over the position, of a shape that is not listed."
     if _elsewhere(f, explained, over):
         known = f"{share} what is missing" if effects and f.beyond_doubt else "nothing is missing"
         known = f"{known[0].upper()}{known[1:]} where the model was fitted"
@@ -467,10 +475,12 @@ def _driven_note(problem: Problem) -> tuple[str, ...]:
     """Return that models were told apart by what they leave from one sample to the next, and why."""
     if not problem.driven:
         return ()
-    name = problem.base.inputs[0]
+    name, told = problem.base.inputs[0], "models were told apart by what they leave from one sample to the next"
+    if problem.levels[0].moved:
+        return (f"the {name} acts sooner or later than the record tells, by a part of a step that differs: {told}",)
     noise = f"{input_noise(problem.segments)[0]:.2g} {problem.units.get(name, '')}".rstrip()
     why = f"the motion is recorded so finely that noise of {noise} in the {name} moves it more than its own noise"
-    return (f"{why}: models were told apart by what they leave from one sample to the next",)
+    return (f"{why}: {told}",)
 
 
 def _scale_note(f: Findings) -> tuple[str, ...]:
