@@ -370,7 +370,8 @@ def _turns(problem: Problem, c: Candidate, p: Array) -> int:
 
 
 def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, float]) -> Array:
-    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not.
+    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not, or
+    where gains that differ from sample to sample correct all there is.
 
     What a sensor shows larger than it is (``shown``: its gain, by channel) moves less than it seems to: else a gain
     would fit the filter, not the motion.

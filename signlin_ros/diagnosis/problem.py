@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -80,8 +81,8 @@ class Moved:
     """What makes a filter's gains different at every sample: inputs that are uncertain by more where they change.
 
     Transition A (n, n) and what an input held for a step adds, B (n, m); C (ny, n); ``noise`` (ny) of the channels;
-    ``first`` (n, n): covariance of the initial state; ``floor`` (m): noise of the inputs; ``share`` of their changes
-    from sample to sample, or, if ``steady``, of the root mean square of these, ``usual`` (m).
+    ``first`` (n, n): covariance of the initial state; ``floor`` (m): by how much the inputs are uncertain throughout,
+    and ``share`` of their changes from sample to sample by which they are besides.
     """
 
     A: Array
@@ -90,15 +91,12 @@ class Moved:
     noise: Array
     first: Array
     floor: Array
-    usual: Array
-    share: float
-    steady: bool
+    share: float = 0.0
 
     def along(self, u: Array) -> tuple[Array, Array]:
         """Return the gains (T, n, ny) along inputs u (T, m), and the standard deviations (T, ny) of the innovations."""
-        moved = self.share * (np.broadcast_to(self.usual, u.shape) if self.steady else changes(u))
         values, variances = np.zeros((len(u), *self.C.T.shape)), np.zeros((len(u), len(self.C)))
-        sizes = np.sqrt(self.floor**2 + moved**2)
+        sizes = np.hypot(self.floor, self.share * changes(u))
         gains_along(self.A, np.ravel(self.C), self.B, sizes, self.noise**2, self.first, values, variances)
         return values, np.sqrt(variances)
 
@@ -127,18 +125,21 @@ class Gains:
     spread: Array = field(default_factory=lambda: np.zeros((2, 0)))
     expected: Array = field(default_factory=lambda: np.zeros(0))
     moved: Moved | None = None
-    known: dict[int, tuple[Segment, Gains]] = field(default_factory=dict, repr=False, compare=False)
+    known: dict[int, Gains] = field(default_factory=dict, repr=False, compare=False)
 
     def along(self, s: Segment) -> Gains:
-        """Return the gains, and how much innovations count, at every sample of a record; remembered."""
+        """Return the gains, and how much innovations count, at every sample of a record; remembered as long as that
+        lives: timings are tried on copies.
+        """
         if self.moved is None:
             return self
         found = self.known.get(id(s))
-        if found is None or found[0] is not s:
+        if found is None:
             values, deviations = self.moved.along(s.u)
-            one = replace(self, values=values, weights=self.expected / deviations, moved=None, known={})
-            found = self.known[id(s)] = (s, one)
-        return found[1]
+            found = replace(self, values=values, weights=self.expected / deviations, moved=None, known={})
+            self.known[id(s)] = found
+            weakref.finalize(s, self.known.pop, id(s), None).atexit = False
+        return found
 
     def rows(self, states: tuple[str, ...]) -> Array:
         """Return the gains for a model with these states: an effect's own position or velocity moves with the
@@ -521,7 +522,8 @@ def driven_by_inputs(problem: Problem) -> Problem | None:
     sigma = input_noise(problem.segments)
     if problem.scale.imposed or not sigma.any():
         return None
-    levels = tuple(_random(problem, times * sigma) for times in TIMES)
+    how = _moved_by(problem, sigma)
+    levels = tuple(_at_random(problem, how, times * sigma) for times in TIMES)
     matters = bool((levels[-1].expected > MATTERS * problem.noise).any())
     return replace(problem, levels=levels, driven=True) if matters else None
 
@@ -531,9 +533,13 @@ def driven_by_changes(problem: Problem) -> Problem | None:
     changes by from sample to sample: it may act sooner or later than the log tells, by another part of a step each
     time. None where motion is imposed, or nothing changes.
     """
-    if problem.scale.imposed or not _usual_change(problem).any():
+    usual = _usual_change(problem)
+    if problem.scale.imposed or not usual.any():
         return None
-    levels = tuple(_uncertain(problem, share, False, times) for share, times in CHANGES)
+    how = _moved_by(problem, input_noise(problem.segments))
+    levels = tuple(
+        _uncertain(problem, replace(how, floor=times * how.floor, share=share), usual) for share, times in CHANGES
+    )
     return replace(problem, levels=levels, driven=True)
 
 
@@ -541,10 +547,13 @@ def as_uncertain_throughout(problem: Problem) -> tuple[Gains, ...]:
     """Return the gains of Kalman filters whose inputs are as uncertain where they stay as where they change: what the
     gains of `driven_by_changes` have to be better than, of any size.
     """
-    usual, floor = _usual_change(problem), input_noise(problem.segments)
-    noise = [_uncertain(problem, 0.0, True, times) for times in (*TIMES, 2 * TIMES[0]) if floor.any()]
-    shares = (3.0, *(share for share, _ in CHANGES)) if usual.any() else ()
-    return (*noise, *(_uncertain(problem, share, True) for share in shares))
+    usual, noise = _usual_change(problem), input_noise(problem.segments)
+    how, sizes = _moved_by(problem, noise), []
+    if noise.any():
+        sizes += [times * noise for times in (*TIMES, 2 * TIMES[0])]
+    if usual.any():
+        sizes += [np.hypot(noise, share * usual) for share in (3.0, *(share for share, _ in CHANGES))]
+    return tuple(_uncertain(problem, replace(how, floor=size), usual) for size in sizes)
 
 
 def _usual_change(problem: Problem) -> Array:
@@ -552,35 +561,28 @@ def _usual_change(problem: Problem) -> Array:
     return np.asarray(np.sqrt(np.mean(np.concatenate([changes(s.u) for s in problem.segments]) ** 2, axis=0)))
 
 
-def _stepped(problem: Problem) -> tuple[tuple[str, ...], Array, Array, Array]:
-    """Return the states of the base model, linear, its transition (n, n), what inputs held for a step add (n, m), and
-    what the channels show (ny, n).
-    """
-    states, A, B, C = linear_base(problem.base, problem.channels)
+def _moved_by(problem: Problem, floor: Array) -> Moved:
+    """Return how inputs that are uncertain by standard deviations (m) throughout move the linear base model."""
+    _, A, B, C = linear_base(problem.base, problem.channels)
     n, m = B.shape
     step = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * problem.scale.step)
-    return states, step[:n, :n], step[:n, n:], C
+    return Moved(step[:n, :n], step[:n, n:], C, problem.noise, np.diag(problem.levels[0].spread[1]), floor)
 
 
-def _random(problem: Problem, sigma: Array) -> Gains:
+def _at_random(problem: Problem, how: Moved, sigma: Array) -> Gains:
     """Return the gains for inputs that are uncertain by standard deviations (m) at every sample."""
-    states, A, B, C = _stepped(problem)
-    first, moved = np.diag(problem.levels[0].spread[1]), B * sigma
-    return _kalman(states, A, C, moved @ moved.T, problem.noise, first, problem.scale.step)
+    moved = how.B * sigma
+    return _kalman(problem.levels[0].names, how.A, how.C, moved @ moved.T, how.noise, how.first, problem.scale.step)
 
 
-def _uncertain(problem: Problem, share: float, steady: bool, times: float = 1.0) -> Gains:
-    """Return the gains for inputs that are uncertain by a share of their changes, and by some times their noise.
+def _uncertain(problem: Problem, how: Moved, usual: Array) -> Gains:
+    """Return the gains for inputs that are uncertain by more where they change, by ``usual`` (m).
 
     Weights have a geometric mean of 1, so that -2 log likelihoods compare.
     """
-    _, A, B, C = _stepped(problem)
-    usual, floor = _usual_change(problem), times * input_noise(problem.segments)
-    gains = _random(problem, np.sqrt(floor**2 + (share * usual) ** 2))
-    first = np.diag(problem.levels[0].spread[1])
-    moved = Moved(A, B, C, problem.noise, first, floor, usual, share, steady)
-    deviations = np.concatenate([moved.along(s.u)[1] for s in problem.segments])
-    return replace(gains, expected=np.exp(np.mean(np.log(deviations), axis=0)), moved=moved)
+    gains = _at_random(problem, how, np.hypot(how.floor, how.share * usual))
+    deviations = np.concatenate([how.along(s.u)[1] for s in problem.segments])
+    return replace(gains, expected=np.exp(np.mean(np.log(deviations), axis=0)), moved=how)
 
 
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:

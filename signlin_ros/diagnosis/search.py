@@ -175,9 +175,8 @@ def search(
     """Find what a model lacks; see `Findings`. ``run``: where candidates are fitted, threads by default.
 
     ``only``: one effect that is added in any case. ``driven``: with gains as of `driven_by_inputs`, say, where it finds
-    that these matter.
-    Raises `InputError` where an effect does not apply or the base diverges. Where the model does not say when its input
-    acts, and the records say so clearly, all is done again with that.
+    that these matter. Raises `InputError` where an effect does not apply or the base diverges. Where the model does not
+    say when its input acts, and the records say so clearly, all is done again with that.
     """
     own = ThreadPoolExecutor(os.cpu_count() or 1) if run is None else None
 
