@@ -10,9 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.dependence import dependence, strongest
+from signlin_ros.diagnosis.disturbance import Disturbance, disturbance
 from signlin_ros.diagnosis.fit import Filter, Fit, evaluated, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
-from signlin_ros.diagnosis.problem import Gains, Problem, as_uncertain_throughout, driven_by_changes
+from signlin_ros.diagnosis.problem import (
+    TIMES,
+    Gains,
+    Problem,
+    as_uncertain_throughout,
+    driven_by_changes,
+    input_noise,
+)
 from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.diagnosis.signs import reversed_signal
 from signlin_ros.noise import fourth_difference_share
@@ -40,6 +48,10 @@ data. A right model whose parameters are known less well than a fine encoder sho
 FOLLOWS = 4.0
 """Standard errors by which what noise in the input leaves may go with one of three dozen functions of the motion. With
 such noise alone it was 2.9 at most in 36 records."""
+LIKE, UNSEEN, DOUBTFUL = (0.25, 2.5), 0.1, 100.0
+"""Multiples of the noise that a record of the input shows which that noise may seem to have (0.5 to 1.6 in a dozen
+models that are right); else, the most that such a record does not show, as a share of its root mean square, and by how
+much a force that lasts, or acts elsewhere, must be more likely in -2 log likelihood to be told from it (22 at most)."""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
 
@@ -123,7 +135,13 @@ class Findings:
     @functools.cached_property
     def driven_by_noise(self) -> bool:
         """Whether that structure is what noise in the input leaves."""
-        return self.structured and driven_by_noise(self.problem, self.final.ranked) and not self._worse_on_unseen
+        found = self.at_random
+        return found is not None and in_input(self.problem, found) and not self._worse_on_unseen
+
+    @functools.cached_property
+    def at_random(self) -> Disturbance | None:
+        """What moves the proposed model, if that goes with nothing that is known of the motion."""
+        return moved_at_random(self.problem, self.final.ranked) if self.structured else None
 
     @functools.cached_property
     def _worse_on_unseen(self) -> bool:
@@ -253,24 +271,42 @@ def left_by(problem: Problem, f: Fit) -> tuple[Residue, ...]:
 
 
 def driven_by_noise(problem: Problem, r: Ranked) -> bool:
-    """Tell whether what a model leaves is what noise in the input leaves: it is gone at the highest gain.
+    """Tell whether what a model leaves is what noise in the input leaves."""
+    found = moved_at_random(problem, r)
+    return found is not None and in_input(problem, found)
 
-    Noise in the input moves the state at random: an observer that is wide awake follows that, and only the noise of the
-    sensors is left. A force that the model lacks is no white noise, and shows at any gain, or follows from the motion:
-    where little of it is left, from one function of it at least.
+
+def moved_at_random(problem: Problem, r: Ranked) -> Disturbance | None:
+    """Return what moves a model at random, if that is what it leaves; where a force is missing, some function of the
+    motion predicts at least a part of it.
     """
     c = r.fit.candidate
     if problem.scale.imposed or problem.driven or c.filtered:
-        return False
+        return None
     at = judged(problem, r)
     if bool((dependence(problem, at, of_input=False) > AT_RANDOM).any()):
-        return False
+        return None
     noise, rho = _as_coloured(problem, r.low.filter, at)
     found = fit(problem, c, _awake(problem, noise, rho), r.fit.theta, 10)
-    if found is None or any_structure(found.innovations, problem.noise) or strongest(problem, found) > FOLLOWS:
-        return False
+    if found is None or strongest(problem, found) > FOLLOWS:
+        return None
     left = np.sqrt(np.nanmean(np.concatenate(found.innovations) ** 2, axis=0))
-    return bool((left < AWAKE * noise).all())
+    gone = not any_structure(found.innovations, problem.noise) and bool((left < AWAKE * noise).all())
+    return replace(disturbance(problem, found, noise, rho), gone=gone)
+
+
+def in_input(problem: Problem, found: Disturbance) -> bool:
+    """Tell whether what moves a model at random can be noise in the input.
+
+    It is gone at the highest gain: an observer that is wide awake follows it, and only the noise of the sensors is
+    left. It is as large as the noise that the record of the input shows; or it is no larger than that leaves room for,
+    acts where the input does, and is over from one sample to the next.
+    """
+    shown = float(input_noise(problem.segments)[0])
+    if not found.gone or LIKE[0] * shown < found.input < LIKE[1] * shown:
+        return found.gone
+    usual = float(np.sqrt(np.mean(np.concatenate([s.u[:, 0] for s in problem.segments]) ** 2)))
+    return found.input <= max(TIMES[0] * shown, UNSEEN * usual) and found.doubt <= DOUBTFUL
 
 
 def sooner_or_later(problem: Problem, f: Fit) -> bool:

@@ -62,6 +62,8 @@ def refusal(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str] | No
         return r.label, f"it would be less than {BRIEF:g} of the time between two samples"
     if _delay(r, before) > LONG * problem.scale.duration:
         return r.label, f"it would be more than {100 * LONG:g} % of the record, and leave little of it to tell by"
+    if _endless(problem, r, before):
+        return r.label, "it would swing without end, as a force does that goes with the time, whatever moves"
     if _follows(problem, r, before):
         return r.label, "a model without it explains as much where its motion is corrected as quickly"
     spare = _needless(problem, r, before)
@@ -100,6 +102,25 @@ def _is_essential(model: Model, parameter: str) -> bool:
     """Tell whether a parameter of a model, ``key.name``, is essential to its effect."""
     key, _, name = parameter.partition(".")
     return key in model.effects and name in find_effect(model.effects[key].type, "effects").essential
+
+
+def _endless(problem: Problem, r: Ranked, before: Ranked) -> bool:
+    """Tell whether what was added to ``before`` must swing with less damping than anything real has."""
+    f, model = r.fit, r.fit.fitted()
+    values: dict[str, float] = {}
+    for key in _added(r, before):
+        use = model.effects[key]
+        damped = find_effect(use.type, "effects").damped(use.parameters)
+        values |= {f"{key}.{name}": value for name, value in damped.items()}
+    if not values:
+        return False
+    start, held = f.theta.copy(), list(f.candidate.coordinates)
+    for i, k in enumerate(held):
+        if k.name in values:
+            start[i] = k.theta(values[k.name])
+            held[i] = replace(k, low=start[i], high=start[i])
+    found = fit(problem, replace(f.candidate, coordinates=tuple(held)), f.gains, start, 10, f.filter)
+    return found is not None and found.cost - f.cost > NEEDED
 
 
 def _follows(problem: Problem, r: Ranked, before: Ranked) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import as_list
 from signlin_ros.diagnosis.derived import position_alone
+from signlin_ros.diagnosis.disturbance import Disturbance
 from signlin_ros.diagnosis.findings import NEEDED, Findings, sooner_or_later, structured
 from signlin_ros.diagnosis.parameters import estimates
 from signlin_ros.diagnosis.problem import Problem, driven_by_changes, driven_by_inputs, input_noise
@@ -29,7 +30,7 @@ from signlin_ros.diagnosis.ranking import (
 from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Diagnosis, Rung, Scores
 from signlin_ros.diagnosis.runs import best_level, kind_of_score, scores
-from signlin_ros.diagnosis.search import DEPTH, EXPLAINED, FURTHER, Progress, search
+from signlin_ros.diagnosis.search import DEPTH, EXPLAINED, FURTHER, SURE, Progress, search
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model
@@ -37,6 +38,8 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
+SEEN = 0.1
+"""Excess over the noise, in squares, from which on something is missing on unseen data."""
 FAINT = 0.1
 """Least share that an effect explains of what a model leaves on unseen data which leaves nothing on its own."""
 MOST = 6
@@ -266,10 +269,23 @@ def _explained(f: Findings) -> float:
     """Return the share of the missing motion on unseen data that the proposal explains.
 
     Where a proposal leaves nothing on the data that it was fitted to, or what noise in the input leaves, unseen motion
-    that is lost for once, or wanders, is also followed with the middle gain.
+    that is lost for once, or wanders, is also followed with the middle gain. Nothing is explained by what leaves
+    structure there and gains nothing here, where nothing is missing that unseen data show.
     """
     share = _share(f, f.held_out)
-    return share if f.unaccounted else max(share, _share(f, f.followed))
+    if f.unaccounted:
+        return 0.0 if f.final.certainty < SURE and not _shows(f) else share
+    return max(share, _share(f, f.followed))
+
+
+def _shows(f: Findings) -> bool:
+    """Tell whether unseen data show at all that something is missing."""
+    return bool((_lacking(f, f.held_out[0]) | _lacking(f, f.followed[0])).any())
+
+
+def _lacking(f: Findings, left: Sequence[Array]) -> NDArray[np.bool_]:
+    """Return the channels (ny) in which what a model leaves of unseen data is more than their noise."""
+    return np.asarray(np.nanmean(np.concatenate(left) ** 2, axis=0) / f.unseen_noise**2 - 1.0 > SEEN)
 
 
 def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> float:
@@ -277,7 +293,7 @@ def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> fl
     noise = f.unseen_noise
     before = np.nanmean(first**2, axis=0) / noise**2 - 1.0
     after = np.maximum(np.nanmean(last**2, axis=0) / noise**2 - 1.0, 0.0)
-    weight = (before > 0.1) & _told_by(f)
+    weight = (before > SEEN) & _told_by(f)
     if not weight.any():
         return 1.0
     shares = 1.0 - after[weight] / before[weight]
@@ -405,10 +421,10 @@ def _sentence(f: Findings, verdict: str, explained: float, over: float) -> str:
     rest = f" Some structure remains that no listed effect explains{left}." if f.unaccounted else ""
     if f.driven_by_noise:
         rest = f" {_noise_in_input(f).capitalize()}."
-    return (
-        f"The model lacks {_either(f, effects)}: {_percent(explained)} of the missing motion is explained on data that "
-        f"the fit did not see.{rest}"
-    )
+    share = f"{_percent(explained)} of the missing motion is explained on data that the fit did not see"
+    if not _shows(f):
+        share = "data that the fit did not see hardly show that it is missing, and show no harm"
+    return f"The model lacks {_either(f, effects)}: {share}.{rest}"
 
 
 def _unexplained(f: Findings, explained: float, over: float) -> str:
@@ -441,7 +457,18 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
         share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
     rest = f"{before}; what remains has structure that no listed effect explains."
-    return rest if effects and explained >= 0.01 else NOT_LISTED
+    rest = rest if effects and explained >= 0.01 else NOT_LISTED
+    return f"{rest} {_wandering(f, f.at_random)}" if f.at_random and explained < PARTLY else rest
+
+
+def _wandering(f: Findings, found: Disturbance) -> str:
+    """Return in words what moves a model, where that goes with nothing that is known of the motion."""
+    name, unit = driving(f.problem), f.problem.shown(f.problem.base.plant.force_unit)
+    last = f", lasting about {found.lasts:.2g} s at a time," if found.lasts > f.problem.scale.step else ""
+    return (
+        f"It looks like a {name} of about {found.force:.2g} {unit}{last} that goes with nothing that is known of the "
+        "motion: look for a load that was not recorded."
+    )
 
 
 def _noise_in_input(f: Findings) -> str:

@@ -34,6 +34,7 @@ class Backlash(CompliantLoad):
     rugged = True
     floating = True
     essential = ("gap",)
+    telling = ("gap",)
 
     gap = Par("Q", nominal=0.01, doc="half width of the play")
 

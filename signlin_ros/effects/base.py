@@ -147,6 +147,11 @@ class Effect(HasPars):
         return ()
 
     @classmethod
+    def damped(cls, p: Mapping[str, float]) -> dict[str, float]:
+        """Return the damping without which it would swing on and on, as nothing real does; empty: it has more."""
+        return {}
+
+    @classmethod
     def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
         """Return sets of simpler effects that together may be what this one is fitted to, and their parameters."""
         return []

@@ -1,0 +1,104 @@
+"""What moves a mass at random: noise in its input, or a force that lasts?
+
+What an observer leaves is the noise of the sensors and what disturbs the motion, each through its own response. Their
+spectra are known but for the size of a disturbance and how long it lasts; the likelihood is that of Fourier
+coefficients, which do not depend on each other [Whittle, J. R. Stat. Soc. B 15 (1953) 125].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from signlin_ros.diagnosis.fit import Fit
+from signlin_ros.diagnosis.problem import Problem, linear_base
+
+Array = NDArray[np.float64]
+
+LASTING, PART = 16, 0.1
+"""How many correlation times of a force are tried, from a step to this part of the longest record."""
+SIZES, FINER = 41, 4
+"""Sizes of a disturbance that are tried at once, and how often between the neighbours of the best."""
+SMALL, LARGE = 1e-4, 1e6
+"""Smallest and largest size, in squares, of what the sensors' noise would hide."""
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """What disturbs a motion, as far as a record tells.
+
+    ``input``: the most likely standard deviation of white noise in the first input, in its unit. ``force``: the same of
+    a force, in that of the plant, and ``lasts``: its most likely correlation time, s; a step if it is white. ``doubt``:
+    by how much -2 log likelihood is larger with that noise than with that force. ``gone``: whether an observer follows
+    it so closely at the highest gain that only the noise of the sensors is left.
+    """
+
+    input: float
+    force: float
+    lasts: float
+    doubt: float
+    gone: bool = True
+
+
+def disturbance(problem: Problem, f: Fit, noise: Array, rho: Array) -> Disturbance:
+    """Return what disturbs the motion of a fitted model, from what an observer at the gain of its fit leaves.
+
+    ``noise``, ``rho`` (ny): standard deviation of the sensors' noise and its correlation from sample to sample.
+    """
+    dt = problem.scale.step
+    parts = [_seen(problem, f, e, noise, rho) for e in f.innovations]
+    w, by_input, by_force = (np.concatenate(one, axis=-1) for one in zip(*parts, strict=True))
+    size, cost = _most_likely(by_input, np.ones_like(w))
+    times = np.geomspace(dt, max(PART * max(float(s.t[-1] - s.t[0]) for s in problem.segments), 2 * dt), LASTING)
+    forces = [_most_likely(by_force, _lasting(w, float(np.exp(-dt / t)) if t > dt else 0.0)) for t in times]
+    best = int(np.argmin([one[1] for one in forces]))
+    force = problem.scale.inertia * float(np.sqrt(forces[best][0]))
+    return Disturbance(float(np.sqrt(size)), force, float(times[best]), cost - forces[best][1])
+
+
+def _seen(problem: Problem, f: Fit, left: Array, noise: Array, rho: Array) -> tuple[Array, Array, Array]:
+    """Return frequencies (F,) in radians per sample and, for a disturbance of size 1 in the input and in the force,
+    (2, F): its power in noise of size 1, and what is ``left`` (T, ny) has of it.
+    """
+    (states, A, B, C), (n, ny) = linear_base(f.fitted(), problem.channels), f.gains.values.shape[1:]
+    push = np.zeros((n, 2))
+    push[:, 0], push[states.index(problem.base.plant.velocity), 1] = B[:, 0], 1.0
+    whole = expm(np.block([[A, push], [np.zeros((2, n + 2))]]) * problem.scale.step)
+    onward, moved, K = whole[:n, :n], whole[:n, n:], f.gains.rows(states)[-1]
+    count = len(left)
+    w = 2 * np.pi * np.arange(1, count // 2) / count
+    through = C @ np.linalg.inv(np.exp(1j * w)[:, None, None] * np.eye(n) - onward @ (np.eye(n) - K @ C))
+    sensors = (np.eye(ny) - through @ onward @ K) * (noise * np.sqrt(_lasting(w[:, None], rho)))[:, None, :]
+    coefficients = np.fft.rfft(np.nan_to_num(left), axis=0)[1 : count // 2] / np.sqrt(count)
+    whitened = np.linalg.solve(sensors, np.concatenate([through @ moved, coefficients[:, :, None]], axis=2))
+    powers = np.sum(np.abs(whitened[:, :, :2]) ** 2, axis=1)
+    there = np.abs(np.sum(whitened[:, :, :2].conj() * whitened[:, :, 2:], axis=1)) ** 2
+    return w, np.array([powers[:, 0], there[:, 0]]), np.array([powers[:, 1], there[:, 1]])
+
+
+def _lasting(w: Array, rho: float | Array) -> Array:
+    """Return the spectrum of noise of variance 1 with a correlation from sample to sample, at frequencies w."""
+    return np.asarray((1.0 - np.square(rho)) / np.abs(1.0 - rho * np.exp(-1j * w)) ** 2)
+
+
+def _most_likely(seen: Array, shape: Array) -> tuple[float, float]:
+    """Return the size, in squares, of a disturbance with a spectrum (F,) that makes what is ``seen`` (2, F) of it most
+    likely, and -2 log likelihood against none.
+    """
+    power, there = seen * shape
+    usual = float(np.mean(power))
+    if not usual > 0.0:
+        return 0.0, 0.0
+    sizes = np.geomspace(SMALL / usual, LARGE / usual, SIZES)
+    for _ in range(FINER):
+        costs = [2.0 * float(np.sum(np.log1p(s * power) - s * there / (1.0 + s * power))) for s in sizes]
+        best = int(np.argmin(costs))
+        size, cost = float(sizes[best]), costs[best]
+        sizes = np.geomspace(sizes[max(best - 1, 0)], sizes[min(best + 1, SIZES - 1)], SIZES)
+    return size, cost
+
+
+__all__ = ["Disturbance", "disturbance"]
