@@ -138,6 +138,11 @@ class Findings:
         found = self.at_random
         return found is not None and in_input(self.problem, found) and not self._worse_on_unseen
 
+    @property
+    def noise_is_shown(self) -> bool:
+        """Whether what moves the proposed model at random is as large as the noise that the input's record shows."""
+        return self.at_random is not None and as_shown(self.problem, self.at_random)
+
     @functools.cached_property
     def at_random(self) -> Disturbance | None:
         """What moves the proposed model, if that goes with nothing that is known of the motion."""
@@ -302,11 +307,17 @@ def in_input(problem: Problem, found: Disturbance) -> bool:
     left. It is as large as the noise that the record of the input shows; or it is no larger than that leaves room for,
     acts where the input does, and is over from one sample to the next.
     """
-    shown = float(input_noise(problem.segments)[0])
-    if not found.gone or LIKE[0] * shown < found.input < LIKE[1] * shown:
+    if not found.gone or as_shown(problem, found):
         return found.gone
+    shown = float(input_noise(problem.segments)[0])
     usual = float(np.sqrt(np.mean(np.concatenate([s.u[:, 0] for s in problem.segments]) ** 2)))
     return found.input <= max(TIMES[0] * shown, UNSEEN * usual) and found.doubt <= DOUBTFUL
+
+
+def as_shown(problem: Problem, found: Disturbance) -> bool:
+    """Tell whether what moves a model at random is as large as the noise that the record of the input shows."""
+    shown = float(input_noise(problem.segments)[0])
+    return LIKE[0] * shown < found.input < LIKE[1] * shown
 
 
 def sooner_or_later(problem: Problem, f: Fit) -> bool:

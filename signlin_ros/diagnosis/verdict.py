@@ -56,7 +56,8 @@ CURVES, PERIODS = 0.03, 3.0
 another. A wave of so many periods is no such term; one of fewer is, where it leaves more than `ELSEWHERE`."""
 DRIVEN = 0.99
 """Least share that must be explained where what is left is what noise in the input would leave: so is what is left of
-a law outside the list that a listed one imitates by 97 or 98 %."""
+a law outside the list that a listed one imitates by 97 or 98 %. Not of one effect where the record of the input shows
+that noise."""
 NOT_LISTED = "The residual has structure that no listed effect explains on data that the fit did not see."
 WORSE = 1.2
 """Times the error of the model as it is that a proposal may leave when left alone."""
@@ -394,7 +395,8 @@ def _outdone(f: Findings) -> bool:
 def _enough(f: Findings, rest: float) -> float:
     """Return the least share of the missing motion on unseen data that is enough, for what is left beyond the noise."""
     if rest <= REST or not f.structured:
-        return DRIVEN if f.driven_by_noise and len(f.final.ranked.effects) > 1 else EXPLAINED
+        beyond = f.driven_by_noise and (len(f.final.ranked.effects) > 1 or not f.noise_is_shown)
+        return DRIVEN if beyond else EXPLAINED
     if f.driven_by_noise and rest <= ELSEWHERE:
         return DRIVEN
     return NEARLY_ALL[0] if f.driven_by_noise or 1.0 + rest < DETAIL else NEARLY_ALL[1]
