@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
+from scipy.optimize import minimize_scalar
 
 from signlin_ros.diagnosis.fit import Fit
 from signlin_ros.diagnosis.problem import Problem, linear_base
@@ -20,10 +21,8 @@ Array = NDArray[np.float64]
 
 LASTING, PART = 16, 0.1
 """How many correlation times of a force are tried, from a step to this part of the longest record."""
-SIZES, FINER = 41, 4
-"""Sizes of a disturbance that are tried at once, and how often between the neighbours of the best."""
-SMALL, LARGE = 1e-4, 1e6
-"""Smallest and largest size, in squares, of what the sensors' noise would hide."""
+SIZES = np.linspace(-10.0, 14.0, 13)
+"""Logarithms of sizes, in squares of what the sensors' noise would hide, of which the most likely is looked for."""
 
 
 @dataclass(frozen=True)
@@ -92,13 +91,15 @@ def _most_likely(seen: Array, shape: Array) -> tuple[float, float]:
     usual = float(np.mean(power))
     if not usual > 0.0:
         return 0.0, 0.0
-    sizes = np.geomspace(SMALL / usual, LARGE / usual, SIZES)
-    for _ in range(FINER):
-        costs = [2.0 * float(np.sum(np.log1p(s * power) - s * there / (1.0 + s * power))) for s in sizes]
-        best = int(np.argmin(costs))
-        size, cost = float(sizes[best]), costs[best]
-        sizes = np.geomspace(sizes[max(best - 1, 0)], sizes[min(best + 1, SIZES - 1)], SIZES)
-    return size, cost
+
+    def cost(size: float) -> float:
+        squares = np.exp(size) / usual
+        return 2.0 * float(np.sum(np.log1p(squares * power) - squares * there / (1.0 + squares * power)))
+
+    near = int(np.argmin([cost(size) for size in SIZES]))
+    step = SIZES[1] - SIZES[0]
+    best = minimize_scalar(cost, bounds=(SIZES[near] - step, SIZES[near] + step), method="bounded")
+    return float(np.exp(best.x)) / usual, float(best.fun)
 
 
 __all__ = ["Disturbance", "disturbance"]
