@@ -60,7 +60,8 @@ a law outside the list that a listed one imitates by 97 or 98 %. Not of one effe
 that noise."""
 NOT_LISTED = "The residual has structure that no listed effect explains on data that the fit did not see."
 TOLD = 0.02
-"""Least size of what moves a machine at random, as a share of the driving force, that is told: coloured noise of sensors
+"""Least size of what moves a machine at random, as a share of the driving force, that is told: coloured noise of
+sensors
 that was not wholly recognised came to 0.3 and 0.8 %."""
 WORSE = 1.2
 """Times the error of the model as it is that a proposal may leave when left alone."""
