@@ -29,16 +29,19 @@ SIZES = np.linspace(-10.0, 14.0, 13)
 class Disturbance:
     """What disturbs a motion, as far as a record tells.
 
-    ``input``: the most likely standard deviation of white noise in the first input, in its unit. ``force``: the same of
-    a force, in that of the plant, and ``lasts``: its most likely correlation time, s; a step if it is white. ``doubt``:
-    by how much -2 log likelihood is larger with that noise than with that force. ``gone``: whether an observer follows
-    it so closely at the highest gain that only the noise of the sensors is left.
+    ``input``, ``white``: the most likely standard deviation of white noise in the first input, in its unit, and in the
+    force, in that of the plant. ``force``: that of a force which ``lasts`` for the most likely correlation time, s; a
+    step if it is white. ``doubt``, ``lasting``: by how much -2 log likelihood is larger with noise in the input, and in
+    the force, than with that. ``gone``: whether an observer follows it so closely at the highest gain that only the
+    noise of the sensors is left.
     """
 
     input: float
+    white: float
     force: float
     lasts: float
     doubt: float
+    lasting: float
     gone: bool = True
 
 
@@ -54,8 +57,10 @@ def disturbance(problem: Problem, f: Fit, noise: Array, rho: Array) -> Disturban
     times = np.geomspace(dt, max(PART * max(float(s.t[-1] - s.t[0]) for s in problem.segments), 2 * dt), LASTING)
     forces = [_most_likely(by_force, _lasting(w, float(np.exp(-dt / t)) if t > dt else 0.0)) for t in times]
     best = int(np.argmin([one[1] for one in forces]))
-    force = problem.scale.inertia * float(np.sqrt(forces[best][0]))
-    return Disturbance(float(np.sqrt(size)), force, float(times[best]), cost - forces[best][1])
+    (white, without), (lasting, least) = forces[0], forces[best]
+    first, force = problem.scale.inertia * np.sqrt([white, lasting])
+    lasts, doubt = float(times[best]), cost - least
+    return Disturbance(float(np.sqrt(size)), float(first), float(force), lasts, doubt, without - least)
 
 
 def _seen(problem: Problem, f: Fit, left: Array, noise: Array, rho: Array) -> tuple[Array, Array, Array]:

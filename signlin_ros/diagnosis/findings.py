@@ -48,10 +48,13 @@ data. A right model whose parameters are known less well than a fine encoder sho
 FOLLOWS = 4.0
 """Standard errors by which what noise in the input leaves may go with one of three dozen functions of the motion. With
 such noise alone it was 2.9 at most in 36 records."""
-LIKE, UNSEEN, DOUBTFUL = (0.25, 2.5), 0.1, 100.0
-"""Multiples of the noise that a record of the input shows which that noise may seem to have (0.5 to 1.6 in a dozen
-models that are right); else, the most that such a record does not show, as a share of its root mean square, and by how
-much a force that lasts, or acts elsewhere, must be more likely in -2 log likelihood to be told from it (22 at most)."""
+LIKE = (0.25, 2.5)
+"""Multiples of the noise which a record of the input shows that noise in it may seem to have (0.5 to 1.6 in a dozen
+right models)."""
+UNSEEN, LASTING = 0.3, 11.0
+"""Largest noise of which no record shows anything, as a share of the root mean square of the input, or of the force;
+and by how much a force that lasts may be more likely in -2 log likelihood than one that is white (a chance of 0.001).
+"""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
 
@@ -134,9 +137,14 @@ class Findings:
 
     @functools.cached_property
     def driven_by_noise(self) -> bool:
-        """Whether that structure is what noise in the input leaves."""
+        """Whether that structure is what noise in the input, or in the force, leaves."""
         found = self.at_random
-        return found is not None and in_input(self.problem, found) and not self._worse_on_unseen
+        return found is not None and mere_noise(self.problem, found) and not self._worse_on_unseen
+
+    @property
+    def in_input(self) -> bool:
+        """Whether that can be noise in the input."""
+        return self.at_random is not None and in_input(self.problem, self.at_random)
 
     @property
     def noise_is_shown(self) -> bool:
@@ -276,9 +284,9 @@ def left_by(problem: Problem, f: Fit) -> tuple[Residue, ...]:
 
 
 def driven_by_noise(problem: Problem, r: Ranked) -> bool:
-    """Tell whether what a model leaves is what noise in the input leaves."""
+    """Tell whether what a model leaves is what noise in the input, or in the force, leaves."""
     found = moved_at_random(problem, r)
-    return found is not None and in_input(problem, found)
+    return found is not None and mere_noise(problem, found)
 
 
 def moved_at_random(problem: Problem, r: Ranked) -> Disturbance | None:
@@ -301,17 +309,22 @@ def moved_at_random(problem: Problem, r: Ranked) -> Disturbance | None:
 
 
 def in_input(problem: Problem, found: Disturbance) -> bool:
-    """Tell whether what moves a model at random can be noise in the input.
-
-    It is gone at the highest gain: an observer that is wide awake follows it, and only the noise of the sensors is
-    left. It is as large as the noise that the record of the input shows; or it is no larger than that leaves room for,
-    acts where the input does, and is over from one sample to the next.
+    """Tell whether what moves a model at random can be noise in the input: it is as large as the record of that shows,
+    or no larger than that leaves room for, and not less likely than a force.
     """
-    if not found.gone or as_shown(problem, found):
-        return found.gone
     shown = float(input_noise(problem.segments)[0])
     usual = float(np.sqrt(np.mean(np.concatenate([s.u[:, 0] for s in problem.segments]) ** 2)))
-    return found.input <= max(TIMES[0] * shown, UNSEEN * usual) and found.doubt <= DOUBTFUL
+    possible = found.input <= max(TIMES[0] * shown, UNSEEN * usual) and found.doubt <= NEEDED
+    return as_shown(problem, found) or possible
+
+
+def mere_noise(problem: Problem, found: Disturbance) -> bool:
+    """Tell whether what moves a model at random is but noise, of the input or of a force that is another one at every
+    sample. It is gone at the highest gain: an observer that is wide awake follows it, and only the noise of the sensors
+    is left.
+    """
+    white = found.lasting <= LASTING and found.white <= UNSEEN * problem.scale.force
+    return found.gone and (white or in_input(problem, found))
 
 
 def as_shown(problem: Problem, found: Disturbance) -> bool:

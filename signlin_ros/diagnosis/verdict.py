@@ -61,8 +61,7 @@ that noise."""
 NOT_LISTED = "The residual has structure that no listed effect explains on data that the fit did not see."
 TOLD = 0.02
 """Least size of what moves a machine at random, as a share of the driving force, that is told: coloured noise of
-sensors
-that was not wholly recognised came to 0.3 and 0.8 %."""
+sensors that was not wholly recognised came to 0.3 and 0.8 %."""
 WORSE = 1.2
 """Times the error of the model as it is that a proposal may leave when left alone."""
 ALIKE = 0.2
@@ -481,7 +480,7 @@ def _wandering(f: Findings, found: Disturbance) -> str:
 
 
 def _noise_in_input(f: Findings) -> str:
-    return f"what is left looks like noise in the {f.problem.base.inputs[0]}"
+    return f"what is left looks like noise in the {f.problem.base.inputs[0] if f.in_input else driving(f.problem)}"
 
 
 def _either(f: Findings, effects: Sequence[str]) -> str:
