@@ -80,6 +80,13 @@ def test_noise_of_a_force_that_the_record_shows_is_no_missing_load():
     assert "noise in the force" in d.sentence
 
 
+def test_a_force_that_is_another_one_at_every_sample_is_no_missing_load():
+    white = np.random.default_rng(8).normal(0.0, 0.4, (2, 3000))
+    d = diagnose(STAGE, *(sliding(seed, force, np.zeros(3000)) for seed, force in enumerate(white)))
+    assert d.verdict == "adequate"
+    assert "noise in the force" in d.sentence
+
+
 def test_a_load_that_comes_and_goes_is_told_as_one():
     d = diagnose(STAGE, *(sliding(seed, 0.25 * lasting(seed, 0.1), np.zeros(3000)) for seed in (0, 1)))
     assert d.verdict == "unexplained"
