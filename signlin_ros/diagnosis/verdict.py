@@ -463,10 +463,9 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
     rest = f"{before}; what remains has structure that no listed effect explains."
     rest = rest if effects and explained >= 0.01 else NOT_LISTED
-    beside = f.at_random if explained < PARTLY else None
-    if beside is None or beside.force < TOLD * f.problem.scale.force:
-        return rest
-    return f"{rest} {_wandering(f, beside)}"
+    if f.at_random and f.at_random.force > TOLD * f.problem.scale.force:
+        return f"{rest} {_wandering(f, f.at_random)}"
+    return rest
 
 
 def _wandering(f: Findings, found: Disturbance) -> str:
