@@ -133,6 +133,29 @@ def missing_against(
     return figure
 
 
+def missing_over_time(comparison: Comparison, stretch: int | None = None) -> Any:
+    """What is missing from the equations over time, and what noise alone would make of it: what comes and goes by
+    itself, swings on, or drifts, shows here and against no coordinate.
+
+    ``stretch``: which of the stretches without a gap; by default the one with the largest error. Raises `InputError`
+    where the record does not let it be told.
+    """
+    lacking = _main(comparison)
+    k = _worst_stretch(comparison) if stretch is None else stretch
+    t, values = comparison.traces[k].t, lacking.values[k]
+    every = max(1, t.size // POINTS)
+    with styled(9.5, 2.6) as figure:
+        ax = figure.subplots()
+        ax.axhspan(-2 * lacking.noise, 2 * lacking.noise, color=NOISE, alpha=0.2, lw=0, label="noise, ± 2 deviations")
+        ax.plot(t[::every], values[::every], color=LACKING, lw=0.9, label="what is missing")
+        ax.axhline(0.0, color=NOISE, lw=0.7)
+        ax.set_xlim(t[0], t[-1])
+        ax.set_xlabel("time [s]")
+        ax.set_ylabel(f"missing {lacking.name} [{lacking.unit}]")
+        legend_above(figure, ax, 2)
+    return figure
+
+
 def _scatter_and_band(ax: Any, x: Array, values: Array, block: int, dense: bool) -> None:
     every = max(1, x.size // POINTS)
     found = curves.band(x, values, block, dense_at_zero=dense)
@@ -294,5 +317,6 @@ __all__ = [
     "ladder",
     "measured_and_simulated",
     "missing_against",
+    "missing_over_time",
     "spectrum",
 ]

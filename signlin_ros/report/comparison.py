@@ -147,11 +147,13 @@ def _missing(c: Comparison) -> list[Block]:
     return found
 
 
+OVER_TIME = "The same over time: what comes and goes by itself, swings on, or drifts, shows here."
 _OF_WHAT_IS_MISSING = {
     "missing_force": (
         pictures.missing_against,
         "What the equations lack, against each coordinate; the band is the mean with two standard errors.",
     ),
+    "missing_over_time": (pictures.missing_over_time, OVER_TIME),
     "error_map": (pictures.error_map, "How much is missing, over two coordinates at once."),
     "loop": (
         pictures.hysteresis_loop,

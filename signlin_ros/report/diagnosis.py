@@ -16,7 +16,18 @@ from signlin_ros.diagnosis.search import held_out
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.report.comparison import drawing, foot, name_of, names_of, notes, number, percent, reproduce, where
+from signlin_ros.report.comparison import (
+    OVER_TIME,
+    drawing,
+    foot,
+    name_of,
+    names_of,
+    notes,
+    number,
+    percent,
+    reproduce,
+    where,
+)
 from signlin_ros.report.files import write_report
 from signlin_ros.report.formulas import formula
 from signlin_ros.report.page import Block, Code, Fold, Items, Page, Picture, Section, Table, Text
@@ -203,7 +214,8 @@ def _fails(before: Comparison | None) -> list[Block]:
         )
         blocks += drawing("where_it_fails", pictures.measured_and_simulated, caption, before)
     force = "What its equations lack, against each coordinate; the band is the mean with two standard errors."
-    return blocks + drawing("missing_force", pictures.missing_against, force, before)
+    blocks += drawing("missing_force", pictures.missing_against, force, before)
+    return blocks + drawing("missing_over_time", pictures.missing_over_time, OVER_TIME, before)
 
 
 def _still(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> list[Block]:
@@ -214,6 +226,7 @@ def _still(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> l
     if any(m.clear for m in after.missing):
         caption = "What the proposal's equations lack, against each coordinate."
         blocks += drawing("still_missing_force", pictures.missing_against, caption, after)
+        blocks += drawing("still_missing_over_time", pictures.missing_over_time, OVER_TIME, after)
         blocks += drawing("still_missing_map", pictures.error_map, "The same over two coordinates at once.", after)
     return blocks
 

@@ -185,6 +185,7 @@ def test_every_picture_is_drawn():
     candidate = {"speed": {"coulomb_friction": (curve, -0.033 * np.sign(curve))}}
     figures = [
         *(pictures.measured_and_simulated(c), pictures.missing_against(c, candidates=candidate)),
+        *(pictures.missing_over_time(c), pictures.missing_over_time(c, 0)),
         *(pictures.error_map(c), pictures.hysteresis_loop(c), pictures.spectrum(c)),
         pictures.ladder([("base", 1.0, 1.1), ("+ coulomb_friction", 0.1, None)], 0.07, "RMS error [rad/s]"),
     ]
