@@ -469,12 +469,12 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
 
 
 def _wandering(f: Findings, found: Disturbance) -> str:
-    """Return in words what moves a model, where that goes with nothing that is known of the motion."""
+    """Return in words what moves a model, where nothing that is known of the motion predicts it."""
     name, unit = driving(f.problem), f.problem.shown(f.problem.base.plant.force_unit)
     last = f", lasting about {found.lasts:.2g} s at a time," if found.lasts > f.problem.scale.step else ""
     return (
-        f"It looks like a {name} of about {found.force:.2g} {unit}{last} that goes with nothing that is known of the "
-        "motion: look for a load that was not recorded."
+        f"It looks like a {name} of about {found.force:.2g} {unit}{last} that no simple function of position, velocity "
+        "and input predicts: a load that was not recorded, or a law that is not listed."
     )
 
 

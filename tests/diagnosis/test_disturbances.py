@@ -90,7 +90,7 @@ def test_a_force_that_is_another_one_at_every_sample_is_no_missing_load():
 def test_a_load_that_comes_and_goes_is_told_as_one():
     d = diagnose(STAGE, *(sliding(seed, 0.25 * lasting(seed, 0.1), np.zeros(3000)) for seed in (0, 1)))
     assert d.verdict == "unexplained"
-    told = re.search(r"a force of about (\S+) N, lasting about (\S+) s at a time, that goes with nothing", d.sentence)
+    told = re.search(r"a force of about (\S+) N, lasting about (\S+) s at a time, that no simple function", d.sentence)
     assert told
     assert [float(x) for x in told.groups()] == pytest.approx([0.25, 0.1], rel=0.3)
 
