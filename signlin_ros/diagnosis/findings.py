@@ -51,10 +51,11 @@ such noise alone it was 2.9 at most in 36 records."""
 LIKE = (0.25, 2.5)
 """Multiples of the noise which a record of the input shows that noise in it may seem to have (0.5 to 1.6 in a dozen
 right models)."""
-UNSEEN, LASTING = 0.3, 11.0
-"""Largest noise of which no record shows anything, as a share of the root mean square of the input, or of the force;
-and by how much a force that lasts may be more likely in -2 log likelihood than one that is white (a chance of 0.001).
-"""
+UNSEEN = 0.3
+"""Noise of which no record shows anything, as a share of the root mean square of the input."""
+WHITE = ((2.0, 4.0), (0.3, 11.0))
+"""Sizes of noise in the force, as shares of what drives, and by how much a force that lasts may be more likely then in
+-2 log likelihood (chances of 0.05 and 0.001): the larger it is, the less may contradict that it is white."""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
 
@@ -323,7 +324,7 @@ def mere_noise(problem: Problem, found: Disturbance) -> bool:
     sample. It is gone at the highest gain: an observer that is wide awake follows it, and only the noise of the sensors
     is left.
     """
-    white = found.lasting <= LASTING and found.white <= UNSEEN * problem.scale.force
+    white = any(found.white <= share * problem.scale.force and found.lasting <= most for share, most in WHITE)
     return found.gone and (white or in_input(problem, found))
 
 
