@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 
 from signlin_ros.diagnosis.fit import Fit
-from signlin_ros.diagnosis.problem import Problem, linear_base
+from signlin_ros.diagnosis.problem import Problem, linear_base, stepped
 
 Array = NDArray[np.float64]
 
@@ -70,9 +69,7 @@ def _seen(problem: Problem, f: Fit, left: Array, noise: Array, rho: Array) -> tu
     (states, A, B, C), (n, ny) = linear_base(f.fitted(), problem.channels), f.gains.values.shape[1:]
     push = np.zeros((n, 2))
     push[:, 0], push[states.index(problem.base.plant.velocity), 1] = B[:, 0], 1.0
-    whole = expm(np.block([[A, push], [np.zeros((2, n + 2))]]) * problem.scale.step)
-    onward, moved, K = whole[:n, :n], whole[:n, n:], f.gains.rows(states)[-1]
-    count = len(left)
+    (onward, moved), K, count = stepped(A, push, problem.scale.step), f.gains.rows(states)[-1], len(left)
     w = 2 * np.pi * np.arange(1, count // 2) / count
     through = C @ np.linalg.inv(np.exp(1j * w)[:, None, None] * np.eye(n) - onward @ (np.eye(n) - K @ C))
     sensors = (np.eye(ny) - through @ onward @ K) * (noise * np.sqrt(_lasting(w[:, None], rho)))[:, None, :]

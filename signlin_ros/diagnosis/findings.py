@@ -13,14 +13,7 @@ from signlin_ros.diagnosis.dependence import dependence, strongest
 from signlin_ros.diagnosis.disturbance import Disturbance, disturbance
 from signlin_ros.diagnosis.fit import Filter, Fit, evaluated, fit, follow_records
 from signlin_ros.diagnosis.judge import Residue, any_structure, residues, whiteness
-from signlin_ros.diagnosis.problem import (
-    TIMES,
-    Gains,
-    Problem,
-    as_uncertain_throughout,
-    driven_by_changes,
-    input_noise,
-)
+from signlin_ros.diagnosis.problem import TIMES, Gains, Problem, as_uncertain_throughout, driven_by_changes
 from signlin_ros.diagnosis.rank import Ranked
 from signlin_ros.diagnosis.signs import reversed_signal
 from signlin_ros.noise import fourth_difference_share
@@ -313,9 +306,9 @@ def in_input(problem: Problem, found: Disturbance) -> bool:
     """Tell whether what moves a model at random can be noise in the input: it is as large as the record of that shows,
     or no larger than that leaves room for, and not less likely than a force.
     """
-    shown = float(input_noise(problem.segments)[0])
     usual = float(np.sqrt(np.mean(np.concatenate([s.u[:, 0] for s in problem.segments]) ** 2)))
-    possible = found.input <= max(TIMES[0] * shown, UNSEEN * usual) and found.doubt <= NEEDED
+    most = max(TIMES[0] * float(problem.input_noise[0]), UNSEEN * usual)
+    possible = found.input <= most and found.doubt <= NEEDED
     return as_shown(problem, found) or possible
 
 
@@ -330,7 +323,7 @@ def mere_noise(problem: Problem, found: Disturbance) -> bool:
 
 def as_shown(problem: Problem, found: Disturbance) -> bool:
     """Tell whether what moves a model at random is as large as the noise that the record of the input shows."""
-    shown = float(input_noise(problem.segments)[0])
+    shown = float(problem.input_noise[0])
     return LIKE[0] * shown < found.input < LIKE[1] * shown
 
 

@@ -231,6 +231,12 @@ class Problem:
         """Return a unit of the model as the records have it."""
         return rotary_unit(unit) if self.rotary else unit
 
+    @functools.cached_property
+    def input_noise(self) -> Array:
+        """Standard deviation (m) of white noise on every recorded input, steps left out."""
+        levels = [[noise_level(s.t, column).sigma for column in s.u.T] for s in self.segments]
+        return np.asarray(np.sqrt(np.average(np.square(levels), axis=0, weights=[s.t.size for s in self.segments])))
+
     @property
     def samples(self) -> int:
         """Number of samples in all records."""
@@ -448,6 +454,13 @@ def linear_base(model: Model, channels: tuple[str, ...]) -> tuple[tuple[str, ...
     return plain.states, A, B, C
 
 
+def stepped(A: Array, B: Array, dt: float) -> tuple[Array, Array]:
+    """Return the transition (n, n) of x' = A x + B u over dt, and what a unit of u (m), held for dt, adds (n, m)."""
+    n, m = B.shape
+    whole = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * dt)
+    return whole[:n, :n], whole[:n, n:]
+
+
 def _process_noise(model: Model, states: tuple[str, ...], sizes: dict[str, float], dt: float, tau: float) -> Array:
     """Return the variance added to every state in a step, for an observer with time constant tau.
 
@@ -506,12 +519,6 @@ def _kalman(states: tuple[str, ...], Ad: Array, C: Array, Q: Array, noise: Array
     return Gains(tau, states, values[:used].copy(), np.sqrt(last / variances[:used]), spread, np.sqrt(last))
 
 
-def input_noise(segments: Sequence[Segment]) -> Array:
-    """Return the standard deviation (m) of white noise on every recorded input, steps left out."""
-    levels = [[noise_level(s.t, column).sigma for column in s.u.T] for s in segments]
-    return np.asarray(np.sqrt(np.average(np.square(levels), axis=0, weights=[s.t.size for s in segments])))
-
-
 def driven_by_inputs(problem: Problem) -> Problem | None:
     """Return a problem with the gains of Kalman filters for which noise in the inputs, as the records show it and up to
     `TIMES` as much, is what moves the state at random; None where an input is not noisy enough to matter.
@@ -519,7 +526,7 @@ def driven_by_inputs(problem: Problem) -> Problem | None:
     A loop that is faster than its log acts between the samples as the log does not tell; and where the position is
     known finely, that is more than its noise within a sample or two.
     """
-    sigma = input_noise(problem.segments)
+    sigma = problem.input_noise
     if problem.scale.imposed or not sigma.any():
         return None
     how = _moved_by(problem, sigma)
@@ -536,7 +543,7 @@ def driven_by_changes(problem: Problem) -> Problem | None:
     usual = _usual_change(problem)
     if problem.scale.imposed or not usual.any():
         return None
-    how = _moved_by(problem, input_noise(problem.segments))
+    how = _moved_by(problem, problem.input_noise)
     levels = tuple(
         _uncertain(problem, replace(how, floor=times * how.floor, share=share), usual) for share, times in CHANGES
     )
@@ -547,7 +554,7 @@ def as_uncertain_throughout(problem: Problem) -> tuple[Gains, ...]:
     """Return the gains of Kalman filters whose inputs are as uncertain where they stay as where they change: what the
     gains of `driven_by_changes` have to be better than, of any size.
     """
-    usual, noise = _usual_change(problem), input_noise(problem.segments)
+    usual, noise = _usual_change(problem), problem.input_noise
     how, sizes = _moved_by(problem, noise), []
     if noise.any():
         sizes += [times * noise for times in (*TIMES, 2 * TIMES[0])]
@@ -564,9 +571,8 @@ def _usual_change(problem: Problem) -> Array:
 def _moved_by(problem: Problem, floor: Array) -> Moved:
     """Return how inputs that are uncertain by standard deviations (m) throughout move the linear base model."""
     _, A, B, C = linear_base(problem.base, problem.channels)
-    n, m = B.shape
-    step = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * problem.scale.step)
-    return Moved(step[:n, :n], step[:n, n:], C, problem.noise, np.diag(problem.levels[0].spread[1]), floor)
+    onward, moved = stepped(A, B, problem.scale.step)
+    return Moved(onward, moved, C, problem.noise, np.diag(problem.levels[0].spread[1]), floor)
 
 
 def _at_random(problem: Problem, how: Moved, sigma: Array) -> Gains:
@@ -739,7 +745,6 @@ __all__ = [
     "check_moving",
     "constant_inputs",
     "driven_by_inputs",
-    "input_noise",
     "moves",
     "prepare",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
 
@@ -106,21 +106,23 @@ def _is_essential(model: Model, parameter: str) -> bool:
 
 def _endless(problem: Problem, r: Ranked, before: Ranked) -> bool:
     """Tell whether what was added to ``before`` must swing with less damping than anything real has."""
-    f, model = r.fit, r.fit.fitted()
-    values: dict[str, float] = {}
+    f, model, values = r.fit, r.fit.fitted(), dict[str, float]()
     for key in _added(r, before):
         use = model.effects[key]
         damped = find_effect(use.type, "effects").damped(use.parameters)
         values |= {f"{key}.{name}": value for name, value in damped.items()}
-    if not values:
-        return False
+    found = _holding(problem, f, values, 10) if values else None
+    return found is not None and found.cost - f.cost > NEEDED
+
+
+def _holding(problem: Problem, f: Fit, values: Mapping[str, float], steps: int) -> Fit | None:
+    """Return a fit with some parameters held at values, the rest fitted again."""
     start, held = f.theta.copy(), list(f.candidate.coordinates)
     for i, k in enumerate(held):
         if k.name in values:
             start[i] = k.theta(values[k.name])
             held[i] = replace(k, low=start[i], high=start[i])
-    found = fit(problem, replace(f.candidate, coordinates=tuple(held)), f.gains, start, 10, f.filter)
-    return found is not None and found.cost - f.cost > NEEDED
+    return fit(problem, replace(f.candidate, coordinates=tuple(held)), f.gains, start, steps, f.filter)
 
 
 def _follows(problem: Problem, r: Ranked, before: Ranked) -> bool:
@@ -235,20 +237,12 @@ def _of_any_order(problem: Problem, r: Ranked, before: Ranked) -> tuple[str, str
 def _as_good_at_others(problem: Problem, f: Fit, name: str, without: float) -> bool:
     """Tell whether a wave does as well with other orders (``name``: of the order); ``without``: the cost without it."""
     gained = max(without - f.cost, 1e-300)
-    fits = (_at_order(problem, f, name, times) for times in OTHERS)
+    order = f.parameters()[name]
+    fits = (_holding(problem, f, {name: times * order}, 8) for times in OTHERS)
     shares = ((without - other.cost) / gained if other else 0.0 for other in fits)
     if any_structure(f.innovations, problem.white(f.gains)):
         return any(share > INDIFFERENT[0] for share in islice(shares, 2))
     return all(share > INDIFFERENT[1] for share in shares)
-
-
-def _at_order(problem: Problem, f: Fit, name: str, times: float) -> Fit | None:
-    """Return a fit with the order of a wave multiplied and held, the rest fitted again."""
-    c, theta = f.candidate, f.theta.copy()
-    i = [k.name for k in c.coordinates].index(name)
-    theta[i] = c.coordinates[i].theta(times * c.coordinates[i].value(float(theta[i])))
-    held = (replace(k, low=theta[i], high=theta[i]) if j == i else k for j, k in enumerate(c.coordinates))
-    return fit(problem, replace(c, coordinates=tuple(held)), f.gains, theta, 8, f.filter)
 
 
 def _instant(problem: Problem, r: Ranked, before: Ranked) -> bool:

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 from scipy.signal import fftconvolve, savgol_filter
 
 from signlin_ros.diagnosis.data import travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.fit import candidate, fit, follow_records
 from signlin_ros.diagnosis.missing import per_force
-from signlin_ros.diagnosis.problem import Gains, Problem, Segment, first_look, linear_base
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment, first_look, linear_base, stepped
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -99,9 +98,9 @@ def response(problem: Problem, model: Model, gains: Gains) -> Array:
     states, A, _, C = linear_base(model, problem.channels)
     push = np.zeros((len(states), 1))
     push[states.index(model.plant.velocity)] = 1.0
-    n, dt = len(states), problem.scale.step
-    whole = expm(np.block([[A, push], [np.zeros((1, n + 1))]]) * dt)
-    onward, x = whole[:n, :n] @ (np.eye(n) - gains.rows(states)[-1] @ C), whole[:n, n:]
+    dt = problem.scale.step
+    free, x = stepped(A, push, dt)
+    onward = free @ (np.eye(len(states)) - gains.rows(states)[-1] @ C)
     while x.shape[1] <= TRACE * gains.tau / dt:  # twice as many powers each time
         x, onward = np.hstack([x, onward @ x]), onward @ onward
     return np.asarray((C @ x).T / problem.noise)

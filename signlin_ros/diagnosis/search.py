@@ -312,6 +312,7 @@ class _Search:
         self.pairs: list[Ranked] = []
         self.declined: dict[str, str] = {}
         self.told: dict[int, tuple[Ranked, Filter, bool]] = {}
+        self.wander: dict[int, tuple[Ranked, bool]] = {}
         samples = sum(s.t.size for s in unseen.segments)
         self.block = max(min(int(BLOCK / problem.scale.step), samples // BLOCKS), 8)
         self.progress("preparing", 0.0)
@@ -810,8 +811,15 @@ class _Search:
         return known[2]
 
     def _wandering(self, r: Ranked) -> bool:
-        """Tell whether noise in the input would leave what a model leaves: errors then go together for long."""
-        return not self._enough(r) and driven_by_noise(self.problem, r)
+        """Tell whether noise in the input would leave what a model leaves: errors then go together for long; what was
+        told once is remembered.
+        """
+        if self._enough(r):
+            return False
+        known = self.wander.get(id(r))
+        if known is None:
+            known = self.wander[id(r)] = (r, driven_by_noise(self.problem, r))
+        return known[1]
 
     def _more(self, now: Ranked, singles: list[Ranked], trials: list[Trial]) -> list[Ranked]:
         """Return sets with one effect more than ``now``; where one is not enough, on top of other singles too, and

@@ -15,7 +15,7 @@ from signlin_ros.diagnosis.derived import position_alone
 from signlin_ros.diagnosis.disturbance import Disturbance
 from signlin_ros.diagnosis.findings import NEEDED, Findings, sooner_or_later, structured
 from signlin_ros.diagnosis.parameters import estimates
-from signlin_ros.diagnosis.problem import Problem, driven_by_changes, driven_by_inputs, input_noise
+from signlin_ros.diagnosis.problem import Problem, driven_by_changes, driven_by_inputs
 from signlin_ros.diagnosis.proposal import proposal, yaml_of
 from signlin_ros.diagnosis.ranking import (
     PARTLY,
@@ -284,19 +284,16 @@ def _explained(f: Findings) -> float:
 
 def _shows(f: Findings) -> bool:
     """Tell whether unseen data show at all that something is missing."""
-    return bool((_lacking(f, f.held_out[0]) | _lacking(f, f.followed[0])).any())
+    return any(bool((_excess(f, both[0]) > SEEN).any()) for both in (f.held_out, f.followed))
 
 
-def _lacking(f: Findings, left: Sequence[Array]) -> NDArray[np.bool_]:
-    """Return the channels (ny) in which what a model leaves of unseen data is more than their noise."""
-    return np.asarray(np.nanmean(np.concatenate(left) ** 2, axis=0) / f.unseen_noise**2 - 1.0 > SEEN)
+def _excess(f: Findings, left: Sequence[Array]) -> Array:
+    """Return by what share of the noise what a model leaves of unseen data exceeds it, in squares, by channel (ny)."""
+    return np.asarray(np.nanmean(np.concatenate(left) ** 2, axis=0) / f.unseen_noise**2 - 1.0)
 
 
 def _share(f: Findings, both: tuple[tuple[Array, ...], tuple[Array, ...]]) -> float:
-    first, last = (np.concatenate(e) for e in both)
-    noise = f.unseen_noise
-    before = np.nanmean(first**2, axis=0) / noise**2 - 1.0
-    after = np.maximum(np.nanmean(last**2, axis=0) / noise**2 - 1.0, 0.0)
+    before, after = _excess(f, both[0]), np.maximum(_excess(f, both[1]), 0.0)
     weight = (before > SEEN) & _told_by(f)
     if not weight.any():
         return 1.0
@@ -512,7 +509,7 @@ def _driven_note(problem: Problem) -> tuple[str, ...]:
     name, told = problem.base.inputs[0], "models were told apart by what they leave from one sample to the next"
     if problem.levels[0].moved:
         return (f"the {name} acts sooner or later than the record tells, by a part of a step that differs: {told}",)
-    noise = f"{input_noise(problem.segments)[0]:.2g} {problem.units.get(name, '')}".rstrip()
+    noise = f"{problem.input_noise[0]:.2g} {problem.units.get(name, '')}".rstrip()
     why = f"the motion is recorded so finely that noise of {noise} in the {name} moves it more than its own noise"
     return (f"{why}: {told}",)
 
