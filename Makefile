@@ -6,6 +6,7 @@ OUT    ?= out
 BIN    := $(VENV)/bin
 PIP    := $(BIN)/python -m pip --disable-pip-version-check
 STAMP  := $(VENV)/.signlin_ros_installed
+PEERS  := $(VENV)/.signlin_ros_peers_installed
 SHARED := pyproject.toml constraints.txt package.xml $(wildcard config/* config/launch/* ros_bin/*)
 
 export PIP_NO_INPUT = 1
@@ -34,6 +35,10 @@ $(STAMP): $(SHARED) | $(BIN)/python
 	@$(PIP) install -q -c constraints.txt -e '.[all,dev]' > $(VENV)/install.log 2>&1 || { cat $(VENV)/install.log >&2; exit 1; }
 	@touch $@
 
+$(PEERS): $(STAMP)
+	@$(PIP) install -q -c constraints.txt -e '.[bench]' > $(VENV)/install_peers.log 2>&1 || { cat $(VENV)/install_peers.log >&2; exit 1; }
+	@touch $@
+
 test: check      ## lint, types, import rules and the whole test suite
 	$(BIN)/python -m pytest -q $(PYTEST_ARGS)
 
@@ -50,7 +55,7 @@ format: install  ## let ruff repair what it can
 demo: install    ## the main job for real: simulator and linearizer over ROS 2, a figure and a table
 	$(BIN)/python -m signlin_ros.demo --output $(OUT)
 
-bench: install   ## speed and latency, as ratios against other tools
+bench: $(PEERS)  ## speed and latency, as ratios against other tools
 	$(BIN)/python benchmarks/bench.py
 
 clean:           ## all that make has made, but not $(VENV)

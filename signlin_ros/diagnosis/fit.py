@@ -11,7 +11,7 @@ import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -414,7 +414,7 @@ def _start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[A
         E, X = np.zeros((size, y.shape[1])), np.zeros((size, x.size))
         arguments: tuple[Any, ...] = (eq.flags(False, _turns(problem, c, others[0])), t, u, y, rows, x, *others)
         arguments = (eq.calls(False, c.filtered), *arguments, E, np.zeros((0, y.shape[1], eq.sizes[3])), X)
-        if cast("Any", follow)(*arguments) < size:
+        if follow(*arguments) < size:
             E[:] = np.inf
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
 

@@ -20,9 +20,12 @@ one for each of np parameters and others of 0.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.steps import LANES
 from signlin_ros.native import call, call_among, compiled, copied, inlined, inner
+
+Array = NDArray[np.float64]
 
 MOST = 20
 """Most substeps between two samples."""
@@ -501,8 +504,25 @@ NONE_LATE = np.zeros((0, 4))
 """``lags`` of channels that are all seen in time."""
 
 
-@compiled
-def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, belief, noise, E, D, X):
+def follow(
+    code: tuple[int, ...],
+    sizes: tuple[int, ...],
+    t: Array,
+    u: Array,
+    y: Array,
+    gains: Array,
+    x0: Array,
+    p: Array,
+    scale: Array,
+    delay: float,
+    ringing: float,
+    lags: Array,
+    belief: Array,
+    noise: Array,
+    E: Array,
+    D: Array,
+    X: Array,
+) -> int:
     """Follow a record: fill the innovations E (T, ny) and, if D (T, ny, w) is not empty, their derivatives.
 
     ``code``: addresses of F and the surface alone, of everything, and of what `signlin_ros.diagnosis.steps` writes: the
@@ -522,6 +542,17 @@ def follow(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, beli
     uncertainty derivatives are averaged. (3, 0): all are corrected by ``gains``.
     Returns how many samples were followed before the run left all bounds.
     """
+    # Numba compiles one loop for arrays that may be written to and another for those that may not: these may not.
+    views = [array.view() for array in (t, u, y)]
+    for view in views:
+        view.flags.writeable = False
+    rest = (gains, x0, p, scale, delay, ringing, lags, belief, noise, E, D, X)
+    return int(_allocated(code, sizes, *views, *rest))
+
+
+@compiled
+def _allocated(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, belief, noise, E, D, X):
+    """Make the arrays that `_follow` works in, and do it."""
     n, m, ny, count, at, width = sizes[0], sizes[1], sizes[2], sizes[3], sizes[10], sizes[11]
     n_out = at + n * n + n * width + width + n + ny * width
     late, kept = t.size if lags.shape[0] > 0 else 0, t.size if lags.shape[0] > 0 and sizes[7] != 0 else 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.follow import NONE_LATE, follow
+from signlin_ros.diagnosis.follow import NONE_LATE, _allocated, follow
 from signlin_ros.diagnosis.steps import padded
 from signlin_ros.model import Model
 from signlin_ros.simulate import simulate
@@ -133,3 +133,14 @@ def test_a_run_out_of_bounds_says_where():
     rest = (np.ones(2), 0.0, np.inf, NONE_LATE, np.zeros((3, 0)), np.ones(1), E, np.zeros((0, 1, 0)), X)
     done = follow(eq.calls(False), *arguments, *rest)
     assert 0 < done < T
+
+
+def test_the_loop_is_compiled_once_whoever_owns_the_record():
+    """A second version, for arrays that may be written to, would cost a user nine seconds on a new machine."""
+    model, frozen = motor("none"), np.zeros((T, 3))
+    frozen.flags.writeable = False
+    run(model)
+    versions = len(_allocated.signatures)
+    run(model, y=frozen)
+    run(model, ["J"])
+    assert len(_allocated.signatures) == versions
