@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from signlin_ros.diagnosis.equations import Equations, equations
 from signlin_ros.diagnosis.follow import MOST, NONE_LATE, follow
@@ -130,9 +131,13 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Filter:
-    """Prewhitening of the innovations of every channel: e_k - rho e_(k-1), rho (ny)."""
+    """Prewhitening of the innovations of every channel: v_k = e_k - rho e_(k-1) + theta v_(k-1), rho and theta (ny).
+
+    theta is that of AR(1) noise with white noise beside it; empty where none has any.
+    """
 
     rho: Array
+    theta: Array = field(default_factory=lambda: np.zeros(0))
 
     def apply(self, values: Array) -> Array:
         """Return the filtered innovations or derivatives (T, ny, ...); the first sample is kept."""
@@ -141,6 +146,10 @@ class Filter:
         rho = self.rho.reshape(1, -1, *([1] * (values.ndim - 2)))
         result = values.copy()
         result[1:] -= rho * values[:-1]
+        for c in np.flatnonzero(self.theta):
+            known = np.isfinite(result[:, c])
+            averaged = lfilter([1.0], [1.0, -self.theta[c]], np.where(known, result[:, c], 0.0), axis=0)
+            result[:, c] = np.where(known, averaged, np.nan)
         return np.asarray(result)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from signlin_ros.noise import fourth_difference_share
@@ -18,9 +19,10 @@ LAGS = 12
 """Lags over which the colour of the noise is told from slow structure."""
 MOST_COLOUR = 0.9
 """Largest rho of what counts as noise; what lasts longer counts as structure."""
-PURE, TIMES = 0.99, 20.0
-"""Noise of one pole may last longer, up to this rho, where it is nothing else: whitened by that pole, nothing is left;
-and a record must be so many times as long as it lasts to tell."""
+PURE, TIMES, ROUGH = 0.998, 20.0, 0.05
+"""Noise of one pole may last longer, up to this rho, where it is nothing else: whitened by that pole, nothing is left
+but white noise and what a share of its variance, white itself, makes of it; and a record must be so many times as long
+as it lasts to tell."""
 SPAN, NEAR = 12, 5
 """Lags either way at which channels are compared, and how many are averaged."""
 ALIKE = 0.2
@@ -40,7 +42,7 @@ class Residue:
     share of the squared autocorrelations that the three do not explain. ``dependent``: the share of the variance that
     follows from the model's own motion. ``alone``: the first autocorrelation if all are those of AR(1) and white noise:
     where there is no structure, what passes for some by chance was taken from the colour. ``pure``: it is AR(1) noise
-    and nothing else, however long that lasts.
+    and nothing else but a little white noise, however long that lasts.
     """
 
     variance: float
@@ -79,6 +81,11 @@ class Residue:
         return float(np.sqrt(max(1.0 - self.structure, 1e-12) * self.variance))
 
     @property
+    def average(self) -> float:
+        """Coefficient theta of the prewhitening (1 - `filter` L) / (1 - theta L); 0 where noise does not last long."""
+        return moving_average(self.rho, self.coloured, self.white) if self.pure else 0.0
+
+    @property
     def filter(self) -> float:
         """Coefficient of the first-order prewhitening that suits the noise.
 
@@ -87,6 +94,8 @@ class Residue:
         """
         if self.lasting:
             return 0.0
+        if self.pure:
+            return self.rho
         noise = self.coloured + self.white
         first = self.coloured * self.rho / noise if noise > 0 else 0.0
         if self.coloured > 0.0 and self.white < 1e-9 and not self.structured:
@@ -110,8 +119,10 @@ def correlations(parts: Sequence[Array], lags: int) -> tuple[Array, float, int]:
 def residue(parts: Sequence[Array]) -> Residue:
     """Take a residual apart by its autocorrelation: r_k = structure + coloured rho^k at k = 1..`LAGS`."""
     r, variance, count = correlations(parts, LAGS)
-    if _pure(parts, float(r[0]), count):
-        return Residue(variance, 0.0, 1.0, 0.0, float(r[0]), count, alone=float(r[0]), pure=True)
+    pole = _pure(parts, r, count)
+    if pole is not None:
+        rho, share = pole
+        return Residue(variance, 0.0, share, 1.0 - share, rho, count, alone=float(r[0]), pure=True)
     k = np.arange(1, LAGS + 1)
     best, alone = (np.inf, 0.0, 0.0, 0.0), (np.inf, 0.0)
     for rho in np.linspace(0.1, MOST_COLOUR, 33):
@@ -134,11 +145,25 @@ def residue(parts: Sequence[Array]) -> Residue:
     return Residue(variance, slow, fast, 1.0 - slow - fast, rho, count, miss / max(float(r @ r), 1e-300), 0.0, alone[1])
 
 
-def _pure(parts: Sequence[Array], rho: float, count: int) -> bool:
-    """Tell whether a residual is noise of one pole that lasts long, and nothing else."""
-    if not MOST_COLOUR - 0.02 < rho <= PURE or count * (1.0 - rho) < TIMES:
-        return False
-    return whiteness([part[1:] - rho * part[:-1] for part in parts if part.size > 1]).white
+def _pure(parts: Sequence[Array], r: Array, count: int) -> tuple[float, float] | None:
+    """Return rho of noise of one pole that lasts long and its share of the variance, the rest being white (a sensor's
+    steps); None if a residual with autocorrelations ``r`` is anything else.
+    """
+    rho = float(r[1:] @ r[:-1] / max(float(r[:-1] @ r[:-1]), 1e-300))
+    share = min(float(r[0]) / max(rho, 1e-12), 1.0)
+    if not (MOST_COLOUR - 0.02 < rho <= PURE and count * (1.0 - rho) >= TIMES and share >= 1.0 - ROUGH):
+        return None
+    theta = moving_average(rho, share, 1.0 - share)
+    left = [lfilter([1.0, -rho], [1.0, -theta], np.nan_to_num(part))[1:] for part in parts]
+    return (rho, share) if whiteness(left).white else None
+
+
+def moving_average(rho: float, coloured: float, white: float) -> float:
+    """Return theta of the moving average that AR(1) noise and white noise of these variances leave of (1 - rho L) e:
+    what (1 - rho L) / (1 - theta L) makes of them is white.
+    """
+    first = rho * white / (coloured * (1.0 - rho**2) + white * (1.0 + rho**2))
+    return float(2.0 * first / (1.0 + np.sqrt(max(1.0 - 4.0 * first**2, 0.0))))
 
 
 def residues(innovations: Sequence[Array], white: Array | None = None) -> list[Residue]:

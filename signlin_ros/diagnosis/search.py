@@ -422,7 +422,8 @@ class _Search:
 
     def _colour(self, r: Ranked) -> Filter:
         """Return the colour of what a model leaves."""
-        return Filter(np.array([one.filter for one in residues(r.low.innovations, self.problem.white(r.low.gains))]))
+        left = residues(r.low.innovations, self.problem.white(r.low.gains))
+        return Filter(np.array([one.filter for one in left]), np.array([one.average for one in left]))
 
     def _in_colour(self, r: Ranked, colour: Filter) -> float:
         """Return the evidence of a model fitted to the end in noise of that colour."""

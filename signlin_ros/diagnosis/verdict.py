@@ -62,6 +62,9 @@ NOT_LISTED = "The residual has structure that no listed effect explains on data 
 TOLD = 0.02
 """Least size of what moves a machine at random, as a share of the driving force, that is told: coloured noise of
 sensors that was not wholly recognised came to 0.3 and 0.8 %."""
+DRIFTING = 100.0
+"""A drift of a sensor that is less likely than a force by less than this in -2 log likelihood is told beside it: models
+bend to either."""
 WORSE = 1.2
 """Times the error of the model as it is that a proposal may leave when left alone."""
 ALIKE = 0.2
@@ -467,11 +470,14 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
 
 def _wandering(f: Findings, found: Disturbance) -> str:
     """Return in words what moves a model, where nothing that is known of the motion predicts it."""
+    if found.rather > NEEDED:
+        return f"It looks like a drift of the sensor of {found.drifting}: no force would leave that."
     name, unit = driving(f.problem), f.problem.shown(f.problem.base.plant.force_unit)
     last = f", lasting about {found.lasts:.2g} s at a time," if found.lasts > f.problem.scale.step else ""
+    sensor = f"a drift of the sensor of {found.drifting}, " if found.rather > -DRIFTING else ""
     return (
         f"It looks like a {name} of about {found.force:.2g} {unit}{last} that no simple function of position, velocity "
-        "and input predicts: a load that was not recorded, or a law that is not listed."
+        f"and input predicts: a load that was not recorded, {sensor}or a law that is not listed."
     )
 
 

@@ -22,8 +22,10 @@ M, C, FORCE, NOISE, SENSOR, STEP = 2.0, 3.0, 4.0, 0.2, 2e-4, 0.005
 STAGE = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": M, "c": C, "k": 0.0}})
 
 
-def sliding(seed: int, beside: np.ndarray, off: np.ndarray) -> ModelData:
-    """Return a record of a stage that a force ``beside`` (T,) acts on; that of the drive is recorded with an error."""
+def sliding(seed: int, beside: np.ndarray, off: np.ndarray, drift: np.ndarray | float = 0.0) -> ModelData:
+    """Return a record of a stage that a force ``beside`` (T,) acts on; that of the drive is recorded with an error, and
+    its sensor drifts.
+    """
     rng, count = np.random.default_rng(seed), beside.size
     u = np.repeat(rng.uniform(-FORCE, FORCE, count // 60 + 1), 60)[:count]
     decay = np.exp(-C / M * STEP)
@@ -32,7 +34,7 @@ def sliding(seed: int, beside: np.ndarray, off: np.ndarray) -> ModelData:
         end = (u[k] + beside[k]) / C
         q[k + 1] = q[k] + end * STEP + (v - end) * (1.0 - decay) * M / C
         v = end + (v - end) * decay
-    shown = q + rng.normal(0.0, SENSOR, count)
+    shown = q + rng.normal(0.0, SENSOR, count) + drift
     t, units = STEP * np.arange(count), {"displacement": "m", "force": "N"}
     return ModelData(t, (u + off)[:, None], {"displacement": shown}, None, ("force",), ("displacement",), units)
 
@@ -71,6 +73,35 @@ def test_a_force_that_lasts_is_no_noise_in_the_input(seed, time):
     assert time / 3 < one.lasts < 3 * time
     assert one.lasting > 0.0
     assert not mere_noise(problem, one)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("time", [0.05, 0.5])
+def test_a_sensor_that_drifts_is_no_force(seed, time):
+    quiet = np.zeros(3000)
+    _, drifting = found(sliding(seed, quiet, quiet, 20 * SENSOR * lasting(seed, time)))
+    assert drifting.rather > 10.0
+    _, pushed = found(sliding(seed, 0.8 * lasting(seed, time), quiet))
+    assert pushed.rather < -10.0
+
+
+def test_a_drift_that_the_record_holds_often_enough_is_noise():
+    """A tenth of a second, and white noise of the sensor beside it; a force lasts as long, and is none."""
+    quiet = np.zeros(3000)
+    drift = [30 * SENSOR * lasting(seed, 0.15) for seed in (1, 2)]
+    assert diagnose(STAGE, *(sliding(seed, quiet, quiet, one) for seed, one in enumerate(drift))).verdict == "adequate"
+    force = [0.4 * lasting(seed, 0.15) for seed in (1, 2)]
+    d = diagnose(STAGE, *(sliding(seed, one, quiet) for seed, one in enumerate(force)))
+    assert d.verdict == "unexplained"
+
+
+def test_what_is_missing_is_found_beside_a_drift():
+    bare = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": M, "c": 0.4 * C, "k": 0.0}})
+    quiet = np.zeros(3000)
+    drift = [30 * SENSOR * lasting(seed, 0.15) for seed in (1, 2)]
+    d = diagnose(bare, *(sliding(seed, quiet, quiet, one) for seed, one in enumerate(drift)))
+    assert d.verdict == "missing"
+    assert proposed(d) == {"viscous_friction"}
 
 
 def test_noise_of_a_force_that_the_record_shows_is_no_missing_load():
