@@ -172,7 +172,11 @@ def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lowest: fl
     """Return the orders of the highest peaks of the spectrum of a (T,) over q (T,)."""
     features = np.column_stack([np.ones_like(v), v, np.sign(v), v * np.abs(v)])
     a = a - features @ np.linalg.lstsq(features, a, rcond=None)[0]
-    a = np.clip(a, *np.quantile(a, [0.005, 0.995]))
+    return peaks(q, np.clip(a, *np.quantile(a, [0.005, 0.995])), highest, count, lowest)
+
+
+def peaks(q: Array, a: Array, highest: float, count: int, lowest: float) -> list[float]:
+    """Return the orders, from ``lowest`` to ``highest``, of the highest peaks of the spectrum of a (T,) over q (T,)."""
     span = float(np.ptp(q))
     if not span > 0:
         return []
@@ -195,4 +199,4 @@ def _start(q: Array, a: Array, order: float, inertia: float) -> tuple[float, flo
     return order, float(inertia * np.hypot(s, c)), float(np.arctan2(-c, -s))
 
 
-__all__ = ["finest", "halfway", "periodic_starts", "response"]
+__all__ = ["finest", "halfway", "peaks", "periodic_starts", "response"]

@@ -31,10 +31,12 @@ from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Diagnosis, Rung, Scores
 from signlin_ros.diagnosis.runs import best_level, kind_of_score, scores
 from signlin_ros.diagnosis.search import DEPTH, EXPLAINED, FURTHER, SURE, Progress, search
+from signlin_ros.diagnosis.varying import Varying
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
+from signlin_ros.trace import resolve_unit
 
 Array = NDArray[np.float64]
 
@@ -148,7 +150,7 @@ def _found(
 
     first = one(None)
     f = first.findings
-    if first.verdict != "unexplained" or f.reversed:
+    if first.verdict != "unexplained" or f.reversed or f.along:
         return first
     second = one(driven_by_inputs) if driven_by_inputs(f.problem) else first
     if second.verdict == "unexplained" and sooner_or_later(f.problem, f.final.ranked.fit):
@@ -348,8 +350,8 @@ def _bounded(s: Scores) -> bool:
 
 def _verdict(f: Findings, ladder: Sequence[Rung], explained: float, rest: float) -> str:
     if len(f.steps) == 1 or not f.beyond_doubt:
-        return "unexplained" if f.unaccounted or _elsewhere(f, explained, rest) else "adequate"
-    if _elsewhere(f, explained, rest):
+        return "unexplained" if f.unaccounted or f.along or _elsewhere(f, explained, rest) else "adequate"
+    if f.along or _elsewhere(f, explained, rest):
         return "unexplained"
     if f.unaccounted and rest > ELSEWHERE and _beside(ladder) < EXPLAINED:
         return "unexplained"
@@ -458,14 +460,30 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
         known = f"{known[0].upper()}{known[1:]} where the model was fitted"
         elsewhere = f"elsewhere its error is {1.0 + over:.2g} times the noise"
         return f"{known}, but {elsewhere}: what is missing shows only there; fit it to that record too."
-    if effects and not f.unaccounted:
+    if effects and not f.unaccounted and not f.along:
         share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
     rest = f"{before}; what remains has structure that no listed effect explains."
     rest = rest if effects and explained >= 0.01 else NOT_LISTED
+    if f.along:
+        varies = "friction varies along the way, which no listed effect does"
+        rest = f"{before}, but {varies}" if effects and explained >= 0.01 else varies.capitalize()
+        return f"{rest}: {_waves(f, f.along)}."
     if f.at_random and f.at_random.force > TOLD * f.problem.scale.force:
         return f"{rest} {_wandering(f, f.at_random)}"
     return rest
+
+
+def _waves(f: Findings, found: Varying) -> str:
+    """Return in words how friction varies with the position."""
+    plant, how = f.problem.base.plant, {"viscous": "viscous_friction", "dry": "coulomb_friction"}[found.law]
+    declared = next(iter(find_effect(how, "effects").pars().values())).unit
+    size = f"±{found.amplitude:.2g} {resolve_unit(declared, plant, f.problem.rotary)} of {how.replace('_', ' ')}"
+    unit = f.problem.shown(plant.position_unit)
+    turning = unit == "rad" and found.order >= 1.0
+    return f"{size}, " + (
+        f"{found.order:.3g} waves a turn" if turning else f"a wave every {2 * np.pi / found.order:.3g} {unit}"
+    )
 
 
 def _wandering(f: Findings, found: Disturbance) -> str:
