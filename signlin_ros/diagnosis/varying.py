@@ -1,17 +1,19 @@
-"""Does friction vary along the way? A search for waves over the position in what goes with the velocity.
+"""Does friction, or inertia, vary along the way? A search for waves over the position in what a model leaves.
 
-A rail that is tighter in places, a seal or a bearing with a high spot: friction that varies with the position averages
-out where the motion is fast, and a constant friction then leaves what looks like noise. No listed effect is one, so it
+A rail that is tighter in places, a bearing with a high spot, a crank: what varies with the position averages out where
+the motion is fast, and a constant friction or inertia then leaves what looks like noise. No listed effect is one, so it
 gets no name, but it can be told. What an observer leaves is filtered with its own response to a force (a matched
-filter) and multiplied by the velocity, or its sign; peaks of the spectrum of that over the position show the waves.
-Each is then regressed on, beside the same wave of a plain force and all that the fit's parameters could still change,
-and tested by sums over blocks, whatever correlation what is left has within them [Hotelling, Ann. Math. Stat. 2 (1931)
-360; Liang and Zeger, Biometrika 73 (1986) 13].
+filter) and multiplied by the velocity, its sign, or the acceleration; peaks of the spectrum of that over the position
+show the waves. Each is then regressed on, beside the same wave of a plain force and all that the fit's parameters could
+still change, and tested by sums over blocks, whatever correlation what is left has within them [Hotelling, Ann. Math.
+Stat. 2 (1931) 360; Liang and Zeger, Biometrika 73 (1986) 13].
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from math import ceil
 
 import numpy as np
@@ -23,13 +25,14 @@ from scipy.stats import norm
 
 from signlin_ros.diagnosis.dependence import BLOCK, LEAST, MOST
 from signlin_ros.diagnosis.fit import Fit, follow_records
-from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.problem import Problem, Segment
 from signlin_ros.diagnosis.scan import FASTEST, finest, halfway, peaks, response
+from signlin_ros.diagnosis.tracking import Tracker
 
 Array = NDArray[np.float64]
 
 PEAKS = 3
-"""Waves that are tried for each law of friction."""
+"""Waves that are tried for each of what may vary."""
 BLOCKS = 12
 """Blocks that a spread is told from, at least."""
 PERIODS = 2.0
@@ -37,107 +40,156 @@ PERIODS = 2.0
 FINER = 0.02
 """What an order is known to, as a share of the distance of two that a travel tells apart."""
 DIFFERENT, RELATIVE = 1e-3, 1e-8
-"""Size, as a share, that must be left of a wave of friction beside the same wave of a plain force (none is, where the
-motion has one direction); and what counts as singular."""
+"""Size, as a share, that must be left of a wave beside the same wave of a plain force (none is of dry friction where
+the motion has one direction); and what counts as singular."""
+
+
+VISCOUS, DRY, INERTIA = "viscous friction", "coulomb friction", "inertia"
+"""What may vary, and goes with the velocity, its sign, or the acceleration."""
 
 
 @dataclass(frozen=True)
 class Varying:
-    """Friction that varies with the position: the force is -a ``law`` sin(N q + phi).
+    """What varies with the position: the force is -a ``what`` sin(N q + phi), of a velocity, its sign, an acceleration.
 
-    ``law``: "viscous" (a v) or "dry" (a sign v). ``order``: N, per unit of the position. ``amplitude``: a, in the units
-    of force and velocity. ``force``: root mean square of that force. ``certainty``: in standard errors of a normal one.
+    ``order``: N, per unit of the position. ``amplitude``: a, in the units of force and of what it goes with.
+    ``force``: root mean square of that force. ``certainty``: in standard errors of a normal one.
     """
 
-    law: str
+    what: str
     order: float
     amplitude: float
     force: float
     certainty: float
 
 
-def varying(problem: Problem, f: Fit) -> Varying | None:
-    """Return the wave of friction that takes most of what a fitted model leaves; None where there is none to look for:
-    no inertia, or a model that an extended Kalman filter follows, or too few samples.
+@dataclass(frozen=True)
+class _Left:
+    """What a model leaves between two samples each, records one after the other: T in all, in ny channels.
+
+    ``rest`` (T, ny): innovations; ``known`` (T, ny): whether there are any; ``slopes`` (T ny, k): how the parameters
+    would change them; ``lengths``: samples of each record; ``q``, ``goes`` (T,): position, and what each of what may
+    vary goes with; ``block`` (T,): in which block a sample is; ``seen`` (M, ny): the response to a force.
     """
-    states = f.candidate.model.states
-    gains, block = problem.levels[0], max(int(BLOCK / problem.scale.step), LEAST)
-    if problem.scale.imposed or f.candidate.filtered or problem.base.plant.velocity not in states:
+
+    rest: Array
+    known: NDArray[np.bool_]
+    slopes: Array
+    lengths: tuple[int, ...]
+    q: Array
+    goes: Mapping[str, Array]
+    block: NDArray[np.int_]
+    seen: Array
+
+    def of(self, values: Array) -> list[Array]:
+        """Return values (T, ...) by record."""
+        return np.split(values, np.cumsum(self.lengths)[:-1])
+
+    def matched(self) -> Array:
+        """Return what is left (T,), filtered with the response to a force backwards."""
+        ends = len(self.seen) - 1
+        return np.concatenate(
+            [fftconvolve(e, self.seen[::-1], axes=0).sum(axis=1)[ends:][: len(e)] for e in self.of(self.rest)]
+        )
+
+    def trace(self, forces: Array) -> Array:
+        """Return what an observer leaves (T ny, k) of forces (T, k)."""
+        one = [fftconvolve(w[:, None], self.seen[:, :, None], axes=0)[: len(w)] for w in self.of(forces)]
+        return np.asarray(np.where(self.known[:, :, None], np.concatenate(one), 0.0).reshape(self.rest.size, -1))
+
+    def tried(self, what: str, order: float) -> tuple[float, Varying]:
+        """Return by how much a wave lowers the squares of what is left, and the wave."""
+        goes, waves = self.goes[what], np.column_stack([np.sin(order * self.q), np.cos(order * self.q)])
+        usual = float(np.sqrt(np.mean(goes**2)))
+        columns = self.trace(waves * (goes / usual)[:, None])
+        beside = np.column_stack([self.slopes, self.trace(waves)])
+        beside /= np.linalg.norm(beside, axis=0)
+        both = np.column_stack([columns, self.rest.ravel()])
+        both -= beside @ np.linalg.lstsq(beside, both, rcond=RELATIVE)[0]
+        alone, e = both[:, :2], both[:, 2]
+        if np.linalg.norm(alone) < DIFFERENT * np.linalg.norm(columns):
+            return 0.0, Varying(what, order, 0.0, 0.0, 0.0)
+        fitted = np.linalg.lstsq(alone, e, rcond=None)[0]
+        products = (alone * (e - alone @ fitted)[:, None]).reshape(*self.rest.shape, 2).sum(axis=1)
+        force = float(np.sqrt(np.mean((waves @ fitted * goes / usual) ** 2)))
+        certainty = self._certainty(alone.T @ e, products)
+        return float(e @ alone @ fitted), Varying(what, order, float(np.hypot(*fitted)) / usual, force, certainty)
+
+    def _certainty(self, score: Array, products: Array) -> float:
+        """Return how certain a score (2,) is, whose noise are sums of products (T, 2) over all blocks."""
+        count = int(self.block[-1]) + 1
+        spread = count * np.cov([np.bincount(self.block, one, count) for one in products.T])
+        if not np.linalg.cond(spread) < 1.0 / RELATIVE:
+            return 0.0
+        squared = float(score @ np.linalg.solve(spread, score))
+        return float(norm.isf(fisher.sf(squared * (count - 2) / (2 * (count - 1)), 2, count - 2)))
+
+
+def varying(problem: Problem, f: Fit) -> Varying | None:
+    """Return the wave along the way that takes most of what a fitted model leaves; None where there is none to look
+    for: no inertia, or a model that an extended Kalman filter follows, or too few samples.
+    """
+    left = _left(problem, f)
+    if left is None or left.block[-1] + 1 < BLOCKS or not np.ptp(left.q) > 0.0:
+        return None
+    span, matched = float(np.ptp(left.q)), left.matched()
+    highest = min(FASTEST / (problem.scale.velocity * problem.scale.step), finest(problem))
+    orders = {
+        w: peaks(left.q, matched * goes, highest, PEAKS, PERIODS * 2 * np.pi / span) for w, goes in left.goes.items()
+    }
+    found = [left.tried(what, order) for what, several in orders.items() for order in several]
+    if not found:
+        return None
+    _, best = max(found, key=lambda one: one[0])
+    bounds, tolerance = (best.order - np.pi / span, best.order + np.pi / span), FINER * np.pi / span
+    finer = minimize_scalar(
+        lambda N: -left.tried(best.what, N)[0], bounds=bounds, method="bounded", options={"xatol": tolerance}
+    )
+    _, best = max([*found, left.tried(best.what, float(finer.x))], key=lambda one: one[0])
+    size = problem.scale.inertia
+    return replace(best, amplitude=size * best.amplitude, force=size * best.force)
+
+
+def _left(problem: Problem, f: Fit) -> _Left | None:
+    """Return what a fitted model leaves at the highest gain; None where no inertia is moved, a filter follows it, or
+    the motion is lost.
+    """
+    gains, block, speed = problem.levels[0], max(int(BLOCK / problem.scale.step), LEAST), problem.base.plant.velocity
+    if problem.scale.imposed or f.candidate.filtered or speed not in f.candidate.model.states:
         return None
     runs = [follow_records(problem, f.candidate, f.theta, gains, with_s) for with_s in (False, True)]
     if runs[0] is None or runs[1] is None:
         return None
-    used = min(1.0, MOST / max(problem.samples, 1))
-    seen = f.filter.apply(response(problem, f.fitted(), gains))
-    places, speeds, left, known, slopes, blocks, done = [], [], [], [], [], [], 0
+    model, i, used = f.fitted(), f.candidate.model.states.index(speed), min(1.0, MOST / max(problem.samples, 1))
+    parts: dict[str, list[Array]] = defaultdict(list)
     for s, e, X, D in zip(problem.segments, runs[0][0], runs[0][2], runs[1][1], strict=True):
         count = ceil(used * len(e))
-        v = X[:count, states.index(problem.base.plant.velocity)]
-        places.append(halfway(f.candidate.model, s.t[:count], X[:count]))
-        speeds.append((v[1:] + v[:-1]) / 2)
-        whitened = f.filter.apply(e[:count] / problem.noise)[1:]
-        known.append(np.isfinite(whitened))
-        left.append(np.nan_to_num(whitened))
-        slopes.append(np.nan_to_num(f.filter.apply(D[:count] / problem.noise[:, None])[1:]))
-        blocks.append(np.arange(count - 1) // block + done)
-        done = int(blocks[-1][-1]) + 1
-    if done < BLOCKS:
-        return None
-    rest, there = np.concatenate(left), np.concatenate(known)
-    starting = np.repeat(np.diff(np.concatenate(blocks), prepend=-1) > 0, rest.shape[1])
-    starting[1:] &= ~starting[:-1]
-    base = np.concatenate(slopes).reshape(rest.size, -1)
-    base = base[:, np.any(base != 0.0, axis=0)]
-
-    def trace(forces: list[Array]) -> Array:
-        """Return what an observer leaves (T ny, k) of forces (T, k)."""
-        columns = [fftconvolve(one[:, None, :], seen[:, :, None], axes=0)[: len(one)] for one in forces]
-        return np.asarray(np.where(there[:, :, None], np.concatenate(columns), 0.0).reshape(rest.size, -1))
-
-    def tried(law: str, order: float) -> tuple[float, Varying] | None:
-        """Return by how much a wave lowers the squares of what is left, and the wave."""
-        size = [np.sign(v) if law == "dry" else v / problem.scale.velocity for v in speeds]
-        waves = [np.column_stack([np.sin(order * q), np.cos(order * q)]) for q in places]
-        beside = np.column_stack([base, trace(waves)])
-        beside /= np.linalg.norm(beside, axis=0)
-        columns = trace([w * a[:, None] for w, a in zip(waves, size, strict=True)])
-        both = np.column_stack([columns, rest.ravel()])
-        both -= beside @ np.linalg.lstsq(beside, both, rcond=RELATIVE)[0]
-        alone, e = both[:, :2], both[:, 2]
-        fitted = np.linalg.lstsq(alone, e, rcond=None)[0]
-        sums = np.add.reduceat(alone * (e - alone @ fitted)[:, None], np.flatnonzero(starting))
-        spread = np.cov(sums.T) * done
-        if not (
-            np.linalg.norm(alone) > DIFFERENT * np.linalg.norm(columns) and np.linalg.cond(spread) < 1.0 / RELATIVE
-        ):
-            return None
-        squared = float(e @ alone @ np.linalg.solve(spread, alone.T @ e))
-        chance = fisher.sf(squared * (done - 2) / (2 * (done - 1)), 2, done - 2)
-        of_wave = problem.scale.inertia * fitted
-        whole = np.concatenate([(w @ of_wave) * a for w, a in zip(waves, size, strict=True)])
-        amplitude = float(np.hypot(*of_wave)) / (1.0 if law == "dry" else problem.scale.velocity)
-        found = Varying(law, order, amplitude, float(np.sqrt(np.mean(whole**2))), float(norm.isf(chance)))
-        return float(e @ alone @ fitted), found
-
-    q = np.concatenate(places)
-    lowest, highest = PERIODS * 2 * np.pi / max(float(np.ptp(q)), 1e-300), FASTEST / problem.scale.velocity
-    highest = min(highest / problem.scale.step, finest(problem))
-    matched = [fftconvolve(e, seen[::-1], axes=0).sum(axis=1)[len(seen) - 1 :][: len(e)] for e in left]
-    found = []
-    for law in ("viscous", "dry"):
-        w = [g * (np.sign(v) if law == "dry" else v) for g, v in zip(matched, speeds, strict=True)]
-        found += [tried(law, order) for order in peaks(q, np.concatenate(w), highest, PEAKS, lowest)]
-    best = max((one for one in found if one), key=lambda one: one[0], default=None)
-    if best is None:
-        return None
-    law, order, near = best[1].law, best[1].order, np.pi / float(np.ptp(q))
-    finer = minimize_scalar(
-        lambda N: -(tried(law, N) or (0.0, None))[0],
-        bounds=(order - near, order + near),
-        method="bounded",
-        options={"xatol": FINER * near},
+        v, a = X[:count, i], _rates(problem, f, s, X)[:count, i]
+        parts["q"].append(halfway(model, s.t[:count], X[:count]))
+        parts[VISCOUS].append((v[1:] + v[:-1]) / 2)
+        parts[INERTIA].append(a[:-1])
+        parts["rest"].append(f.filter.apply(e[:count] / problem.noise)[1:])
+        parts["slopes"].append(np.nan_to_num(f.filter.apply(D[:count] / problem.noise[:, None])[1:]))
+        parts["block"].append(np.arange(count - 1) // block + (parts["block"][-1][-1] + 1 if parts["block"] else 0))
+    whole = {name: np.concatenate(several) for name, several in parts.items()}
+    slopes = whole["slopes"].reshape(whole["rest"].size, -1)
+    return _Left(
+        rest=np.nan_to_num(whole["rest"]),
+        known=np.isfinite(whole["rest"]),
+        slopes=slopes[:, np.any(slopes != 0.0, axis=0)],
+        lengths=tuple(map(len, parts["q"])),
+        q=whole["q"],
+        goes={VISCOUS: whole[VISCOUS], DRY: np.sign(whole[VISCOUS]), INERTIA: whole[INERTIA]},
+        block=whole["block"].astype(int),
+        seen=f.filter.apply(response(problem, model, gains)),
     )
-    return max(best, tried(law, float(finer.x)) or best, key=lambda one: one[0])[1]
 
 
-__all__ = ["Varying", "varying"]
+def _rates(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
+    """Return the rates (T, n) of states (T, n) in a fitted model."""
+    model = f.fitted()
+    scale = np.ones(len(model.states))
+    return Tracker(model, s.t, s.u, s.y, problem.channels, scale, s.early).linearized(X)[0]
+
+
+__all__ = ["DRY", "INERTIA", "VISCOUS", "Varying", "varying"]

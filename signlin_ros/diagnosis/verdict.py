@@ -31,7 +31,7 @@ from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Diagnosis, Rung, Scores
 from signlin_ros.diagnosis.runs import best_level, kind_of_score, scores
 from signlin_ros.diagnosis.search import DEPTH, EXPLAINED, FURTHER, SURE, Progress, search
-from signlin_ros.diagnosis.varying import Varying
+from signlin_ros.diagnosis.varying import DRY, INERTIA, VISCOUS, Varying
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model
@@ -466,7 +466,7 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
     rest = f"{before}; what remains has structure that no listed effect explains."
     rest = rest if effects and explained >= 0.01 else NOT_LISTED
     if f.along:
-        varies = "friction varies along the way, which no listed effect does"
+        varies = f"{f.along.what} varies along the way, which no listed effect does"
         rest = f"{before}, but {varies}" if effects and explained >= 0.01 else varies.capitalize()
         return f"{rest}: {_waves(f, f.along)}."
     if f.at_random and f.at_random.force > TOLD * f.problem.scale.force:
@@ -475,15 +475,12 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
 
 
 def _waves(f: Findings, found: Varying) -> str:
-    """Return in words how friction varies with the position."""
-    plant, how = f.problem.base.plant, {"viscous": "viscous_friction", "dry": "coulomb_friction"}[found.law]
-    declared = next(iter(find_effect(how, "effects").pars().values())).unit
-    size = f"±{found.amplitude:.2g} {resolve_unit(declared, plant, f.problem.rotary)} of {how.replace('_', ' ')}"
+    """Return in words how friction or inertia varies with the position."""
+    plant, declared = f.problem.base.plant, {VISCOUS: "F·s/Q", DRY: "F", INERTIA: "F·s²/Q"}[found.what]
     unit = f.problem.shown(plant.position_unit)
     turning = unit == "rad" and found.order >= 1.0
-    return f"{size}, " + (
-        f"{found.order:.3g} waves a turn" if turning else f"a wave every {2 * np.pi / found.order:.3g} {unit}"
-    )
+    waves = f"{found.order:.3g} waves a turn" if turning else f"a wave every {2 * np.pi / found.order:.3g} {unit}"
+    return f"by ±{found.amplitude:.2g} {resolve_unit(declared, plant, f.problem.rotary)}, {waves}"
 
 
 def _wandering(f: Findings, found: Disturbance) -> str:

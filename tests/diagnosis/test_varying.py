@@ -50,7 +50,7 @@ def test_waves_of_viscous_friction_are_told():
     assert "friction varies along the way" in d.sentence.lower()
     assert "a wave every 0.25 m" in d.sentence
     assert d.findings.along is not None
-    assert d.findings.along.law == "viscous"
+    assert d.findings.along.what == "viscous friction"
     assert d.findings.along.amplitude == pytest.approx(2.0, rel=0.25)
 
 
@@ -60,7 +60,7 @@ def test_waves_of_dry_friction_are_told():
     assert f is not None
     found = varying(problem, f)
     assert found is not None
-    assert found.law == "dry"
+    assert found.what == "coulomb friction"
     assert 2 * np.pi / found.order == pytest.approx(WAVE, rel=0.01)
     assert found.amplitude == pytest.approx(1.5, rel=0.25)
     assert found.certainty > 6.0
@@ -96,4 +96,4 @@ def test_one_direction_does_not_tell_friction_from_force():
     f = fit(problem, candidate(problem, problem.base, ()), problem.levels[0], None, 4)
     assert f is not None
     found = varying(problem, f)
-    assert found is None or found.law == "viscous" or found.certainty < 6.0
+    assert found is None or found.what == "viscous friction" or found.certainty < 6.0
