@@ -50,9 +50,10 @@ UNSEEN = 0.3
 WHITE = ((2.0, 4.0), (0.3, 11.0))
 """Sizes of noise in the force, as shares of what drives, and by how much a force that lasts may be more likely then in
 -2 log likelihood (chances of 0.05 and 0.001): the larger it is, the less may contradict that it is white."""
-ALONG, COUNTS = 6.0, 0.02
-"""Standard errors that a wave of friction along the way must have, and its least size, as a share of the driving force:
-the most certain of all that are tried had 3.9 in 60 right models, and 9 to 12 where there was one."""
+ALONG, COUNTS = 6.0, (0.002, 0.02)
+"""Standard errors that a wave of friction or inertia along the way must have, and its least size, as a share of the
+driving force, to be told and to count as missing: the most certain of all that are tried had 3.9 in 60 right models,
+and 7 to 23 where there was one."""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
 
@@ -155,12 +156,18 @@ class Findings:
         return moved_at_random(self.problem, self.final.ranked) if self.structured else None
 
     @functools.cached_property
-    def along(self) -> Varying | None:
-        """Friction that varies with the position, if the proposed model leaves some."""
+    def varying(self) -> Varying | None:
+        """What certainly varies with the position, in what the proposed model leaves."""
         found = varying(self.problem, self.final.ranked.fit)
-        if found is None or found.certainty < ALONG or found.force < COUNTS * self.problem.scale.force:
+        if found is None or found.certainty < ALONG or found.force < COUNTS[0] * self.problem.scale.force:
             return None
         return found
+
+    @property
+    def along(self) -> Varying | None:
+        """That, if it is so large that it counts as missing."""
+        large = self.varying is not None and self.varying.force > COUNTS[1] * self.problem.scale.force
+        return self.varying if large else None
 
     @functools.cached_property
     def _worse_on_unseen(self) -> bool:

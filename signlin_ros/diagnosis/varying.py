@@ -35,8 +35,8 @@ PEAKS = 3
 """Waves that are tried for each of what may vary."""
 BLOCKS = 12
 """Blocks that a spread is told from, at least."""
-PERIODS = 2.0
-"""Periods that a travel must have to tell a wave from a slope."""
+PERIODS = 1.0
+"""Periods that a travel must have, at least."""
 FINER = 0.02
 """What an order is known to, as a share of the distance of two that a travel tells apart."""
 DIFFERENT, RELATIVE = 1e-3, 1e-8

@@ -441,7 +441,7 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
             "check that sign before anything else."
         )
     effects = f.final.ranked.effects
-    if effects and explained == 0.0:
+    if effects and explained == 0.0 and not f.varying:
         return NOT_LISTED
     share = f"{listed(effects)} {'explains' if len(effects) == 1 else 'explain'}" if effects else ""
     before = (
@@ -460,15 +460,15 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
         known = f"{known[0].upper()}{known[1:]} where the model was fitted"
         elsewhere = f"elsewhere its error is {1.0 + over:.2g} times the noise"
         return f"{known}, but {elsewhere}: what is missing shows only there; fit it to that record too."
-    if effects and not f.unaccounted and not f.along:
+    if effects and not f.unaccounted and not f.varying:
         share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
         return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
     rest = f"{before}; what remains has structure that no listed effect explains."
     rest = rest if effects and explained >= 0.01 else NOT_LISTED
-    if f.along:
-        varies = f"{f.along.what} varies along the way, which no listed effect does"
+    if f.varying:
+        varies = f"{f.varying.what} varies along the way, which no listed effect does"
         rest = f"{before}, but {varies}" if effects and explained >= 0.01 else varies.capitalize()
-        return f"{rest}: {_waves(f, f.along)}."
+        return f"{rest}: {_waves(f, f.varying)}."
     if f.at_random and f.at_random.force > TOLD * f.problem.scale.force:
         return f"{rest} {_wandering(f, f.at_random)}"
     return rest
@@ -520,6 +520,8 @@ def _notes(f: Findings) -> tuple[str, ...]:
     for name, rho in zip(f.problem.channels, f.filter.rho, strict=True):
         if rho:
             notes.append(f"the noise of {name} is coloured (correlation {rho:.2f} from sample to sample)")
+    if f.varying and not f.along:
+        notes.append(f"{f.varying.what} varies a little along the way: {_waves(f, f.varying)}")
     return (*f.problem.notes, *f.unseen.notes, *notes, *_driven_note(f.problem), *_scale_note(f))
 
 
