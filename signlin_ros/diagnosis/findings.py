@@ -52,7 +52,7 @@ WHITE = ((2.0, 4.0), (0.3, 11.0))
 -2 log likelihood (chances of 0.05 and 0.001): the larger it is, the less may contradict that it is white."""
 ALONG, COUNTS = 6.0, (0.002, 0.02)
 """Standard errors that a wave of friction or inertia along the way must have, and its least size, as a share of the
-driving force, to be told and to count as missing: the most certain of all that are tried had 3.9 in 60 right models,
+driving force, to be told and to count as missing: the most certain of all that are tried had 4.5 in 57 right models,
 and 7 to 23 where there was one."""
 NEEDED = 30.0
 """A model is imperfect if a higher gain is more likely than the lowest one by this in -2 log likelihood."""
