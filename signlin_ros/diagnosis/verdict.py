@@ -60,6 +60,9 @@ DRIVEN = 0.99
 """Least share that must be explained where what is left is what noise in the input would leave: so is what is left of
 a law outside the list that a listed one imitates by 97 or 98 %. Not of one effect where the record of the input shows
 that noise."""
+SHOWS_ELSEWHERE = (
+    "elsewhere its error is {:.2g} times the noise: what is missing shows only there; fit it to that record too."
+)
 NOT_LISTED = "The residual has structure that no listed effect explains on data that the fit did not see."
 TOLD = 0.02
 """Least size of what moves a machine at random, as a share of the driving force, that is told: coloured noise of
@@ -441,12 +444,34 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
             "check that sign before anything else."
         )
     effects = f.final.ranked.effects
-    if effects and explained == 0.0 and not f.varying:
-        return NOT_LISTED
     share = f"{listed(effects)} {'explains' if len(effects) == 1 else 'explain'}" if effects else ""
     before = (
         f"{share[:1].upper()}{share[1:]} {_percent(explained)} of the missing motion on data that the fit did not see"
     )
+    worth = bool(effects) and explained >= 0.01
+    if f.varying:
+        varies = f"{f.varying.what} varies along the way, which no listed effect does"
+        return f"{f'{before}, but {varies}' if worth else varies.capitalize()}: {_waves(f, f.varying)}."
+    if effects and explained == 0.0:
+        return NOT_LISTED
+    imitated = _imitated(f, before, over)
+    if imitated:
+        return imitated
+    if _elsewhere(f, explained, over):
+        known = f"{share} what is missing" if effects and f.beyond_doubt else "nothing is missing"
+        return f"{known[0].upper()}{known[1:]} where the model was fitted, but {SHOWS_ELSEWHERE.format(1.0 + over)}"
+    if effects and not f.unaccounted:
+        only = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
+        return f"{only[0].upper()}{only[1:]}; {_noise_in_input(f)}."
+    rest = f"{before}; what remains has structure that no listed effect explains." if worth else NOT_LISTED
+    if f.at_random and f.at_random.force > TOLD * f.problem.scale.force:
+        return f"{rest} {_wandering(f, f.at_random)}"
+    return rest
+
+
+def _imitated(f: Findings, before: str, over: float) -> str:
+    """Return in words what effects stand for that explain a part (``before``); empty where nothing is known of that."""
+    effects = f.final.ranked.effects
     if effects and _outdone(f):
         found = f.singles[0].ranked.label
         more = f"{found.replace('_', ' ')} explains more with parameters that it cannot have"
@@ -455,23 +480,7 @@ def _unexplained(f: Findings, explained: float, over: float) -> str:
         left = f"{1.0 + over:.3g} times the noise" if over > 0.0 else "structure"
         leave, they = ("leaves", "it stands") if len(effects) == 1 else ("leave", "they stand")
         return f"{before}, and {leave} {left}: {they} for one force over the position, of a shape that is not listed."
-    if _elsewhere(f, explained, over):
-        known = f"{share} what is missing" if effects and f.beyond_doubt else "nothing is missing"
-        known = f"{known[0].upper()}{known[1:]} where the model was fitted"
-        elsewhere = f"elsewhere its error is {1.0 + over:.2g} times the noise"
-        return f"{known}, but {elsewhere}: what is missing shows only there; fit it to that record too."
-    if effects and not f.unaccounted and not f.varying:
-        share = f"{share} only {_percent(explained)} of the missing motion on data that the fit did not see"
-        return f"{share[0].upper()}{share[1:]}; {_noise_in_input(f)}."
-    rest = f"{before}; what remains has structure that no listed effect explains."
-    rest = rest if effects and explained >= 0.01 else NOT_LISTED
-    if f.varying:
-        varies = f"{f.varying.what} varies along the way, which no listed effect does"
-        rest = f"{before}, but {varies}" if effects and explained >= 0.01 else varies.capitalize()
-        return f"{rest}: {_waves(f, f.varying)}."
-    if f.at_random and f.at_random.force > TOLD * f.problem.scale.force:
-        return f"{rest} {_wandering(f, f.at_random)}"
-    return rest
+    return ""
 
 
 def _waves(f: Findings, found: Varying) -> str:
