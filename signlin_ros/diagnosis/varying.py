@@ -28,11 +28,15 @@ from signlin_ros.diagnosis.fit import Fit, follow_records
 from signlin_ros.diagnosis.problem import Problem, Segment
 from signlin_ros.diagnosis.scan import FASTEST, finest, halfway, peaks, response
 from signlin_ros.diagnosis.tracking import Tracker
+from signlin_ros.errors import InputError
+from signlin_ros.trace import resolve_unit
 
 Array = NDArray[np.float64]
 
 PEAKS = 3
 """Waves that are tried for each of what may vary."""
+PARTS = 16
+"""Parts of a wave in which what varies is told."""
 BLOCKS = 12
 """Blocks that a spread is told from, at least."""
 PERIODS = 1.0
@@ -52,15 +56,22 @@ VISCOUS, DRY, INERTIA = "viscous friction", "coulomb friction", "inertia"
 class Varying:
     """What varies with the position: the force is -a ``what`` sin(N q + phi), of a velocity, its sign, an acceleration.
 
-    ``order``: N, per unit of the position. ``amplitude``: a, in the units of force and of what it goes with.
-    ``force``: root mean square of that force. ``certainty``: in standard errors of a normal one.
+    ``order``: N, per unit of the position. ``phase``: phi. ``amplitude``: a, in the units of force and of what it goes
+    with. ``force``: root mean square of that force. ``certainty``: in standard errors of a normal one.
     """
 
     what: str
     order: float
+    phase: float
     amplitude: float
     force: float
     certainty: float
+
+
+def unit_of(problem: Problem, what: str) -> str:
+    """Return the unit of the amplitude of what varies."""
+    declared = {VISCOUS: "F·s/Q", DRY: "F", INERTIA: "F·s²/Q"}[what]
+    return resolve_unit(declared, problem.base.plant, problem.rotary)
 
 
 @dataclass(frozen=True)
@@ -108,12 +119,28 @@ class _Left:
         both -= beside @ np.linalg.lstsq(beside, both, rcond=RELATIVE)[0]
         alone, e = both[:, :2], both[:, 2]
         if np.linalg.norm(alone) < DIFFERENT * np.linalg.norm(columns):
-            return 0.0, Varying(what, order, 0.0, 0.0, 0.0)
+            return 0.0, Varying(what, order, 0.0, 0.0, 0.0, 0.0)
         fitted = np.linalg.lstsq(alone, e, rcond=None)[0]
         products = (alone * (e - alone @ fitted)[:, None]).reshape(*self.rest.shape, 2).sum(axis=1)
         force = float(np.sqrt(np.mean((waves @ fitted * goes / usual) ** 2)))
         certainty = self._certainty(alone.T @ e, products)
-        return float(e @ alone @ fitted), Varying(what, order, float(np.hypot(*fitted)) / usual, force, certainty)
+        phase, size = float(np.arctan2(-fitted[1], -fitted[0])), float(np.hypot(*fitted)) / usual
+        return float(e @ alone @ fitted), Varying(what, order, phase, size, force, certainty)
+
+    def profile(self, what: str, order: float, parts: int) -> tuple[Array, Array]:
+        """Return by how much what varies is larger than its mean (parts,) in each part of a wave, with its standard
+        error as of white noise.
+        """
+        goes, part = self.goes[what], (order * self.q / (2 * np.pi) % 1.0 * parts).astype(int)
+        usual = float(np.sqrt(np.mean(goes**2)))
+        both = np.column_stack([self.trace(np.eye(parts)[part] * (goes / usual)[:, None]), self.rest.ravel()])
+        beside = self.slopes / np.linalg.norm(self.slopes, axis=0)
+        both -= beside @ np.linalg.lstsq(beside, both, rcond=RELATIVE)[0]
+        columns, e = both[:, :-1], both[:, -1]
+        spread = np.linalg.pinv(columns.T @ columns, rcond=DIFFERENT**2, hermitian=True)
+        found = spread @ columns.T @ e
+        error = np.sqrt(np.diag(spread) * np.mean((e - columns @ found) ** 2))
+        return -(found - found.mean()) / usual, error / usual
 
     def _certainty(self, score: Array, products: Array) -> float:
         """Return how certain a score (2,) is, whose noise are sums of products (T, 2) over all blocks."""
@@ -148,6 +175,17 @@ def varying(problem: Problem, f: Fit) -> Varying | None:
     _, best = max([*found, left.tried(best.what, float(finer.x))], key=lambda one: one[0])
     size = problem.scale.inertia
     return replace(best, amplitude=size * best.amplitude, force=size * best.force)
+
+
+def along_a_wave(problem: Problem, f: Fit, found: Varying) -> tuple[Array, Array, Array]:
+    """Return parts of a wave (P,), in waves from where the position is 0, and by how much what varies is larger there
+    than its mean (P,), with its standard error, in the unit of the amplitude.
+    """
+    left = _left(problem, f)
+    if left is None:
+        raise InputError("this model leaves nothing in which something could vary along the way")
+    size, error = left.profile(found.what, found.order, PARTS)
+    return (np.arange(PARTS) + 0.5) / PARTS, problem.scale.inertia * size, problem.scale.inertia * error
 
 
 def _left(problem: Problem, f: Fit) -> _Left | None:
@@ -192,4 +230,4 @@ def _rates(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
     return Tracker(model, s.t, s.u, s.y, problem.channels, scale, s.early).linearized(X)[0]
 
 
-__all__ = ["DRY", "INERTIA", "VISCOUS", "Varying", "varying"]
+__all__ = ["DRY", "INERTIA", "VISCOUS", "Varying", "along_a_wave", "unit_of", "varying"]

@@ -31,12 +31,11 @@ from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Diagnosis, Rung, Scores
 from signlin_ros.diagnosis.runs import best_level, kind_of_score, scores
 from signlin_ros.diagnosis.search import DEPTH, EXPLAINED, FURTHER, SURE, Progress, search
-from signlin_ros.diagnosis.varying import DRY, INERTIA, VISCOUS, Varying
+from signlin_ros.diagnosis.varying import Varying, unit_of
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.trace import resolve_unit
 
 Array = NDArray[np.float64]
 
@@ -485,11 +484,10 @@ def _imitated(f: Findings, before: str, over: float) -> str:
 
 def _waves(f: Findings, found: Varying) -> str:
     """Return in words how friction or inertia varies with the position."""
-    plant, declared = f.problem.base.plant, {VISCOUS: "F·s/Q", DRY: "F", INERTIA: "F·s²/Q"}[found.what]
-    unit = f.problem.shown(plant.position_unit)
+    unit = f.problem.shown(f.problem.base.plant.position_unit)
     turning = unit == "rad" and found.order >= 1.0
     waves = f"{found.order:.3g} waves a turn" if turning else f"a wave every {2 * np.pi / found.order:.3g} {unit}"
-    return f"by ±{found.amplitude:.2g} {resolve_unit(declared, plant, f.problem.rotary)}, {waves}"
+    return f"by ±{found.amplitude:.2g} {unit_of(f.problem, found.what)}, {waves}"
 
 
 def _wandering(f: Findings, found: Disturbance) -> str:

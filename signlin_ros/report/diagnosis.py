@@ -97,9 +97,12 @@ def _compared(
 # -------------------------------------------------------------------- evidence
 
 
+ALONG = "What goes with the position and the motion in what the proposal leaves, and the wave that the verdict tells."
+
+
 def _shown(d: Diagnosis) -> list[Block]:
     """Return what speaks for each named effect; where there is none, for the best of those that were tried."""
-    blocks: list[Block] = []
+    blocks = drawing("along_the_way", drawn.along_the_way, ALONG, d)
     for entry in d.missing:
         likeness = "" if entry.status in ("confirmed", "ambiguous") else ": a likeness, not the cause"
         name = entry.effect.replace("_", " ").capitalize()

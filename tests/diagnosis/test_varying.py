@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from signlin_ros.diagnosis.diagnosis_pictures import along_the_way
 from signlin_ros.diagnosis.fit import candidate, fit
 from signlin_ros.diagnosis.problem import prepare
-from signlin_ros.diagnosis.varying import varying
+from signlin_ros.diagnosis.varying import along_a_wave, varying
 from signlin_ros.diagnosis.verdict import Diagnosis, diagnose
+from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -49,9 +51,24 @@ def test_waves_of_viscous_friction_are_told():
     assert d.verdict == "unexplained"
     assert "friction varies along the way" in d.sentence.lower()
     assert "a wave every 0.25 m" in d.sentence
+    assert len(along_the_way(d).axes) == 1
     assert d.findings.along is not None
     assert d.findings.along.what == "viscous friction"
     assert d.findings.along.amplitude == pytest.approx(2.0, rel=0.25)
+    assert d.findings.along.phase == pytest.approx(1.0, abs=0.4)
+
+
+def test_each_part_of_a_wave_is_found():
+    """The parts are found without the wave, and it is a sine."""
+    problem = prepare(STAGE, [slid(1, wave=2.0)])
+    f = fit(problem, candidate(problem, problem.base, ()), problem.levels[0], None, 12)
+    assert f is not None
+    found = varying(problem, f)
+    assert found is not None
+    place, size, error = along_a_wave(problem, f, found)
+    true = 2.0 * np.sin(2 * np.pi * place + 1.0)
+    assert np.mean(np.abs(size - true) < 4.0 * error) > 0.8
+    assert np.corrcoef(size, true)[0, 1] > 0.95
 
 
 def test_waves_of_dry_friction_are_told():
@@ -78,6 +95,8 @@ def test_nothing_is_told_of_a_complete_model():
     d = told()
     assert d.verdict == "adequate"
     assert d.findings.along is None
+    with pytest.raises(InputError, match="nothing was found to vary"):
+        along_the_way(d)
 
 
 def test_one_direction_does_not_tell_friction_from_force():
