@@ -121,7 +121,7 @@ def test_what_is_unexplained_contradicts_nothing(monkeypatch):
     for name in ("_outdone", "_of_another_shape", "_elsewhere"):
         monkeypatch.setattr(f"signlin_ros.diagnosis.verdict.{name}", lambda *_: False)
     final = SimpleNamespace(ranked=SimpleNamespace(effects=("hard_stop",)))
-    f = SimpleNamespace(final=final, unaccounted=True, reversed="", at_random=None)
+    f = SimpleNamespace(final=final, unaccounted=True, reversed="", at_random=None, varying=None)
     end = "structure that no listed effect explains"
     known = "Hard stop explains 90 % of the missing motion on data that the fit did not see"
     assert _unexplained(f, 0.9, 3.0) == f"{known}; what remains has {end}."
