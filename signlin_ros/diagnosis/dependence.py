@@ -103,7 +103,7 @@ def _regressors(
         known = np.isfinite(e)
         whitened = f.filter.apply(np.nan_to_num(e / problem.noise))
         q, v, u = (m[: len(e)] / size for m, size in zip(motion, largest, strict=True))
-        left = _left(_functions(q, v, u, of_input), seen, len(e), e.shape[1])
+        left = left_of(_functions(q, v, u, of_input), seen, len(e), e.shape[1])
         features.append(np.where(known[:, :, None], f.filter.apply(left), 0.0))
         residuals.append(np.where(known, whitened, 0.0))
         blocks.append(np.arange(len(e)) // block + done)
@@ -144,7 +144,7 @@ def _functions(q: Array, v: Array, u: Array, of_input: bool) -> Array:
     return np.column_stack([q, v, *of_velocity, *of_position, *of_both, *driven, *slow])
 
 
-def _left(functions: Array, seen: Array | None, samples: int, channels: int) -> Array:
+def left_of(functions: Array, seen: Array | None, samples: int, channels: int) -> Array:
     """Return what an observer leaves (T, ny, k) of forces (T - 1, k) between samples, or (T, k) at them if there is
     no inertia (``seen``: None).
     """
@@ -170,4 +170,4 @@ def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
     return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), 1e-300))
 
 
-__all__ = ["dependence", "strongest"]
+__all__ = ["dependence", "left_of", "strongest"]

@@ -95,22 +95,10 @@ def along_the_way(d: Diagnosis) -> Any:
     fine = np.linspace(0.0, 1.0, 200)
     with styled(7.0, 2.8) as figure:
         ax = figure.subplots()
-        ax.errorbar(
-            place,
-            size,
-            2 * error,
-            fmt="o",
-            ms=4,
-            lw=1.0,
-            color=MEASURED,
-            label="found in each part, ± 2 standard errors",
-        )
-        ax.plot(
-            fine,
-            found.amplitude * np.sin(2 * np.pi * fine + found.phase),
-            color=PROPOSAL,
-            label="the wave that is told",
-        )
+        bars, label = {"fmt": "o", "ms": 4, "lw": 1.0, "color": MEASURED}, "found in each part, ± 2 standard errors"
+        ax.errorbar(place, size, 2 * error, label=label, **bars)
+        wave = found.amplitude * np.sin(2 * np.pi * fine + found.phase)
+        ax.plot(fine, wave, color=PROPOSAL, label="the wave that is told")
         ax.axhline(0.0, color=NOISE, lw=0.7)
         ax.set_xlim(0.0, 1.0)
         ax.set_xlabel(f"part of a wave ({2 * np.pi / found.order:.3g} {unit}), from where the position is 0")

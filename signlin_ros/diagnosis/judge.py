@@ -83,7 +83,7 @@ class Residue:
     @property
     def average(self) -> float:
         """Coefficient theta of the prewhitening (1 - `filter` L) / (1 - theta L); 0 where noise does not last long."""
-        return moving_average(self.rho, self.coloured, self.white) if self.pure else 0.0
+        return _moving_average(self.rho, self.coloured, self.white) if self.pure else 0.0
 
     @property
     def filter(self) -> float:
@@ -153,12 +153,12 @@ def _pure(parts: Sequence[Array], r: Array, count: int) -> tuple[float, float] |
     share = min(float(r[0]) / max(rho, 1e-12), 1.0)
     if not (MOST_COLOUR - 0.02 < rho <= PURE and count * (1.0 - rho) >= TIMES and share >= 1.0 - ROUGH):
         return None
-    theta = moving_average(rho, share, 1.0 - share)
+    theta = _moving_average(rho, share, 1.0 - share)
     left = [lfilter([1.0, -rho], [1.0, -theta], np.nan_to_num(part))[1:] for part in parts]
     return (rho, share) if whiteness(left).white else None
 
 
-def moving_average(rho: float, coloured: float, white: float) -> float:
+def _moving_average(rho: float, coloured: float, white: float) -> float:
     """Return theta of the moving average that AR(1) noise and white noise of these variances leave of (1 - rho L) e:
     what (1 - rho L) / (1 - theta L) makes of them is white.
     """

@@ -71,7 +71,7 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
             break
         left = [np.nan_to_num(e / problem.noise) for e in runs[0][0]]
         places = [halfway(model, s.t, X) for X, s in zip(run[2], problem.segments, strict=True)]
-        whole = [fftconvolve(e, seen[::-1], axes=0).sum(axis=1)[len(seen) :][: len(e) - 1] for e in left]
+        whole = [backwards(e[1:], seen) for e in left]
         q, rest = np.concatenate(places), np.concatenate([e[1:].ravel() for e in left])
         for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, SLOWEST / FASTEST * highest):
             waves = [np.exp(1j * order * one)[:, None] for one in places]
@@ -81,6 +81,11 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
             if np.sum((basis @ (sine, cosine)) ** 2) > SEEN * np.mean(rest**2):
                 starts.append((order, float(np.hypot(sine, cosine)), float(np.arctan2(-cosine, -sine))))
     return starts
+
+
+def backwards(left: Array, seen: Array) -> Array:
+    """Return what is left (T, ny) at the ends of steps, filtered backwards with a response (M, ny), at their starts."""
+    return np.asarray(fftconvolve(left, seen[::-1], axes=0).sum(axis=1)[len(seen) - 1 :][: len(left)])
 
 
 def halfway(model: Model, t: Array, X: Array) -> Array:
@@ -199,4 +204,4 @@ def _start(q: Array, a: Array, order: float, inertia: float) -> tuple[float, flo
     return order, float(inertia * np.hypot(s, c)), float(np.arctan2(-c, -s))
 
 
-__all__ = ["finest", "halfway", "peaks", "periodic_starts", "response"]
+__all__ = ["backwards", "finest", "halfway", "peaks", "periodic_starts", "response"]

@@ -19,16 +19,16 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
-from scipy.signal import fftconvolve
 from scipy.stats import f as fisher
 from scipy.stats import norm
 
-from signlin_ros.diagnosis.dependence import BLOCK, LEAST, MOST
+from signlin_ros.diagnosis.dependence import BLOCK, BLOCKS, LEAST, MOST, left_of
 from signlin_ros.diagnosis.fit import Fit, follow_records
 from signlin_ros.diagnosis.problem import Problem, Segment
-from signlin_ros.diagnosis.scan import FASTEST, finest, halfway, peaks, response
+from signlin_ros.diagnosis.scan import FASTEST, backwards, finest, halfway, peaks, response
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.errors import InputError
+from signlin_ros.model import Model
 from signlin_ros.trace import resolve_unit
 
 Array = NDArray[np.float64]
@@ -37,8 +37,6 @@ PEAKS = 3
 """Waves that are tried for each of what may vary."""
 PARTS = 16
 """Parts of a wave in which what varies is told."""
-BLOCKS = 12
-"""Blocks that a spread is told from, at least."""
 PERIODS = 1.0
 """Periods that a travel must have, at least."""
 FINER = 0.02
@@ -98,49 +96,45 @@ class _Left:
 
     def matched(self) -> Array:
         """Return what is left (T,), filtered with the response to a force backwards."""
-        ends = len(self.seen) - 1
-        return np.concatenate(
-            [fftconvolve(e, self.seen[::-1], axes=0).sum(axis=1)[ends:][: len(e)] for e in self.of(self.rest)]
-        )
+        return np.concatenate([backwards(e, self.seen) for e in self.of(self.rest)])
 
     def trace(self, forces: Array) -> Array:
         """Return what an observer leaves (T ny, k) of forces (T, k)."""
-        one = [fftconvolve(w[:, None], self.seen[:, :, None], axes=0)[: len(w)] for w in self.of(forces)]
+        ny = self.rest.shape[1]
+        one = [left_of(w, self.seen, len(w) + 1, ny)[1:] for w in self.of(forces)]
         return np.asarray(np.where(self.known[:, :, None], np.concatenate(one), 0.0).reshape(self.rest.size, -1))
 
-    def tried(self, what: str, order: float) -> tuple[float, Varying]:
-        """Return by how much a wave lowers the squares of what is left, and the wave."""
-        goes, waves = self.goes[what], np.column_stack([np.sin(order * self.q), np.cos(order * self.q)])
-        usual = float(np.sqrt(np.mean(goes**2)))
-        columns = self.trace(waves * (goes / usual)[:, None])
-        beside = np.column_stack([self.slopes, self.trace(waves)])
-        beside /= np.linalg.norm(beside, axis=0)
+    def apart(self, columns: Array, beside: Array) -> tuple[Array, Array]:
+        """Return columns (T ny, k) and what is left (T ny,) without what others ``beside`` them make of either."""
+        beside = beside / np.linalg.norm(beside, axis=0)
         both = np.column_stack([columns, self.rest.ravel()])
         both -= beside @ np.linalg.lstsq(beside, both, rcond=RELATIVE)[0]
-        alone, e = both[:, :2], both[:, 2]
+        return both[:, :-1], both[:, -1]
+
+    def tried(self, what: str, order: float) -> tuple[float, Varying]:
+        """Return by how much a wave lowers the squares of what is left, and the wave, for an inertia of 1."""
+        goes, waves = self.goes[what], np.column_stack([np.sin(order * self.q), np.cos(order * self.q)])
+        columns = self.trace(waves * goes[:, None])
+        alone, e = self.apart(columns, np.column_stack([self.slopes, self.trace(waves)]))
         if np.linalg.norm(alone) < DIFFERENT * np.linalg.norm(columns):
             return 0.0, Varying(what, order, 0.0, 0.0, 0.0, 0.0)
         fitted = np.linalg.lstsq(alone, e, rcond=None)[0]
         products = (alone * (e - alone @ fitted)[:, None]).reshape(*self.rest.shape, 2).sum(axis=1)
-        force = float(np.sqrt(np.mean((waves @ fitted * goes / usual) ** 2)))
+        force = float(np.sqrt(np.mean((waves @ fitted * goes) ** 2)))
         certainty = self._certainty(alone.T @ e, products)
-        phase, size = float(np.arctan2(-fitted[1], -fitted[0])), float(np.hypot(*fitted)) / usual
+        phase, size = float(np.arctan2(-fitted[1], -fitted[0])), float(np.hypot(*fitted))
         return float(e @ alone @ fitted), Varying(what, order, phase, size, force, certainty)
 
     def profile(self, what: str, order: float, parts: int) -> tuple[Array, Array]:
         """Return by how much what varies is larger than its mean (parts,) in each part of a wave, with its standard
-        error as of white noise.
+        error as of white noise, for an inertia of 1.
         """
-        goes, part = self.goes[what], (order * self.q / (2 * np.pi) % 1.0 * parts).astype(int)
-        usual = float(np.sqrt(np.mean(goes**2)))
-        both = np.column_stack([self.trace(np.eye(parts)[part] * (goes / usual)[:, None]), self.rest.ravel()])
-        beside = self.slopes / np.linalg.norm(self.slopes, axis=0)
-        both -= beside @ np.linalg.lstsq(beside, both, rcond=RELATIVE)[0]
-        columns, e = both[:, :-1], both[:, -1]
+        part = (order * self.q / (2 * np.pi) % 1.0 * parts).astype(int)
+        columns, e = self.apart(self.trace(np.eye(parts)[part] * self.goes[what][:, None]), self.slopes)
         spread = np.linalg.pinv(columns.T @ columns, rcond=DIFFERENT**2, hermitian=True)
         found = spread @ columns.T @ e
         error = np.sqrt(np.diag(spread) * np.mean((e - columns @ found) ** 2))
-        return -(found - found.mean()) / usual, error / usual
+        return found.mean() - found, error
 
     def _certainty(self, score: Array, products: Array) -> float:
         """Return how certain a score (2,) is, whose noise are sums of products (T, 2) over all blocks."""
@@ -202,7 +196,7 @@ def _left(problem: Problem, f: Fit) -> _Left | None:
     parts: dict[str, list[Array]] = defaultdict(list)
     for s, e, X, D in zip(problem.segments, runs[0][0], runs[0][2], runs[1][1], strict=True):
         count = ceil(used * len(e))
-        v, a = X[:count, i], _rates(problem, f, s, X)[:count, i]
+        v, a = X[:count, i], _rates(problem, model, s, X)[:count, i]
         parts["q"].append(halfway(model, s.t[:count], X[:count]))
         parts[VISCOUS].append((v[1:] + v[:-1]) / 2)
         parts[INERTIA].append(a[:-1])
@@ -223,11 +217,10 @@ def _left(problem: Problem, f: Fit) -> _Left | None:
     )
 
 
-def _rates(problem: Problem, f: Fit, s: Segment, X: Array) -> Array:
-    """Return the rates (T, n) of states (T, n) in a fitted model."""
-    model = f.fitted()
-    scale = np.ones(len(model.states))
-    return Tracker(model, s.t, s.u, s.y, problem.channels, scale, s.early).linearized(X)[0]
+def _rates(problem: Problem, model: Model, s: Segment, X: Array) -> Array:
+    """Return the rates (T, n) of states (T, n) in a model."""
+    tracker = Tracker(model, s.t, s.u, s.y, problem.channels, np.ones(len(model.states)), s.early)
+    return tracker.linearized(X)[0]
 
 
 __all__ = ["DRY", "INERTIA", "VISCOUS", "Varying", "along_a_wave", "unit_of", "varying"]
