@@ -19,6 +19,7 @@ class AsymmetricViscousFriction(Effect):
     equation = "-b_p v for v > 0, -b_n v for v < 0"
     finding = "the residual {F} grows with the {V}, by {b_p:.3g} {b_p.unit} forward and {b_n:.3g} backward"
     experiment = "move both ways at several speeds"
+    family = "viscous friction"
     dissipative = True
 
     b_p = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity, forward")

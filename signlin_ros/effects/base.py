@@ -77,6 +77,9 @@ class Effect(HasPars):
     """Whether its force counts as an external force that loads bearings and gears."""
     shaped: ClassVar[bool] = False
     """Whether its force is a curve over the position: two such curves together make nearly any other."""
+    family: ClassVar[str] = ""
+    """Laws of one family are richer and simpler forms of one thing: a model has one of them, the simplest that suffices
+    unless a richer one is surely better."""
     dissipative: ClassVar[bool] = False
     """Whether v F <= 0 always (checked by the contract tests)."""
 

@@ -21,6 +21,7 @@ class CoulombFriction(Effect):
         " it jumps by twice that where the {V} changes sign and is flat elsewhere"
     )
     experiment = "reverse the motion slowly, many times"
+    family = "dry friction"
     dissipative = True
     breakaway = ("mu",)
 

@@ -22,6 +22,7 @@ class DahlPresliding(Effect):
         " with a slope of {sigma:.3g} {sigma.unit} after each"
     )
     experiment = "ramp the force slowly up and down without breaking away"
+    family = "dry friction"
     states = {"z": "Q"}
     telling = ("F_c", "sigma")
 

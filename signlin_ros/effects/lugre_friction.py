@@ -23,6 +23,7 @@ class LuGreFriction(Effect):
         " breaks away at {F_s:.3g} {F_s.unit} and slides at {F_c:.3g}"
     )
     experiment = "ramp the force slowly up to breakaway and back"
+    family = "dry friction"
     states = {"z": "Q"}
 
     sigma0 = Par("F/Q", nominal=10.0, positive=True, doc="stiffness of the bristles")

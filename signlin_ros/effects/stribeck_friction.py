@@ -24,6 +24,7 @@ class StribeckFriction(Effect):
         " plus {excess:.3g} that fades within {v_s:.3g} {v_s.unit}"
     )
     experiment = "let it creep through standstill, slower than the speed at which friction settles"
+    family = "dry friction"
     dissipative = True
     breakaway = ("mu", "excess")
     telling = ("excess",)

@@ -18,6 +18,7 @@ class ViscousFriction(Effect):
     equation = "-b v"
     finding = "the residual {F} grows in proportion to the {V}: {b:.3g} {b.unit}"
     experiment = "move at several constant speeds"
+    family = "viscous friction"
     dissipative = True
 
     b = Par("F·s/Q", nominal=1e-3, doc="friction per unit of velocity")

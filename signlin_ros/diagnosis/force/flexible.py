@@ -1,0 +1,113 @@
+"""Whether anything is left that goes with the motion, whatever its law: a flexible regression, judged on unseen data.
+
+Position, velocity, their past and what bristles of several lengths would do, through random cosine features [Rahimi and
+Recht, Advances in Neural Information Processing Systems 20, 2007]; ridge regression, its weight chosen by blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from signlin_ros.diagnosis.force.record import Piece, low_pass
+from signlin_ros.diagnosis.force.regression import Fit, Regression
+
+Array = NDArray[np.float64]
+
+FEATURES = 160
+WIDTHS = (0.35, 0.8)
+LAGS = (0.15, 1.0)
+"""Time constants in s of the past that counts."""
+BRISTLES = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
+"""Half widths of elements that slip, as parts of the travel."""
+WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
+FOLDS = 5
+
+
+def slipping(q: Array, widths: Array) -> Array:
+    """Return elastic elements (T, w) that follow a position and slip at their half widths (a Jenkin element each)."""
+    from signlin_ros.diagnosis.force.elements import jenkin
+
+    return jenkin(np.ascontiguousarray(q), np.ascontiguousarray(widths))
+
+
+def _lagged(x: Array, step: float, tau: float) -> Array:
+    a = 1.0 - np.exp(-step / tau)
+    return np.asarray(lfilter([a], [1.0, a - 1.0], x))
+
+
+def _coordinates(piece: Piece, position: str, velocity: str) -> Array:
+    """Return what a force may go with (T, d); not the effort and acceleration of now: what is left has their noise."""
+    v = piece.values[velocity]
+    effort = low_pass(piece.effort, min(2 * piece.cutoff, 0.4 / piece.step), piece.step)
+    columns = [v, _lagged(v, piece.step, LAGS[0]), _lagged(np.abs(v), piece.step, LAGS[1])]
+    columns += [_lagged(effort, piece.step, LAGS[0])]
+    if piece.position_measured:
+        columns.insert(1, piece.values[position])
+    return np.column_stack(columns)
+
+
+def unseen_after(r: Regression, fit: Fit) -> Array:
+    """Return what is left (K,) of unseen data after a flexible regression on what a fit leaves."""
+    plant = r.model.plant
+    position, velocity = plant.position, plant.velocity
+    sides = [[_coordinates(p, position, velocity) for p in s.pieces] for s in (r.known, r.unseen)]
+    everything = np.concatenate(sides[0])
+    mean, spread = everything.mean(axis=0), everything.std(axis=0) + 1e-12
+    rng = np.random.default_rng(0)
+    W = rng.standard_normal((everything.shape[1], FEATURES)) * np.repeat(WIDTHS, FEATURES // len(WIDTHS))
+    phase = rng.uniform(0.0, 2 * np.pi, FEATURES)
+    travel = max(float(np.ptp(p.values[position])) for p in r.known.pieces) + 1e-300
+
+    def features(piece: Piece, Z: Array) -> Array:
+        Z = np.clip((Z - mean) / spread, -3.0, 3.0)
+        widths = np.array(BRISTLES) * travel
+        direction = np.sign(piece.values[velocity])[:, None]
+        rows = [slipping(piece.values[position], widths) / widths, np.cos(Z @ W + phase), Z, Z[:, :1] * Z[:, 1:]]
+        return piece.seen(np.hstack([*rows, direction, direction * Z]))
+
+    A, V = (
+        np.vstack([features(p, z) for p, z in zip(s.pieces, zs, strict=True)])
+        for s, zs in zip((r.known, r.unseen), sides, strict=True)
+    )
+    centre, scale = A.mean(axis=0), A.std(axis=0) + 1e-12
+    A, V = (A - centre) / scale, (V - centre) / scale
+    weight = _chosen(A, fit.left, r.known.blocks)
+    coefficients = _ridge(A, fit.left, weight)
+    return np.asarray(fit.unseen - V @ coefficients)
+
+
+def _ridge(A: Array, y: Array, weight: float) -> Array:
+    return np.asarray(np.linalg.solve(A.T @ A + weight * len(y) * np.eye(A.shape[1]), A.T @ y))
+
+
+def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> float:
+    """Return the weight of the ridge that predicts blocks of time best that it was not fitted to."""
+    fold = blocks * FOLDS // (int(blocks.max()) + 1)
+    errors = np.zeros(len(WEIGHTS))
+    for out in (fold == k for k in range(FOLDS)):
+        if not out.any() or out.all():
+            continue
+        values, vectors = np.linalg.eigh(A[~out].T @ A[~out])
+        projected, seen = vectors.T @ (A[~out].T @ y[~out]), A[out] @ vectors
+        left = [y[out] - seen @ (projected / (values + w * np.count_nonzero(~out))) for w in WEIGHTS]
+        errors += [float(e @ e) for e in left]
+    return WEIGHTS[int(np.argmin(errors))]
+
+
+def structured(r: Regression, fit: Fit, base: Fit) -> tuple[bool, float]:
+    """Tell whether a flexible regression takes a visible part away from what a fit leaves of unseen data, and return
+    the force in per cent of the effort (RMS) that would be left then.
+    """
+    after = unseen_after(r, fit)
+    flexible = Fit((("flexible", ()),), fit.theta, fit.std, fit.left, after)
+    c, gone = r.criteria, fit.error - flexible.error
+    sure = r.surely(flexible, fit) > c.flexible
+    large = gone > c.flexible_share * base.error and gone > (c.flexible_visible * r.unseen.effort) ** 2
+    return bool(sure and large), 100.0 * float(np.sqrt(flexible.error)) / max(r.unseen.effort, 1e-300)
+
+
+__all__ = ["structured", "unseen_after"]

@@ -1,0 +1,255 @@
+"""The catalogue's laws as regressors: what each changes of the missing force along the measured motion.
+
+Nothing is written a second time. A law's column is the difference of the missing force without it and with it, from
+the recorded equations. Which parameters are levels (the force is linear in them) and which give the shape follows from
+the derivatives of those equations:
+
+* a level enters the force linearly and no rate of an own state; it has a column of its own;
+* of a law with own states, all parameters with a unit of force scale together: one column, one level;
+* an amplitude with a phase (`Effect.turning`) has two columns, a quarter of a turn apart;
+* everything else is shape: found on a grid made of the law's own starts, then refined.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.force.record import Piece, evaluated, mass, rate_of, states_of, tape_of
+from signlin_ros.effects import EFFECTS, Effect, find_effect
+from signlin_ros.errors import SignlinError
+from signlin_ros.model import Model
+from signlin_ros.scale import Scale
+from signlin_ros.symbolic import symbolic
+from signlin_ros.tape import Tape
+from signlin_ros.trace import Structure, trace
+
+Array = NDArray[np.float64]
+Shape = tuple[tuple[str, float], ...]
+
+KEY = "candidate"
+"""The key under which a law is tried in a model."""
+GRID = 160
+"""Most points of a law's grid."""
+QUARTER = math.pi / 2
+
+
+@dataclass(frozen=True)
+class Parts:
+    """How the parameters of a law enter: ``levels`` each with a column; ``group``: those that scale together;
+    ``amplitude`` and ``phase``: two columns; ``neutral``: the value at which the one level does nothing; ``shape``.
+    """
+
+    levels: tuple[str, ...]
+    group: tuple[str, ...]
+    turning: tuple[str, str] | tuple[()]
+    neutral: float
+    shape: tuple[str, ...]
+
+    @property
+    def unit(self) -> bool:
+        """Whether the law has no level at all: its force is what its shape says."""
+        return not (self.levels or self.group or self.turning)
+
+    @property
+    def columns(self) -> int:
+        """Number of columns."""
+        return len(self.levels) + bool(self.group) + 2 * bool(self.turning)
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def parts_of(structure: Structure, key: str) -> Parts:
+    """Return how the parameters of the effect ``key`` of a structure enter its force."""
+    t = trace(structure)
+    slot = next(s for s in structure.slots if s.key == key)
+    effect = slot.effect
+    p = {n: t.p[t.parameters.index(f"{key}.{n}")] for n in slot.parameters if f"{key}.{n}" in t.parameters}
+    force = rate_of(t, structure.plant)
+    own = [t.f[i] for i, name in enumerate(t.states) if name.startswith(f"{key}.")]
+    turning = tuple(effect.turning[:2])
+    names = [n for n in p if n not in turning]
+    in_rates = {n for n in names if any(ca.jacobian(rate, p[n]).nnz() for rate in own)}
+    bent = {n for n in names if ca.jacobian(ca.jacobian(force, p[n]), p[n]).nnz()}
+    forceful = {n: "F" in effect.pars()[n].unit.replace("·", "/").split("/")[0] for n in names}
+    levels = [n for n in names if n not in in_rates | bent]
+    for a, b in itertools.combinations(list(levels), 2):
+        if a in levels and b in levels and ca.jacobian(ca.jacobian(force, p[a]), p[b]).nnz():
+            levels.remove(a if not forceful[a] else b)
+    group = [n for n in names if own and n not in levels and forceful[n]]
+    if own and not group:  # a level that multiplies what the law's own states do, as a hysteresis beside a spring
+        group = []
+    shape = [n for n in names if n not in levels and n not in group]
+    shape += group[1:]
+    return Parts(tuple(levels), tuple(group), turning, _neutral(levels, effect), tuple(shape))  # type: ignore[arg-type]
+
+
+def _neutral(levels: list[str], effect: type[Effect]) -> float:
+    """Return the value at which the level of a law that changes a spring does nothing."""
+    return 1.0 if effect.spring is not Effect.spring and levels == ["alpha"] else 0.0
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def columns_of(structure: Structure, key: str, parts: Parts) -> Tape:
+    """Return the change of the rate for unit levels of the effect ``key``, a row for each column of the law."""
+    t = trace(structure)
+    e = rate_of(t, structure.plant)
+    p = {n: t.p[i] for i, name in enumerate(t.parameters) for k, _, n in [name.rpartition(".")] if k == key}
+    own = [t.x[i] for i, name in enumerate(t.states) if name.startswith(f"{key}.")]
+    quiet = [(p[n], parts.neutral) for n in parts.levels] + [(p[n], 0.0) for n in parts.turning[:1]]
+
+    def at(e: ca.SX, values: list[tuple[ca.SX, float]]) -> ca.SX:
+        return ca.substitute(e, ca.vertcat(*(s for s, _ in values)), ca.vertcat(*(v for _, v in values))) if values else e
+
+    sign = -1.0 if parts.neutral else 1.0
+    rows = [sign * at(ca.jacobian(e, p[n]), quiet) for n in parts.levels]
+    if parts.group or parts.unit:
+        rows.append(at(e, quiet) - at(e, [*quiet, *((z, 0.0) for z in own)]))
+    if parts.turning:
+        amplitude, phase = parts.turning
+        rows += [at(ca.jacobian(e, p[amplitude]), [*quiet, (p[phase], v)]) for v in (0.0, QUARTER)]
+    return tape_of(t, ca.vertcat(*rows))
+
+
+@dataclass(frozen=True)
+class Law:
+    """An effect as a regressor beside a model: ``model`` has it under `KEY`, ``columns`` are made of its parts."""
+
+    name: str
+    base: Model
+    model: Model
+    parts: Parts
+
+    @property
+    def effect(self) -> type[Effect]:
+        """The effect's class."""
+        return find_effect(self.name, "effects")
+
+    @property
+    def free(self) -> int:
+        """Number of parameters that a fit moves: what the law costs."""
+        return self.parts.columns + len(self.parts.shape)
+
+    @functools.cached_property
+    def positive(self) -> tuple[bool, ...]:
+        """Which columns have a coefficient that cannot be negative."""
+        pars = self.effect.pars()
+        levels = [pars[n].low >= 0.0 for n in self.parts.levels]
+        return (*levels, *([True] if self.parts.group else []), *([False, False] if self.parts.turning else []))
+
+    def columns(self, piece: Piece, shape: Shape) -> Array:
+        """Return the force (T, columns) of unit levels along a piece, through the low-pass at the compared samples."""
+        key = (self.name, shape)
+        found = piece._cache.get(key)
+        if found is None:
+            found = piece._cache[key] = piece.seen(self._raw(piece, shape))
+        return found
+
+    def _raw(self, piece: Piece, shape: Shape) -> Array:
+        names, p = self.model.trace.parameters, self.model.p.copy()
+        for n, value in shape:
+            p[names.index(f"{KEY}.{n}")] = value
+        tape = columns_of(self.model.structure, KEY, self.parts)
+        return mass(self.model, p) * evaluated(self.model, tape, piece, self._states(piece, shape), p).T
+
+    @property
+    def model_has_own(self) -> bool:
+        """Whether the law carries states of its own."""
+        return bool(self.effect.states)
+
+    def _states(self, piece: Piece, shape: Shape) -> Array:
+        if self.model_has_own:
+            return states_of(self.model.with_parameters({f"{KEY}.{n}": value for n, value in shape}), piece)
+        found = piece._cache.get(self.model.states)
+        if found is None:
+            found = piece._cache[self.model.states] = states_of(self.model, piece)
+        return found
+
+    def parameters(self, shape: Shape, coefficients: Array) -> dict[str, float]:
+        """Return the effect's parameters for a shape and the coefficients (columns) of its columns."""
+        values = {n: u for n, u in self.model.effects[KEY].parameters.items()} | dict(shape)
+        c = list(coefficients)
+        for n in self.parts.levels:
+            level = c.pop(0)
+            values[n] = self.parts.neutral - level if self.parts.neutral else level
+        if self.parts.group:
+            scale = c.pop(0)
+            values |= {n: values[n] * scale for n in self.parts.group}
+        if self.parts.turning:
+            values |= self._turned(c[0], c[1])
+        pars = self.effect.pars()
+        return {n: pars[n].nearest(v) for n, v in values.items()}
+
+    def _turned(self, a: float, b: float) -> dict[str, float]:
+        """Return amplitude and phase of two columns: -A sin(N q + phi), or -A sin(q - q0)."""
+        amplitude, phase = self.parts.turning  # type: ignore[misc]
+        return {amplitude: math.hypot(a, b), phase: math.atan2(b, a)}
+
+
+def laws(model: Model, rotary: bool) -> dict[str, Law]:
+    """Return the laws that act as a force along a measured motion, and that a model may lack, by their names.
+
+    On an axis that is not ``rotary`` nothing goes with the sine of its position but waves, whose order is free.
+
+    Left to the motion witness: what changes the input, an electrical state or a sensor, and hidden inertias.
+    """
+    found = {}
+    for name, effect in EFFECTS.items():
+        law = _law(model, name, effect) if rotary or effect.periodic or not effect.turning else None
+        if law is not None:
+            found[name] = law
+    return found
+
+
+def _law(model: Model, name: str, effect: type[Effect]) -> Law | None:
+    forceful = effect.force is not Effect.force or effect.spring is not Effect.spring
+    hidden = effect.resonant or effect.floating
+    if not forceful or hidden or any(use.type == name for use in model.effects.values()) or _lists(effect):
+        return None
+    try:
+        wider = model.with_effect(name, KEY)
+        parts = parts_of(wider.structure, KEY)
+    except SignlinError:
+        return None
+    return Law(name, model, wider, parts)
+
+
+def _lists(effect: type[Effect]) -> bool:
+    return any(getattr(par, "many", False) for par in effect.pars().values())
+
+
+def grid(law: Law, scale: Scale) -> list[Shape]:
+    """Return the shapes that are tried: those of the effect's own starts, each once; waves are scanned for."""
+    if not law.parts.shape:
+        return [_reference(law, {})]
+    if law.effect.periodic:
+        return []
+    found = dict.fromkeys(_reference(law, start) for start in law.effect.starts(scale))
+    return _thinned(list(found), GRID)
+
+
+def _reference(law: Law, start: Mapping[str, float]) -> Shape:
+    """Return a shape from a start: its group scaled so that the first of it is 1."""
+    values: dict[str, Any] = {**law.model.effects[KEY].parameters, **start}
+    group = law.parts.group
+    if group:
+        unit = values[group[0]] or 1.0
+        values |= {n: values[n] / unit for n in group}
+    names = (*law.parts.group[:1], *law.parts.shape)
+    return tuple((n, float(f"{values[n]:.12g}")) for n in names)
+
+
+def _thinned(points: list[Shape], most: int) -> list[Shape]:
+    return points if len(points) <= most else points[:: -(-len(points) // most)]
+
+
+__all__ = ["KEY", "Law", "Parts", "Shape", "grid", "laws", "parts_of"]

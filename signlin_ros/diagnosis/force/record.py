@@ -1,0 +1,362 @@
+"""A record as the force witness sees it: even samples, motion and effort through the same zero-phase low-pass.
+
+The band is the widest in which the noise of the inertial force stays a small share of the effort. A position and a
+velocity that are both measured serve each where it is quieter. At rest, where the sign of the velocity is noise, dry
+friction is what drives: its sign is that of the net force, up to breakaway.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from signlin_ros.diagnosis.data import corrected
+from signlin_ros.diagnosis.missing import per_force
+from signlin_ros.diagnosis.tracking import driven, filled
+from signlin_ros.model import Model
+from signlin_ros.noise import quantum_of
+from signlin_ros.plants import Plant
+from signlin_ros.records import ModelData
+from signlin_ros.symbolic import symbolic
+from signlin_ros.tape import Tape
+from signlin_ros.trace import Structure, Trace, trace
+
+Array = NDArray[np.float64]
+
+ORDER = 4
+"""Order of the Butterworth low-pass."""
+BANDS = 0.12 * np.geomspace(1.0, 1e-3, 31)
+"""Cut-offs that are tried, as parts of the sampling rate, from wide to narrow."""
+PERIODS = 8.0
+"""A record must hold so many periods of the cut-off."""
+WIDER = 2.0
+"""The motion that laws are driven with passes through a low-pass so many times wider."""
+EDGE = 1.2
+"""Periods of the cut-off that are left out at either end."""
+PER_PERIOD = 2.5
+"""Samples that are kept for a period of the cut-off."""
+SAMPLED = 10.0
+"""Samples for a period of the cut-off with which laws are driven."""
+MOST = 4000
+"""Most samples of a record that are compared."""
+SLOW = 0.004
+"""Slower than this share of the largest velocity counts as rest, whatever the noise."""
+AT_REST = 0.15
+"""Where more than this share of what the filter sees is rest, nothing is compared: friction there is any force."""
+SHORTEST_REST = 0.04
+"""Rest in s from which on the net force tells the sign of dry friction."""
+BLOCKS = 60
+"""Most blocks that a record is cut into for standard errors."""
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A record without gaps, on an even grid of T samples; names as in the model.
+
+    ``values``: measured states (T,), position and velocity among them whatever was measured; ``u`` (T, m) as it acts at
+    the samples; ``acceleration``, ``effort`` (T,); ``sign`` (T,): direction of motion, between -1 and 1 where it is not
+    known; ``cutoff`` in Hz; ``kept``: samples that are compared; ``noise``: standard deviation of what remains of the
+    sensors' noise in the missing force.
+    """
+
+    t: Array
+    step: float
+    values: dict[str, Array]
+    u: Array
+    acceleration: Array
+    effort: Array
+    sign: Array
+    cutoff: float
+    kept: NDArray[np.intp]
+    blocks: NDArray[np.intp]
+    noise: float
+    velocity_noise: float
+    position_measured: bool
+    inertial_noise: float = 0.0
+    _cache: dict[object, Array] = field(default_factory=dict, repr=False)
+
+    def seen(self, values: Array) -> Array:
+        """Return values (T, ...) through the low-pass at the samples that are compared."""
+        return low_pass(values, self.cutoff, self.step)[self.kept]
+
+
+def low_pass(values: Array, cutoff: float, step: float) -> Array:
+    """Return values (T, ...) without what is faster than ``cutoff`` Hz, and without a phase shift."""
+    if cutoff >= 0.45 / step:
+        return values
+    sos = butter(ORDER, cutoff, fs=1 / step, output="sos")
+    return np.asarray(sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 / (step * cutoff)))))
+
+
+def slope(values: Array, step: float) -> Array:
+    """Return the derivative (T,), exact to the sixth power of the step."""
+    y = np.gradient(values, step)
+    a, b, c = (values[3 + k : len(values) - 3 + k or None] - values[3 - k : -3 - k] for k in (1, 2, 3))
+    y[3:-3] = (45 * a - 9 * b + c) / (60 * step)
+    return np.asarray(y)
+
+
+def sensor_noise(values: Array) -> float:
+    """Return the standard deviation of white noise that leaves as much at low frequencies as a sensor's noise does.
+
+    Fourth differences of all samples, and of every third one, in which coloured noise shows too; at least that of
+    the steps in which the values come.
+    """
+    fine, coarse = _fourth(values), np.sqrt(3.0) * _fourth(values[::3])
+    level = max(fine, coarse) if fine > 0.25 * coarse else fine
+    return float(max(level, quantum_of(values) / np.sqrt(12)))
+
+
+def _fourth(values: Array) -> float:
+    d = np.diff(values, 4)
+    if d.size < 16:
+        return 0.0
+    size = np.abs(d)
+    return float(np.sqrt(np.mean(d[size <= 5 * np.median(size) + 1e-300] ** 2) / 70))
+
+
+def derivative_noise(level: float, order: int, cutoff: float, step: float) -> float:
+    """Return the standard deviation of the ``order``-th derivative of white noise below ``cutoff`` Hz."""
+    power = 2 * order + 1
+    return float(level * np.sqrt(2 * step * cutoff**power / power) * (2 * np.pi) ** order)
+
+
+@dataclass(frozen=True)
+class _Raw:
+    """Even samples before any filter, with the noise of each channel."""
+
+    t: Array
+    step: float
+    u: Array
+    values: dict[str, Array]
+    noise: dict[str, float]
+
+
+def _raw(model: Model, data: ModelData) -> _Raw:
+    step = float(np.median(np.diff(data.t)))
+    t = data.t[0] + step * np.arange(int((data.t[-1] - data.t[0]) / step + 1e-6) + 1)
+    names = [n for n, v in data.measured.items() if np.isfinite(v).sum() > 20]
+    values = {n: np.interp(t, data.t, filled(data.t, corrected(model, data, n))) for n in names}
+    u = np.column_stack([_acting(np.interp(t, data.t, c), 0.5 - model.early) for c in data.u.T])
+    plant = model.plant
+    if plant.velocity in model.inputs:
+        u = np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
+        values[plant.velocity] = u[:, model.inputs.index(plant.velocity)]
+    return _Raw(t - t[0], step, u, values, {n: sensor_noise(v) for n, v in values.items()})
+
+
+def _acting(u: Array, late: float) -> Array:
+    """Return a held input (T,) as it acts at its samples: the mean of what is held before and after each."""
+    if late != 0.5:
+        k = np.arange(u.size)
+        return np.asarray(np.interp(k - late, k, u))
+    padded = np.concatenate([u[:1], u[:1], u, u[-1:]])
+    return np.convolve(padded, np.array([-1.0, 13.0, 13.0, -1.0]) / 24, "valid")
+
+
+def inertia(model: Model) -> float:
+    """Return the moving mass or inertia of a model, 0 where the motion is imposed."""
+    if model.plant.motion_is_imposed():
+        return 0.0
+    return 1.0 / abs(float(per_force(model)[model.states.index(model.plant.velocity)]))
+
+
+def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
+    """Return the widest band in Hz in which the noise of the inertial force and of the effort stays below ``share`` of
+    the effort, in the median over the records.
+    """
+    return float(np.median([_cutoff(model, _raw(model, d), share) for d in data]))
+
+
+def _cutoff(model: Model, raw: _Raw, share: float) -> float:
+    plant, m = model.plant, inertia(model)
+    effort, effort_noise = _effort(model, raw)
+    size = max(float(np.std(effort)), 1e-12)
+    lowest = PERIODS / max(raw.t[-1], raw.step)
+    tried = [f for f in BANDS / raw.step if f >= lowest] or [lowest]
+    for f in tried:
+        inertial = min(
+            (derivative_noise(raw.noise[n], order, f, raw.step) for n, order in _sources(plant, raw)), default=0.0
+        )
+        if max(m * inertial, effort_noise * np.sqrt(2 * f * raw.step)) < share * size:
+            return float(f)
+    return float(tried[-1])
+
+
+def _sources(plant: type[Plant], raw: _Raw) -> list[tuple[str, int]]:
+    return [(n, order) for n, order in ((plant.velocity, 1), (plant.position, 2)) if n in raw.values]
+
+
+def _effort(model: Model, raw: _Raw) -> tuple[Array, float]:
+    """Return the effort (T,) and the noise of its sensor, 0 for a command."""
+    effort = model.plant.effort or "current"
+    if effort in model.inputs:
+        return raw.u[:, model.inputs.index(effort)], 0.0
+    K_t = model.parameters.get("K_t", 1.0)
+    if effort in raw.values and effort in (*model.states, *model.outputs):
+        return K_t * raw.values[effort], K_t * raw.noise[effort]
+    return K_t / model.parameters["R_a"] * raw.u[:, 0], 0.0
+
+
+def _motion(plant: type[Plant], raw: _Raw, wide: float) -> tuple[Array, Array, float, float]:
+    """Return position and velocity (T,) through a low-pass, the velocity's noise, and the seconds lost at the ends."""
+    q, v = raw.values.get(plant.position), raw.values.get(plant.velocity)
+    step, lost = raw.step, 0.0
+    sq, sv = (raw.noise.get(n, np.inf) for n in (plant.position, plant.velocity))
+    if q is not None and v is not None:
+        across = max(sv / (2 * np.pi * max(sq, 1e-12)), 2.0, 10 / raw.t[-1])
+        if across < wide:
+            lost = EDGE / across
+            v = slope(low_pass(q, across, step), step) + v - low_pass(v, across, step)
+        else:
+            v = slope(low_pass(q, wide, step), step)
+    elif q is None:
+        assert v is not None  # noqa: S101  one of both is measured, or nothing could be compared
+        q = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1])) * step])
+    else:
+        v = slope(low_pass(q, wide, step), step)
+    noise = min(sv, 2 * np.pi * wide * sq) * np.sqrt(2 * wide * step)
+    return low_pass(q, wide, step), low_pass(v, wide, step), float(noise), lost
+
+
+def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
+    """Return a record (without gaps) as the force witness sees it, with a low-pass at ``cutoff`` Hz."""
+    raw, plant = _raw(model, data), model.plant
+    step, m = raw.step, inertia(model)
+    wide = min(WIDER * cutoff, 0.4 / step)
+    q, v, noise, lost = _motion(plant, raw, wide)
+    effort, effort_noise = _effort(model, raw)
+    values = {n: low_pass(x, wide, step) for n, x in raw.values.items() if n == "current"}
+    inertial = m * min(
+        (derivative_noise(raw.noise[n], order, cutoff, step) for n, order in _sources(plant, raw)), default=0.0
+    )
+    sign, still = _direction(v, noise, effort - model.parameters.get("k", 0.0) * q, wide, step)
+    every = max(1, int(1 / (SAMPLED * cutoff * step)))
+    kept = _kept(still, cutoff, step, max(EDGE / cutoff, lost), every)
+    t = raw.t[kept * every]
+    length = max(0.3, 2.0 / cutoff, raw.t[-1] / BLOCKS)
+    u = raw.u if every == 1 else low_pass(raw.u, wide, step)
+    effort = effort if every == 1 else low_pass(effort, wide, step)
+    values |= {plant.position: q, plant.velocity: v}
+    return Piece(
+        raw.t[::every],
+        step * every,
+        {n: x[::every] for n, x in values.items()},
+        u[::every],
+        slope(v, step)[::every],
+        effort[::every],
+        sign[::every],
+        cutoff,
+        kept,
+        np.unique((t / length).astype(int), return_inverse=True)[1],
+        float(np.hypot(inertial, effort_noise * np.sqrt(2 * cutoff * step))),
+        noise,
+        plant.position in raw.values,
+        inertial,
+    )
+
+
+def _kept(still: NDArray[np.bool_], cutoff: float, step: float, ends: float, every: int) -> NDArray[np.intp]:
+    """Return the samples, of every so many, that are compared: not the ends, not where friction is any force, a few for
+    each period.
+    """
+    e = min(int(ends / step) + 1, still.size // 5)
+    moving = low_pass(still.astype(float), min(cutoff, 0.4 / step), step) < AT_REST
+    moving[:e] = moving[-e:] = False
+    if moving.mean() < AT_REST:
+        moving[e:-e] = True
+    apart = every * max(1, int(1 / (PER_PERIOD * cutoff * step * every)), -(-still.size // (MOST * every)))
+    chosen = np.arange(0, still.size, apart)
+    return np.asarray(chosen[moving[chosen]] // every)
+
+
+def _direction(v: Array, noise: float, net: Array, wide: float, step: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the sign of the velocity (T,), softened where noise hides it, and where (T,) it is at rest."""
+    still = np.abs(v) < max(3 * noise, SLOW * float(np.abs(v).max()))
+    sign = np.clip(v / (2 * max(noise, 1e-12)), -1.0, 1.0)
+    edges = np.diff(np.concatenate([[0], still.astype(np.int8), [0]]))
+    on, off = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    long = off - on >= max(4, SHORTEST_REST / step)
+    marks = np.zeros(v.size + 1)
+    np.add.at(marks, on[long], 1)
+    np.add.at(marks, off[long], -1)
+    rest = np.cumsum(marks)[:-1] > 0
+    if 0.01 < rest.mean() < 0.9:
+        pushing = low_pass(net, min(3 * wide, 0.4 / step), step)
+        sign = np.where(rest, np.clip(pushing / (np.quantile(np.abs(pushing[rest]), 0.97) + 1e-300), -1, 1), sign)
+    return sign, still
+
+
+def states_of(model: Model, piece: Piece) -> Array:
+    """Return the states (T, n) of a model along a piece: what is measured, and what the model carries along with it."""
+    known = {n: v for n, v in piece.values.items() if n in model.states}
+    return driven(model, piece.t, piece.u, known)
+
+
+def missing_force(model: Model, piece: Piece, p: Array | None = None, x: Array | None = None) -> Array:
+    """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass.
+
+    ``p``: values of the model's parameters in the trace's order, by default its own; ``x`` (T, n): states, if known.
+    """
+    x, p = states_of(model, piece) if x is None else x, model.p if p is None else p
+    rate = evaluated(model, _rate(model.structure), piece, x, p)[0]
+    if model.plant.motion_is_imposed():
+        return np.asarray(rate - piece.effort)
+    return np.asarray((piece.acceleration - rate) * mass(model, p))
+
+
+def mass(model: Model, p: Array) -> float:
+    """Return the moving mass or inertia for values p of the parameters; -1 where a force is the output."""
+    if model.plant.motion_is_imposed():
+        return -1.0
+    name = "J" if "J" in model.parameters else "m"
+    parameters = model.trace.parameters
+    return float(p[parameters.index(name)]) if name in parameters else inertia(model)
+
+
+def rate_of(t: Trace, plant: type[Plant]) -> ca.SX:
+    """Return what a force acts on: the rate of the velocity, or the force that an imposed motion takes."""
+    return t.y[0] if plant.motion_is_imposed() else t.f[t.states.index(plant.velocity)]
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def _rate(structure: Structure) -> Tape:
+    t = trace(structure)
+    return tape_of(t, rate_of(t, structure.plant))
+
+
+def tape_of(t: Trace, e: ca.SX) -> Tape:
+    """Return expressions (k) of a trace as a tape of x, u, p and the surfaces' signs."""
+    symbols = ca.vertcat(*(s.symbol for s in t.surfaces)) if t.surfaces else ca.SX(0, 1)
+    return Tape.of(ca.Function("force", [t.x, t.u, t.p, symbols], [ca.densify(ca.cse(e))]))
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def _surfaces(structure: Structure) -> Tape:
+    t = trace(structure)
+    return tape_of(t, ca.vertcat(*(s.g for s in t.surfaces)))
+
+
+def evaluated(model: Model, tape: Tape, piece: Piece, x: Array, p: Array) -> Array:
+    """Return what a tape of a model's equations says (outputs, T) along a piece; the direction of motion as far as it
+    is known decides the sign of the velocity.
+    """
+    surfaces, columns = model.trace.surfaces, [*x.T, *piece.u.T, *p]
+    moving = [s.name == model.plant.velocity for s in surfaces]
+    signs: list[Array | float] = [piece.sign if m else 0.0 for m in moving]
+    for _ in range(0 if all(moving) else 2):
+        g = _surfaces(model.structure).batch([*columns, *signs])
+        signs = [piece.sign if m else np.sign(v) for m, v in zip(moving, g, strict=True)]
+    result = tape.batch([*columns, *signs])
+    return np.broadcast_to(result, (len(result), piece.t.size))
+
+
+__all__ = ["Piece", "best_cutoff", "inertia", "low_pass", "missing_force", "piece", "sensor_noise", "slope", "states_of"]

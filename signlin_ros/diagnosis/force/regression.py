@@ -1,0 +1,235 @@
+"""The missing force of records as a regression: base parameters within their tolerances, laws beside them.
+
+theta = argmin |y - X theta|^2 + sum ((theta_i - 0) / spread_i)^2 s^2, with s the size of what is left; base parameters
+count by their relative change, effort and motion may be stamped apart by half a sample. Standard errors are those of
+blocks of time, which need no white residual [Liang and Zeger, Biometrika 73 (1986) 13].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.force.laws import KEY, Law, Shape
+from signlin_ros.diagnosis.force.record import Piece, low_pass, missing_force, slope
+from signlin_ros.model import Model
+
+Array = NDArray[np.float64]
+Member = tuple[str, Shape]
+
+KNOWN_EFFECT = 0.2
+"""Relative tolerance of the parameters of effects that the model has already."""
+STEP = 1e-4
+"""Relative step of the derivative with respect to a parameter."""
+SWEEPS = 9
+TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class Side:
+    """The records of one side, fitted or unseen, stacked: y (K,), base columns X (K, b), block of each sample (K,)."""
+
+    pieces: tuple[Piece, ...]
+    y: Array
+    X: Array
+    blocks: NDArray[np.intp]
+    effort: float
+
+    def columns(self, law: Law, shape: Shape) -> Array:
+        """Return the columns (K, c) of a law."""
+        return np.vstack([law.columns(p, shape) for p in self.pieces])
+
+
+@dataclass(frozen=True)
+class Base:
+    """The base columns: names, and the standard deviations (b,) of their coefficients known beforehand."""
+
+    names: tuple[str, ...]
+    spread: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A set of laws fitted: coefficients of base (b,) and laws, their standard errors, residuals of both sides."""
+
+    members: tuple[Member, ...]
+    theta: Array
+    std: Array
+    left: Array
+    unseen: Array
+    spans: Mapping[str, slice] = field(default_factory=dict)
+    sizes: Array = field(default_factory=lambda: np.zeros(0))
+    cost: int = 0
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The laws in it."""
+        return frozenset(n for n, _ in self.members)
+
+    @property
+    def trained(self) -> float:
+        """Mean square of what is left of the data that it was fitted to."""
+        return float(np.mean(self.left**2))
+
+    @property
+    def error(self) -> float:
+        """Mean square of what is left of unseen data."""
+        return float(np.mean(self.unseen**2))
+
+
+def base_of(model: Model, current: bool) -> dict[str, tuple[float, float]]:
+    """Return the parameters that the base columns move: value and relative tolerance.
+
+    What only scales the measured effort is left out: the effort must not explain itself. Its tolerance goes to what it
+    scales. ``current``: whether a motor's current is measured.
+    """
+    scaling = ("K_t",) if current else ("K_t", "R_a", "L_a")
+    scale = float(np.hypot.reduce([_tolerance(model, n) for n in scaling if n in model.parameters] or [0.0]))
+    found = {}
+    for name, value in model.parameters.items():
+        spread = _tolerance(model, name)
+        if name in scaling or not value or not spread:
+            continue
+        found[name] = (value, float(np.hypot(spread, scale)))
+    for key, use in model.effects.items():
+        names = (f"{key}.{n}" for n, v in use.parameters.items() if isinstance(v, float) and v)
+        found |= {n: (model.value(n), KNOWN_EFFECT) for n in names}
+    return found
+
+
+def _tolerance(model: Model, name: str) -> float:
+    if name in model.frozen:
+        return 0.0
+    t = model.tolerance
+    return float(t.get(name, 0.05) if isinstance(t, Mapping) else t)
+
+
+def side(model: Model, pieces: Sequence[Piece], moved: Mapping[str, tuple[float, float]]) -> Side:
+    """Return the regression of one side's records."""
+    rows = [_rows(model, p, moved) for p in pieces]
+    blocks, count = [], 0
+    for p in pieces:
+        blocks.append(p.blocks + count)
+        count += int(p.blocks.max()) + 1
+    y, X, effort = (np.concatenate([r[k] for r in rows]) for k in range(3))
+    return Side(tuple(pieces), y, X, np.concatenate(blocks), float(np.sqrt(np.mean(effort**2))))
+
+
+def _rows(model: Model, piece: Piece, moved: Mapping[str, tuple[float, float]]) -> tuple[Array, Array, Array]:
+    """Return the missing force (K,), its change by each base parameter (K, b) and the effort (K,) of a piece."""
+    names = model.trace.parameters
+    y = missing_force(model, piece)
+    columns = []
+    for name, (value, _) in moved.items():
+        if name not in names:
+            columns.append(np.zeros_like(y))
+            continue
+        p = model.p.copy()
+        p[names.index(name)] = value * (1 + STEP)
+        columns.append((y - missing_force(model.with_parameters({name: value * (1 + STEP)}), piece, p)) / STEP)
+    fast = low_pass(piece.effort, min(2 * piece.cutoff, 0.4 / piece.step), piece.step)
+    columns.append(slope(fast, piece.step) * piece.step)
+    seen = piece.seen(np.column_stack([y, *columns, piece.effort]))
+    return seen[:, 0], seen[:, 1:-1], seen[:, -1]
+
+
+def telling(model: Model, piece: Piece, moved: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Return the base parameters that change the missing force at all."""
+    moves = np.any(_rows(model, piece, moved)[1][:, :-1] != 0.0, axis=0)
+    return {n: v for (n, v), m in zip(moved.items(), moves, strict=True) if m}
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """Records, the laws that may be missing, and how sets of laws are fitted to them."""
+
+    model: Model
+    laws: Mapping[str, Law]
+    known: Side
+    unseen: Side
+    base: Base
+    criteria: Criteria
+
+    @property
+    def b(self) -> int:
+        """Number of base columns."""
+        return len(self.base.names)
+
+    def fitted(self, members: Sequence[Member]) -> Fit:
+        """Return the least-squares fit of a set of laws on the known side, and what it leaves of both."""
+        members = tuple(members)
+        X, V = (np.hstack([s.X, *(s.columns(self.laws[n], z) for n, z in members)]) for s in (self.known, self.unseen))
+        spread = np.concatenate([self.base.spread, np.full(X.shape[1] - self.b, np.inf)])
+        floor = np.where(np.isfinite(spread), np.expm1(-3 * np.minimum(spread, 50.0)), -np.inf)
+        floor[self.b - 1] = -np.inf
+        spans, at = {}, self.b
+        for n, _ in members:
+            law = self.laws[n]
+            spans[n] = slice(at, at + law.parts.columns)
+            floor[spans[n]] = np.where(law.positive, 0.0, -np.inf)
+            at += law.parts.columns
+        theta, std, left = _bounded(self.known, X, spread, floor)
+        sizes = np.std(V * theta, axis=0)
+        cost = sum(self.laws[n].free for n, _ in members)
+        return Fit(members, theta, std, left, self.unseen.y - V @ theta, spans, sizes, cost)
+
+    def surely(self, a: Fit, b: Fit) -> float:
+        """Return by how many standard errors a is better than b on unseen data, by blocks of time.
+
+        The mean difference of squares, or of their logarithms, whichever is surer: one block must not decide.
+        """
+        if a is b or a.members == b.members:
+            return 0.0
+        blocks, n = self.unseen.blocks, np.bincount(self.unseen.blocks)
+        first, second = (np.bincount(blocks, f.unseen**2)[n > 0] for f in (a, b))
+        apart = second - first
+        floor = 0.1 * second.mean() + TINY
+        plain, shares = _sure(apart), _sure(np.log((second + floor) / (first + floor)))
+        return min(max(plain, shares), 60.0) if plain > 0 else max(plain, -60.0)
+
+    def percent(self, fit: Fit) -> float:
+        """Return the force that is left of unseen data in per cent of the effort (RMS)."""
+        return 100.0 * float(np.sqrt(fit.error)) / max(self.unseen.effort, TINY)
+
+
+def _sure(values: Array) -> float:
+    if values.size < 3:
+        return 0.0
+    return float(values.mean() / (values.std(ddof=1) / np.sqrt(values.size) + TINY))
+
+
+def _bounded(side: Side, X: Array, spread: Array, floor: Array) -> tuple[Array, Array, Array]:
+    """Return coefficients at or above ``floor``, their standard errors, and what is left (K,)."""
+    y, n = side.y, side.y.size
+    scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
+    theta, held = np.zeros(X.shape[1]), np.zeros(X.shape[1], dtype=bool)
+    size = float(np.sqrt(np.mean(y**2))) + TINY
+    for sweep in range(SWEEPS):
+        free = ~held
+        rest = y - X[:, held] @ theta[held]
+        Z = X[:, free] / scale[free]
+        precision = np.where(np.isfinite(spread[free]), (size / (spread[free] * scale[free] + TINY)) ** 2, 1e-9 * n)
+        A = Z.T @ Z + np.diag(np.minimum(precision, 1e12 * n))
+        theta[free] = np.linalg.solve(A, Z.T @ rest) / scale[free]
+        left = y - X @ theta
+        size = float(np.sqrt(np.mean(left**2))) + TINY
+        low = free & (theta < floor)
+        if low.any() and sweep < SWEEPS - 1:
+            theta[low], held = floor[low], held | low
+        elif sweep >= 2:
+            break
+    scores = np.zeros((int(side.blocks.max()) + 1, int(free.sum())))
+    np.add.at(scores, side.blocks, Z * left[:, None])
+    inverse = np.linalg.inv(A)
+    prior = np.diag(np.where(np.isfinite(spread[free]), precision * size**2, 0.0))
+    covariance = inverse @ (scores.T @ scores + prior) @ inverse
+    std = np.full(X.shape[1], np.inf)
+    std[free] = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale[free]
+    return theta, std, left
+
+
+__all__ = ["KEY", "Base", "Fit", "Member", "Regression", "Side", "base_of", "side", "telling"]

@@ -1,0 +1,251 @@
+"""Forward selection of the laws that a record asks for, and the choice of the least set that suffices."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.force.laws import Law, Shape, grid
+from signlin_ros.diagnosis.force.regression import Fit, Member, Regression
+from signlin_ros.diagnosis.force.waves import orders, strongest
+from signlin_ros.par import Par
+from signlin_ros.scale import Scale
+
+Array = NDArray[np.float64]
+
+REFINED = 2
+"""The best so many times `Criteria.beam` of a step are refined."""
+STEPS = (0.25, 0.1, 0.04)
+"""Relative steps by which shapes are refined,"""
+MOVES = 3
+"""and how often in a row."""
+LITTLE = 0.97
+"""A step that leaves more than this of the squared error of the one before ends the search."""
+WAVES = 3
+"""Orders of a wave that are tried at each step."""
+
+
+@dataclass(eq=False)
+class Search:
+    """Sets of laws fitted so far, by their names."""
+
+    r: Regression
+    scale: Scale
+    whole: bool
+    gear: float
+    models: dict[frozenset[str], Fit] = field(default_factory=dict)
+    shapes: dict[str, list[Shape]] = field(default_factory=dict)
+
+    def run(self) -> Fit:
+        """Return the least set that suffices, after `Criteria.most` steps or as soon as nothing is gained."""
+        self.shapes = {n: grid(law, self.scale) for n, law in self.r.laws.items()}
+        beam = [self._keep(self.r.fitted(()))]
+        for _ in range(self.r.criteria.most):
+            before = min(f.trained for f in self.models.values())
+            beam = self._step(beam)
+            if not beam or min(f.trained for f in beam) > LITTLE * before:
+                break
+        return self.chosen
+
+    @property
+    def base(self) -> Fit:
+        """The base model's best fit."""
+        return self.models[frozenset()]
+
+    def _keep(self, f: Fit) -> Fit:
+        known = self.models.get(f.names)
+        if known is None or f.trained < known.trained:
+            self.models[f.names] = f
+        return self.models[f.names]
+
+    def _step(self, beam: list[Fit]) -> list[Fit]:
+        found: dict[frozenset[str], tuple[float, tuple[Member, ...]]] = {}
+        for f in beam:
+            for gain, member in self._gains(f):
+                names, left = f.names | {member[0]}, float(np.sum(f.left**2)) - gain
+                if names not in found or found[names][0] > left:
+                    found[names] = (left, (*f.members, member))
+        ranked = [m for _, m in sorted(found.values(), key=lambda item: item[0])]
+        count = REFINED * self.r.criteria.beam
+        fits = [self._keep(self.refined(self.r.fitted(m)) if i < count else self.r.fitted(m))
+                for i, m in enumerate(ranked[: 4 * count])]  # fmt: skip
+        fits.sort(key=lambda f: f.trained * (1 + self.r.criteria.each * f.cost))
+        return fits[: self.r.criteria.beam]
+
+    def _gains(self, f: Fit) -> Iterator[tuple[float, Member]]:
+        """Yield, for every law that is not in a fit, what its best shape would take of the squared error, about."""
+        Q, families = self._explained(f), {self.r.laws[n].effect.family for n in f.names}
+        for name, law in self.r.laws.items():
+            if name in f.names or (law.effect.family and law.effect.family in families):
+                continue
+            if law.effect.periodic:
+                self._scan(name, f)
+            best = max(((self._gain(law, shape, f, Q), shape) for shape in self.shapes[name]), default=None)
+            if best and best[0] > 0.0:
+                yield best[0], (name, best[1])
+
+    def _explained(self, f: Fit) -> Array:
+        """Return an orthonormal basis (K + b, c) of what a fit's columns can do, the base held by its tolerances."""
+        known, laws = self.r.known, self.r.laws
+        X = np.hstack([known.X, *(known.columns(laws[n], z) for n, z in f.members)])
+        spread = np.concatenate([self.r.base.spread, np.full(X.shape[1] - self.r.b, 1e12)])
+        A = np.vstack([X, np.diag(np.sqrt(f.trained) / np.minimum(np.maximum(spread, 1e-12), 1e12))])
+        scale = np.sqrt(np.mean(A**2, axis=0)) + 1e-300
+        return np.linalg.qr(A / scale)[0]
+
+    def _gain(self, law: Law, shape: Shape, f: Fit, Q: Array) -> float:
+        C = self.r.known.columns(law, shape)
+        rows = np.vstack([np.column_stack([C, f.left]), np.zeros((Q.shape[0] - len(C), C.shape[1] + 1))])
+        rows = rows - Q @ (Q.T @ rows)
+        Z, y = rows[:, :-1], rows[:, -1]
+        c = np.linalg.lstsq(Z, y, rcond=1e-8)[0]
+        good = [j for j, v in enumerate(c) if v >= 0.0 or not law.positive[j]]
+        if len(good) < len(c):
+            if not good:
+                return 0.0
+            c = np.linalg.lstsq(Z[:, good], y, rcond=1e-8)[0]
+        return float(y @ y - np.sum((y - Z[:, good] @ c) ** 2))
+
+    def _scan(self, name: str, f: Fit) -> None:
+        """Add the orders at which what a fit leaves repeats over the position to the shapes of a periodic law."""
+        plant, known = self.r.model.plant, self.r.known
+        left = np.split(f.left, np.cumsum([p.kept.size for p in known.pieces])[:-1])
+        order = self.r.laws[name].effect.periodic[0]
+        for N in strongest(known.pieces, left, self._orders, plant.position, plant.velocity, WAVES):
+            shape = ((order, N),)
+            if shape not in self.shapes[name]:
+                self.shapes[name].append(shape)
+
+    @functools.cached_property
+    def _orders(self) -> Array:
+        plant, c = self.r.model.plant, self.r.criteria
+        return orders(self.r.known.pieces, plant.position, plant.velocity, self.whole, self.gear, c.waves)
+
+    def refined(self, f: Fit) -> Fit:
+        """Return a fit whose shapes lie between the points of the grid, by what is left of the fitted data."""
+        for step in STEPS:
+            for j, (name, shape) in enumerate(f.members):
+                for n in self._movable(name, shape):
+                    f = self._moved(f, j, n, self._step_of(name, n, shape, step))
+        return f
+
+    def _movable(self, name: str, shape: Shape) -> list[str]:
+        law = self.r.laws[name]
+        held = {*law.effect.held, *law.parts.group[:1]}
+        pars = law.effect.pars()
+        whole = self.whole and law.effect.periodic[:1]
+        return [n for n, v in shape if n not in held and v and not pars[n].structural and n not in (whole or ())]
+
+    def _step_of(self, name: str, n: str, shape: Shape, step: float) -> tuple[float, float]:
+        if n in self.r.laws[name].effect.periodic[:1]:
+            travel = max(float(np.ptp(p.values[self.r.model.plant.position])) for p in self.r.known.pieces)
+            apart = 2 * np.pi / travel / dict(shape)[n] * step
+            return (1 - apart, 1 + apart)
+        return (1 / (1 + step), 1 + step)
+
+    def _moved(self, f: Fit, j: int, n: str, factors: tuple[float, float]) -> Fit:
+        for _ in range(MOVES):
+            par = self.r.laws[f.members[j][0]].effect.pars()[n]
+            tried = [self.r.fitted(_with(f.members, j, n, factor, par)) for factor in factors]
+            best = min(tried, key=lambda x: x.trained)
+            if best.trained >= f.trained * (1 - 1e-4):
+                break
+            f = best
+        return f
+
+    # ------------------------------------------------------------------ the choice
+
+    def without(self, f: Fit, name: str) -> Fit:
+        """Return the best fit known without one of a fit's laws: the reference of what that is worth."""
+        return self._known([m for m in f.members if m[0] != name])
+
+    def _known(self, members: Sequence[Member]) -> Fit:
+        names = frozenset(n for n, _ in members)
+        if names not in self.models:
+            self._keep(self.r.fitted(members))
+        return self.models[names]
+
+    def _simpler(self, f: Fit, name: str) -> list[Fit]:
+        """Return the fits with a simpler law of the same family in a law's place."""
+        law, rest = self.r.laws[name], [m for m in f.members if m[0] != name]
+        kin = [n for n, x in self.r.laws.items() if law.effect.family and x.effect.family == law.effect.family]
+        simple = [n for n in kin if n not in f.names and self.r.laws[n].free < law.free]
+        found = [self.models.get(frozenset((*f.names - {name}, n))) for n in simple]
+        tried = [self._known([*rest, (n, self.shapes[n][0])]) for n, g in zip(simple, found, strict=True)
+                 if g is None and len(self.shapes[n]) == 1]  # fmt: skip
+        return [*(g for g in found if g), *tried]
+
+    def sound(self, f: Fit) -> bool:
+        """Tell whether every law of a fit is needed on unseen data, and its level known; and nothing known is bent."""
+        return not self.bends(f) and all(self.needed(f, n) for n in f.names)
+
+    def bends(self, f: Fit) -> bool:
+        """Tell whether a fit moves a base parameter that carries force beyond its tolerance, and further than the base
+        model alone does.
+        """
+        c, r = self.r.criteria, self.r
+        spread, theta, alone = (x[: r.b - 1] for x in (r.base.spread, f.theta, self.base.theta))
+        moved, before = (np.abs(np.log1p(np.maximum(x, -1 + 1e-12))) / spread for x in (theta, alone))
+        carried = np.abs(theta) * np.sqrt(np.mean(r.unseen.X[:, :-1] ** 2, axis=0)) > c.bent_share * r.unseen.effort
+        return bool(f.members) and bool(np.any((moved > c.bent) & (moved > before + 1.0) & carried & (spread < 0.5)))
+
+    def needed(self, f: Fit, name: str) -> bool:
+        """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part of
+        the unseen error: of what is left without it, and with a simpler law of its family in its place.
+        """
+        law = self.r.laws[name]
+        values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
+        if self.level(f, name) < self.r.criteria.known or not law.effect.plausible(values):
+            return False
+        return all(self.worth(f, g, law.free) for g in (self.without(f, name), *self._simpler(f, name)))
+
+    def worth(self, f: Fit, reference: Fit, free: int) -> bool:
+        """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error."""
+        c, gone = self.r.criteria, reference.error - f.error
+        least = max((c.visible * self.r.unseen.effort) ** 2, 0.002 * self.base.error)
+        large = f.error < reference.error * (1 - c.share - c.each * (free - 1)) and gone > least
+        return large and self.r.surely(f, reference) >= c.surely
+
+    def level(self, f: Fit, name: str) -> float:
+        """Return how many standard errors the levels of a law are from nothing: of the least, for its own columns."""
+        law, span = self.r.laws[name], f.spans[name]
+        z = np.abs(f.theta[span]) / f.std[span]
+        if law.parts.turning:
+            return float(np.hypot(*z[-2:]))
+        return float(z[-1] if law.parts.group else np.max(z) if name == "asymmetric_viscous_friction" else np.min(z))
+
+    @functools.cached_property
+    def chosen(self) -> Fit:
+        """The least set that is sound, within a standard error or 1 % RMS of the best."""
+        sound = [f for f in list(self.models.values()) if self.sound(f)] or [self.base]
+        best = min(sound, key=lambda f: f.error)
+        near = [f for f in sound if f is best or self.alike(best, f)]
+        return min(near, key=lambda f: (f.cost, f.error))
+
+    def alike(self, best: Fit, f: Fit) -> bool:
+        """Tell whether a fit is as good as a better one on unseen data."""
+        c = self.r.criteria
+        return self.r.surely(best, f) < c.alike or f.error < (1 + c.alike_share) * best.error
+
+    def ties(self, f: Fit, name: str) -> tuple[str, ...]:
+        """Return the laws that could as well stand in a fit for one of its own."""
+        rest = f.names - {name}
+        found = [
+            next(iter(names - rest))
+            for names, other in self.models.items()
+            if len(names) == len(rest) + 1 and names >= rest and name not in names and self.alike(f, other)
+        ]
+        return tuple(sorted(found))
+
+
+def _with(members: Sequence[Member], j: int, n: str, factor: float, par: Par) -> tuple[Member, ...]:
+    name, shape = members[j]
+    moved = tuple((k, float(f"{par.nearest(v * factor):.12g}") if k == n else v) for k, v in shape)
+    return (*members[:j], (name, moved), *members[j + 1 :])
+
+
+__all__ = ["Search"]
