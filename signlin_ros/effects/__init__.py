@@ -30,6 +30,7 @@ from signlin_ros.effects.hard_stop import HardStop
 from signlin_ros.effects.input_deadzone import InputDeadzone
 from signlin_ros.effects.input_delay import InputDelay
 from signlin_ros.effects.input_saturation import InputSaturation
+from signlin_ros.effects.learned_force import LearnedForce
 from signlin_ros.effects.linear_stiffness import LinearStiffness
 from signlin_ros.effects.load_dependent_friction import LoadDependentFriction
 from signlin_ros.effects.lugre_friction import LuGreFriction
@@ -78,6 +79,7 @@ for _effect in (
     BoucWenHysteresis,
     CompliantLoad,
     Backlash,
+    LearnedForce,
     InputDeadzone,
     InputSaturation,
     InputDelay,

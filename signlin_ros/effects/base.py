@@ -14,6 +14,8 @@ from signlin_ros.sensors import Sensor
 
 CHANNEL_UNIT = "of the channel"
 """Declared unit of what a `SensorEffect` has in the unit of the channel that it is on."""
+COORDINATE_UNIT = "of the coordinate"
+"""Declared unit of what is in the unit of a coordinate that another parameter names."""
 DOUBTFUL = 1 / 3
 """A value is told with its standard error where that is a larger share of it."""
 

@@ -10,7 +10,7 @@ from string import Formatter
 from typing import Any
 
 from signlin_ros import units
-from signlin_ros.effects.base import CHANNEL_UNIT, Effect, SensorEffect, Shown
+from signlin_ros.effects.base import CHANNEL_UNIT, COORDINATE_UNIT, Effect, SensorEffect, Shown
 from signlin_ros.errors import ModelError, choices, joined, nearest, suggest
 from signlin_ros.par import POWERS, declared_name, gathered, nominal_values
 from signlin_ros.scale import Scale
@@ -51,7 +51,9 @@ def _check_unit(where: str, unit: Any) -> None:
     """Refuse a unit that is not made of F, Q, U and units of records."""
     parts = re.split("[·/]", unit) if isinstance(unit, str) else [""]
     bare = [part.rstrip(POWERS) for part in parts]
-    if unit not in ("", CHANNEL_UNIT) and not all(part in ("F", "Q", "U") or units.parse(part) for part in bare):
+    if unit not in ("", CHANNEL_UNIT, COORDINATE_UNIT) and not all(
+        part in ("F", "Q", "U") or units.parse(part) for part in bare
+    ):
         allowed = "F, Q, U, and units such as s, m, rad, kg, N, A, V, Ohm, K, W and - with · and / between them"
         raise ModelError(f"{where}: the unit is {unit!r}; allowed: {allowed}, powers as in s²")
 

@@ -218,7 +218,7 @@ def test_the_equation_renders(effect):
     declared, nominal = effect.pars(), nominal_values(effect.pars())
     pars = {name: sympy.Symbol(name, **real) for name in nominal}
     structural = {name for name in nominal if declared[name].structural}
-    fixed = {name: 0.0 if declared[name].words else 2.0 for name in structural}
+    fixed = {name: nominal[name] if name not in declared or declared[name].words else 2.0 for name in structural}
     p = as_law_sees(declared, pars | fixed)
     x = Namespace({n: sympy.Symbol(n, **real) for n in ("velocity", "position", "drive_force", "external_force")})
     x.current, x.resistance = sympy.symbols("i R", real=True)
