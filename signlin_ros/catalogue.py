@@ -42,13 +42,17 @@ def applies(effect: type[Effect], plant: type[Plant]) -> bool:
 
 
 def _parameter(par: Par, units: dict[str, str]) -> dict[str, Any]:
+    default = None if par.default is None else par.written(par.default)
     return {
         "units": units,
         "low": par.low,
         "high": par.high,
         "low_excluded": par.positive,
-        "nominal": par.nominal,
-        "default": par.default,
+        "nominal": par.written(par.nominal) if par.elements is None else list(par.elements),
+        "default": [] if par.elements == () else default,
+        "list": par.elements is not None,
+        "along": par.along or None,
+        "choices": [par.written(place) for place in range(len(par.words))] or None,
         "doc": par.doc,
     }
 

@@ -335,10 +335,25 @@ def _plant(entry: dict[str, Any]) -> str:
 def _parameters(entry: dict[str, Any]) -> str:
     rows = [["", "unit", "allowed", "nominal", "default", ""]]
     for name, par in entry["parameters"].items():
-        allowed = f"{'(' if par['low_excluded'] else '['}{par['low']:g}, {par['high']:g}]"
-        default = "-" if par["default"] is None else f"{par['default']:g}"
-        rows.append([name, _unit(par["units"]), allowed, f"{par['nominal']:g}", default, par["doc"]])
+        rows.append(
+            [name, _unit(par["units"]), _allowed(par), _value(par["nominal"]), _value(par["default"]), par["doc"]]
+        )
     return "parameters\n" + table(rows)
+
+
+def _allowed(par: dict[str, Any]) -> str:
+    if par["choices"]:
+        return ", ".join(map(_value, par["choices"]))
+    one = f"{'(' if par['low_excluded'] else '['}{par['low']:g}, {par['high']:g}]"
+    many = f"as many as {par['along']}, each in" if par["along"] else "a list, each in"
+    return f"{many} {one}" if par["list"] else one
+
+
+def _value(value: Any) -> str:
+    """Return a number, a word or a list of these as a model file has it; - for none."""
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    return "-" if value is None else value if isinstance(value, str) else f"{value:g}"
 
 
 def _unit(units: dict[str, str]) -> str:

@@ -11,8 +11,9 @@ An effect calls ``m.sign(v)``, ``m.abs(v)``, ``m.positive(x)`` ... and never ask
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -59,6 +60,41 @@ class Math:
         """max(x - d, 0) - max(-x - d, 0)."""
         return self.positive(x - half_width) - self.positive(-x - half_width)
 
+    def spline(self, x: Any, knots: Sequence[float], values: Sequence[Any]) -> Any:
+        """The curve through ``values`` at ``knots`` (two or more numbers that rise), cubic between them, linear beyond.
+
+        It is smooth (once differentiable), so that no surface is recorded, and rises and falls only where the values
+        do.   [Fritsch and Butland 1984, doi:10.1137/0905021]
+        """
+        h = [high - low for low, high in pairwise(knots)]
+        s = [(high - low) / step for (low, high), step in zip(pairwise(values), h, strict=True)]
+        inner = [self._slope(*pair, *steps) for pair, steps in zip(pairwise(s), pairwise(h), strict=True)]
+        slopes = [s[0], *inner, s[-1]]
+        total = values[0] + slopes[0] * self._least(x - knots[0], 0.0) + slopes[-1] * self._largest(x - knots[-1], 0.0)
+        for knot, step, secant, (first, last) in zip(knots, h, s, pairwise(slopes), strict=False):
+            t = self._least(self._largest((x - knot) / step, 0.0), 1.0)
+            total += step * t * (first + t * (3 * secant - 2 * first - last + t * (first + last - 2 * secant)))
+        return total
+
+    def _slope(self, before: Any, after: Any, h_before: float, h_after: float) -> Any:
+        """Return the slope at a knot: a harmonic mean of the secants beside it, 0 where the curve turns."""
+        w_before, w_after = 2 * h_after + h_before, h_after + 2 * h_before
+        both = before * after
+        mean = self._where(both, w_before * after + w_after * before, 1.0)
+        return self._where(both, (w_before + w_after) * both / mean, 0.0)
+
+    def _least(self, a: Any, b: float) -> Any:
+        """The smaller of two; where they are equal it has the derivative of the first."""
+        raise NotImplementedError
+
+    def _largest(self, a: Any, b: float) -> Any:
+        """The larger of two; where they are equal it has the derivative of the second."""
+        raise NotImplementedError
+
+    def _where(self, g: Any, a: Any, b: Any) -> Any:
+        """``a`` where g > 0, else b."""
+        raise NotImplementedError
+
 
 WORDS = tuple(sorted(name for name in {*Math.__annotations__, *vars(Math)} if not name.startswith("_")))
 """What a vocabulary offers."""
@@ -75,6 +111,15 @@ class NumpyMath(Math):
 
     def contact(self, g: Any) -> Any:
         return np.heaviside(g, 0.0)
+
+    def _least(self, a: Any, b: float) -> Any:
+        return np.minimum(a, b)
+
+    def _largest(self, a: Any, b: float) -> Any:
+        return np.maximum(a, b)
+
+    def _where(self, g: Any, a: Any, b: Any) -> Any:
+        return np.where(g > 0, a, b)
 
     def abs_power(self, h: Any, n: float) -> Any:
         return np.abs(h) ** n
@@ -135,6 +180,15 @@ class Recorder(Math):
     def contact(self, g: Any) -> Any:
         return (1 + self._note(g, "contact")) / 2
 
+    def _least(self, a: Any, b: float) -> Any:
+        return ca.fmin(a, b)
+
+    def _largest(self, a: Any, b: float) -> Any:
+        return ca.fmax(b, a)  # the order decides which derivative it has where they are equal
+
+    def _where(self, g: Any, a: Any, b: Any) -> Any:
+        return ca.if_else(g > 0, a, b)
+
     @staticmethod
     def _real_power(size: ca.SX, exponent: float) -> Any:
         """size^exponent for size >= 0, with derivative 0 at 0, where the formula of the power rule has a pole."""
@@ -173,6 +227,15 @@ class SympyMath(Math):
 
     def contact(self, g: Any) -> Any:
         return self._sympy.Heaviside(g, 0)
+
+    def _least(self, a: Any, b: float) -> Any:
+        return self._sympy.Min(a, b)
+
+    def _largest(self, a: Any, b: float) -> Any:
+        return self._sympy.Max(a, b)
+
+    def _where(self, g: Any, a: Any, b: Any) -> Any:
+        return self._sympy.Piecewise((a, g > 0), (b, True))
 
     def abs_power(self, h: Any, n: float) -> Any:
         return self._sympy.Abs(h) ** n

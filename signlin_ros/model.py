@@ -23,13 +23,25 @@ from signlin_ros.errors import InputError, ModelError, choices, suggest
 from signlin_ros.files import write_text
 from signlin_ros.markup import html_table
 from signlin_ros.names import TIME
-from signlin_ros.par import Par, check_values
+from signlin_ros.par import (
+    Par,
+    Pars,
+    as_law_sees,
+    check_values,
+    declared_name,
+    gathered,
+    nominal_values,
+    place_of,
+)
 from signlin_ros.plants import Plant, find_plant
 from signlin_ros.sensors import Sensor
 from signlin_ros.trace import EffectSlot, Structure, Trace, delay_of, resolve_unit, trace
 
 METHODS = ("optimal", "termwise", "jacobian")
 OPERATING_POINTS = ("start", "midpoint")
+AXES = ("rotary", "linear")
+WHOLE = 1e-9
+"""How far from a whole number an order may be that is called whole."""
 HOLDS = {"forward": 0.0, "centred": 0.5, "backward": 1.0}
 """By how many steps an input precedes its sample: a command that is held; samples of what goes on in between; what was
 logged beside the state that it led to."""
@@ -46,10 +58,18 @@ NODE_KEYS = (
 
 @dataclass(frozen=True)
 class EffectUse:
-    """An effect in a model: its type and the values of its parameters."""
+    """An effect in a model: its type and the values of its parameters, of lists those of their elements (``A[0]``)."""
 
     type: str
     parameters: dict[str, float]
+
+    def written(self) -> dict[str, Any]:
+        """Return the type and the parameters as a model file has them: lists as lists, words as words."""
+        pars = find_effect(self.type, "effects").pars()
+        found: dict[str, Any] = {"type": self.type}
+        for name, value in gathered(self.parameters).items():
+            found[name] = pars[name].written(value) if name in pars and pars[name].words else value
+        return found
 
 
 @dataclass(frozen=True)
@@ -77,6 +97,8 @@ class Model:
     effect_files: tuple[str, ...] = ()
     with_position: bool = False
     with_load_torque: bool = False
+    axis: str = ""
+    gear: float = 1.0
     node_options: dict[str, Any] = field(default_factory=dict)
     source: str = field(default="model", compare=False)
     folder: Path = field(default=Path(), compare=False)
@@ -112,7 +134,7 @@ class Model:
         content: dict[str, Any] = {"plant": self.plant.name, "parameters": dict(self.parameters)}
         if self.effects:
             content["effects"] = {
-                key: {**({"type": use.type} if key != use.type else {}), **use.parameters}
+                key: {name: value for name, value in use.written().items() if name != "type" or value != key}
                 for key, use in self.effects.items()
             }
         for item in fields(self):
@@ -135,8 +157,10 @@ class Model:
 
     # ---------------------------------------------------------------- changing
 
-    def with_effect(self, type: str, key: str | None = None, **parameters: float) -> Model:
+    def with_effect(self, type: str, key: str | None = None, **parameters: Any) -> Model:
         """Return a model with one more effect; parameters not given start at their nominal values.
+
+        A list is given as a list or by its elements (``**{"A[0]": 0.1}``).
 
         The effect of a sensor is on the channels given, on all states and outputs if none is.
         """
@@ -144,29 +168,39 @@ class Model:
         key = key or type
         if key in self.effects:
             raise ModelError(f"effects.{key}: is in the model already; give the new one another key")
-        given = {name.rstrip("_"): value for name, value in parameters.items()}
+        given = gathered({name.rstrip("_"): value for name, value in parameters.items()})
         present = {name: unit for name, unit in self._channels.items() if name in (*self.states, *self.outputs)}
         pars = {} if given and issubclass(effect, SensorEffect) else effect.pars_on(present)
-        values = {n: p.nominal for n, p in pars.items() if not (p.free_standing and self._has_spring)} | given
-        uses = {k: {"type": use.type, **use.parameters} for k, use in self.effects.items()}
-        return self._changed(effects={**uses, key: {"type": type, **values}})
+        pars = Pars({n: p for n, p in pars.items() if not (p.free_standing and self._has_spring)})
+        return self._changed(effects={**self._written, key: {"type": type, **_nominal(pars, given), **given}})
 
     def without_effect(self, key: str) -> Model:
         """Return a model without one effect."""
         if key not in self.effects:
             raise ModelError(f"effects.{key}: is not in the model; there are: {choices(self.effects)}")
-        rest = {k: {"type": use.type, **use.parameters} for k, use in self.effects.items() if k != key}
-        return self._changed(effects=rest)
+        return self._changed(effects={k: use for k, use in self._written.items() if k != key})
 
-    def with_parameters(self, values: Mapping[str, float] | None = None, **more: float) -> Model:
-        """Return a model with other numbers: ``{"J": 0.002, "coulomb_friction.mu": 0.03}``."""
+    @property
+    def _written(self) -> dict[str, dict[str, Any]]:
+        return {key: use.written() for key, use in self.effects.items()}
+
+    def with_parameters(self, values: Mapping[str, Any] | None = None, **more: Any) -> Model:
+        """Return a model with other numbers: ``{"J": 0.002, "coulomb_friction.mu": 0.03}``.
+
+        A list is given as a list, or an element of it (``"torque_ripple.A[0]"``).
+        """
         content = self.to_dict()
         for name, value in {**(values or {}), **more}.items():
             key, inner = self._located(name)
-            if inner not in self._pars_of(key):
+            if declared_name(inner) not in self._pars_of(key):
                 raise self._unknown(name)
-            table = content["effects"][key] if key else content["parameters"]
-            table[inner] = value
+            table, place = content["effects"][key] if key else content["parameters"], place_of(inner)
+            if place is None:
+                table[inner] = value
+            elif inner in self.effects[key].parameters:
+                table[declared_name(inner)][place] = value
+            else:
+                raise self._unknown(name)
         return Model.from_dict(content, self.source, self.folder)
 
     def with_options(self, **options: Any) -> Model:
@@ -182,7 +216,7 @@ class Model:
     def _changed(self, **entries: Any) -> Model:
         return Model.from_dict({**self.to_dict(), **entries}, self.source, self.folder)
 
-    def _pars_of(self, key: str) -> dict[str, Par]:
+    def _pars_of(self, key: str) -> Pars:
         return _effect_class(self.effects[key]).pars_on(self._channels) if key else self.plant.pars()
 
     def _located(self, name: str) -> tuple[str, str]:
@@ -297,6 +331,12 @@ class Model:
     def p(self) -> NDArray[np.float64]:
         """Values of the trace's parameters, in its order."""
         return np.array([self.value(name) for name in self.trace.parameters])
+
+    @property
+    def is_rotary(self) -> bool | None:
+        """Whether the axis turns; None where neither the model nor its plant says (a record's units may)."""
+        axis = self.axis or ("rotary" if self.plant.position_unit == "rad" else "")
+        return axis == "rotary" if axis else None
 
     @property
     def early(self) -> float:
@@ -543,6 +583,8 @@ _OPTIONS: dict[str, Callable[[Any, str], Any]] = {
     "effect_files": _names,
     "with_position": _boolean,
     "with_load_torque": _boolean,
+    "axis": _choice(AXES),
+    "gear": lambda v, w: _number(v, w, 0.0, 1e6, positive=True),
 }
 
 
@@ -551,6 +593,15 @@ def _default(name: str, plant: type[Plant]) -> Any:
         return plant.linearization
     item = next(f for f in fields(Model) if f.name == name)
     return item.default_factory() if callable(item.default_factory) else item.default
+
+
+def _nominal(pars: Pars, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nominal values as a model file has them; of a list that goes along with a given one, as many as that."""
+    values = {n: v if isinstance(v, list) else pars[n].written(v) for n, v in gathered(nominal_values(pars)).items()}
+    for name, par in pars.items():
+        if isinstance(given.get(par.along), (list, tuple)):
+            values[name] = [par.element(i).nominal for i in range(len(given[par.along]))]
+    return values
 
 
 def _effect_class(use: EffectUse) -> type[Effect]:
@@ -601,13 +652,16 @@ def _effect(key: str, item: Any, plant: type[Plant], base: Mapping[str, float]) 
     pars = effect.pars_on(plant.channels(base))
     if issubclass(effect, SensorEffect):
         return EffectUse(str(name), _by_channel(pars, given, plant, where))
-    pars = {n: replace(par, unit=resolve_unit(par.unit, plant)) for n, par in pars.items()}
+    pars = pars.with_units(lambda unit: resolve_unit(unit, plant))
     values, spring = check_values(pars, given, where), _has_spring(plant, base)
     for free in (n for n, par in pars.items() if par.free_standing):
         if spring and free in values:
             raise ModelError(f"{where}.{free}: the plant {plant.name} has a spring of its own; leave it out")
         if not spring and free not in values:
             raise ModelError(f"{where}.{free}: missing; the plant has no spring of its own ({pars[free].doc})")
+    fault = effect.fault(as_law_sees(pars, values))
+    if fault:
+        raise ModelError(f"{where}.{fault}")
     return EffectUse(str(name), values)
 
 
@@ -651,8 +705,23 @@ def _read(mapping: Mapping[str, Any], source: str, folder: Path) -> Model:
         folder=folder,
         **{"linearization": plant.linearization, **options},
     )
+    _check_axis(model)
     _check_names(model)
     return model
+
+
+def _check_axis(model: Model) -> None:
+    """Refuse a linear axis where the plant turns, and orders that are not whole where the axis does."""
+    if model.axis == "linear" and model.plant.position_unit == "rad":
+        raise ModelError(f"axis: found 'linear'; allowed: rotary, the plant {model.plant.name} turns")
+    for key, use in model.effects.items() if model.is_rotary else ():
+        whole = _effect_class(use).whole_orders
+        for name, order in ((n, v) for n, v in use.parameters.items() if declared_name(n) in whole):
+            if min(abs(turns - round(turns)) for turns in (order, order / model.gear)) > WHOLE * order:
+                of_motor = f", or such a number times the gear {model.gear:g}" if model.gear != 1.0 else ""
+                raise ModelError(
+                    f"effects.{key}.{name}: found {order:g}; allowed: a whole number, the axis is rotary{of_motor}"
+                )
 
 
 def _check_names(model: Model) -> None:

@@ -17,7 +17,7 @@ from signlin_ros.asking import asked
 from signlin_ros.effects import Effect
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
-from signlin_ros.par import POWERS, Namespace
+from signlin_ros.par import POWERS, Namespace, as_law_sees
 from signlin_ros.plants import Plant
 from signlin_ros.symbolic import symbolic
 
@@ -118,22 +118,22 @@ class _Tracer:
         self.m = Recorder()
         self.parameters: dict[str, ca.SX] = {}
         known = {**dict(structure.plant_structural), **dict.fromkeys(structure.zeros, 0.0)}
-        self.plant_p = self._symbols("", structure.plant.pars(), known)
+        self.plant_p = Namespace(self._symbols("", structure.plant.pars(), known))
         self.effects = [(slot, slot.effect(), self._effect_symbols(slot)) for slot in structure.slots]
         self._states()
         self._inputs()
 
-    def _symbols(self, prefix: str, pars: Any, structural: Any) -> Namespace:
+    def _symbols(self, prefix: str, pars: Any, structural: Any) -> dict[str, Any]:
         values: dict[str, Any] = dict(structural)  # numbers that are part of the equations
         for name in pars:
             if name not in values:
                 values[name] = self.parameters[prefix + name] = ca.SX.sym(prefix + name)
-        return Namespace(values)
+        return values
 
     def _effect_symbols(self, slot: EffectSlot) -> Namespace:
         if slot.built_in:
             return Namespace({name: getattr(self.plant_p, Namespace.attribute(name)) for name in slot.parameters})
-        return self._symbols(f"{slot.key}.", slot.parameters, slot.structural)
+        return as_law_sees(slot.effect.pars(), self._symbols(f"{slot.key}.", slot.parameters, slot.structural))
 
     def _states(self) -> None:
         plant = self.structure.plant

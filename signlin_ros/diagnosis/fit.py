@@ -22,7 +22,7 @@ from signlin_ros.diagnosis.follow import MOST, NONE_LATE, follow
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, _twin
 from signlin_ros.effects import find_effect
 from signlin_ros.model import Model
-from signlin_ros.par import Par
+from signlin_ros.par import Par, declared_name
 
 Array = NDArray[np.float64]
 
@@ -233,7 +233,7 @@ def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordin
     result = []
     for name, value in use.parameters.items():
         par, full = pars[name], f"{key}.{name}"
-        if name in effect.held or par.structural or full not in model.trace.parameters:
+        if declared_name(name) in effect.held or par.structural or full not in model.trace.parameters:
             continue
         if par.positive or (effect.floating and par.low >= 0.0 and value > 0.0):
             reach = NEAR if par.positive and effect.floating else 12.0

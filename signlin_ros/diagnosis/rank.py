@@ -169,6 +169,8 @@ def applicable(problem: Problem) -> tuple[list[Trial], list[str]]:
     load_entry_points()
     trials, outside = [], []
     for name, effect in EFFECTS.items():
+        if not effect.proposed:
+            continue
         if any(use.type == name for use in problem.base.effects.values()) and not effect.periodic:
             continue
         of_sensor = issubclass(effect, SensorEffect)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve, savgol_filter
 
+from signlin_ros.compiled import exact_tape
 from signlin_ros.diagnosis.data import travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.fit import candidate, fit, follow_records
@@ -53,6 +54,20 @@ def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array,
         velocities.append(velocity)
         residuals.append(acceleration - F[names.index(plant.velocity)])
     return np.concatenate(positions), np.concatenate(velocities), np.concatenate(residuals)
+
+
+def _missing_force(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
+    """Return position, velocity and the force that the model lacks, each (T,), where the motion is imposed."""
+    looks = first_look(model, problem.segments, problem.channels, problem.levels[0])
+    plant, tape = model.plant, exact_tape(model.structure)
+    at, output = model.states.index(plant.position), problem.channels.index(plant.effort)
+    rows = []
+    for s, X in zip(problem.segments, looks, strict=True):
+        v = s.u[:, model.inputs.index(plant.velocity)]
+        modelled = tape.batch([*X.T, *s.u.T, *model.p, *([np.sign(v)] * len(model.trace.surfaces))])[-1]
+        rows.append((X[:, at], v, modelled - _filled(s.y[:, output])))
+    q, v, force = map(np.concatenate, zip(*rows, strict=True))
+    return q, v, force
 
 
 def _matched(problem: Problem, model: Model, highest: float, count: int) -> list[tuple[float, float, float]]:
@@ -147,9 +162,11 @@ def _motion(problem: Problem, model: Model, s: Segment, X: Array) -> tuple[Array
 
 
 def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tuple[float, float, float]]:
-    """Return the most promising (N, A, phi) of a force -A sin(N q + phi); none where there is no velocity state."""
-    if model.plant.velocity not in model.states:
-        return []
+    """Return the most promising (N, A, phi) of a force -A sin(N q + phi)."""
+    if model.plant.motion_is_imposed():
+        q, v, force = _missing_force(problem, model)
+        fastest = FASTEST / (problem.scale.velocity * problem.scale.step)
+        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, min(fastest, finest(problem)), count)]
     inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
     highest = min(FASTEST / (problem.scale.velocity * problem.scale.step), finest(problem))
     starts: list[tuple[float, float, float]] = []

@@ -264,11 +264,12 @@ def _silent(what: str, done: float) -> None:
 
 def _only(trials: list[Trial], name: str, model: Model) -> list[Trial]:
     """Return the trials of one effect; raise `InputError` if it cannot be added."""
-    find_effect(name, "effect")
+    effect = find_effect(name, "effect")
     found = [t for t in trials if t.effect == name]
     if not found:
         has = any(use.type == name for use in model.effects.values())
         why = "the model has it already" if has else f"it does not apply to {model.plant.name}"
+        why = why if has or effect.proposed else "no fit finds its lists; give them in the model file"
         raise InputError(f"effect {name!r} cannot be added: {why}")
     return found
 

@@ -22,6 +22,7 @@ from signlin_ros.effects.compliant_load import CompliantLoad
 from signlin_ros.effects.constant_load import ConstantLoad
 from signlin_ros.effects.coulomb_friction import CoulombFriction
 from signlin_ros.effects.cubic_stiffness import CubicStiffness
+from signlin_ros.effects.cubic_viscous_friction import CubicViscousFriction
 from signlin_ros.effects.dahl_presliding import DahlPresliding
 from signlin_ros.effects.declared import check_declared
 from signlin_ros.effects.gravity_load import GravityLoad
@@ -29,9 +30,11 @@ from signlin_ros.effects.hard_stop import HardStop
 from signlin_ros.effects.input_deadzone import InputDeadzone
 from signlin_ros.effects.input_delay import InputDelay
 from signlin_ros.effects.input_saturation import InputSaturation
+from signlin_ros.effects.learned_force import LearnedForce
 from signlin_ros.effects.linear_stiffness import LinearStiffness
 from signlin_ros.effects.load_dependent_friction import LoadDependentFriction
 from signlin_ros.effects.lugre_friction import LuGreFriction
+from signlin_ros.effects.play_friction import PlayFriction
 from signlin_ros.effects.quadratic_drag import QuadraticDrag
 from signlin_ros.effects.sensor_delay import SensorDelay
 from signlin_ros.effects.sensor_gain import SensorGain
@@ -39,6 +42,7 @@ from signlin_ros.effects.sensor_offset import SensorOffset
 from signlin_ros.effects.stribeck_friction import StribeckFriction
 from signlin_ros.effects.thermal_resistance import ThermalResistance
 from signlin_ros.effects.torque_constant_saturation import TorqueConstantSaturation
+from signlin_ros.effects.torque_ripple import TorqueRipple
 from signlin_ros.effects.viscous_friction import ViscousFriction
 from signlin_ros.errors import ModelError, choices, suggest
 
@@ -59,19 +63,23 @@ for _effect in (
     CoulombFriction,
     StribeckFriction,
     AsymmetricViscousFriction,
+    CubicViscousFriction,
     QuadraticDrag,
     LoadDependentFriction,
     ConstantLoad,
     GravityLoad,
     CoggingTorque,
+    TorqueRipple,
     LinearStiffness,
     CubicStiffness,
     HardStop,
     DahlPresliding,
+    PlayFriction,
     LuGreFriction,
     BoucWenHysteresis,
     CompliantLoad,
     Backlash,
+    LearnedForce,
     InputDeadzone,
     InputSaturation,
     InputDelay,

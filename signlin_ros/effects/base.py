@@ -8,12 +8,14 @@ from typing import Any, ClassVar
 
 from signlin_ros.digits import with_error
 from signlin_ros.errors import joined
-from signlin_ros.par import HasPars, Par
+from signlin_ros.par import HasPars, Pars, gathered
 from signlin_ros.scale import Scale
 from signlin_ros.sensors import Sensor
 
 CHANNEL_UNIT = "of the channel"
 """Declared unit of what a `SensorEffect` has in the unit of the channel that it is on."""
+COORDINATE_UNIT = "of the coordinate"
+"""Declared unit of what is in the unit of a coordinate that another parameter names."""
 DOUBTFUL = 1 / 3
 """A value is told with its standard error where that is a larger share of it."""
 
@@ -38,8 +40,8 @@ class Shown(float):
 class Effect(HasPars):
     """One physical effect: declarations, and pure functions of the model's coordinates.
 
-    Parameters are class attributes of type `signlin_ros.par.Par`. The methods take the vocabulary ``m``
-    (`signlin_ros.mathops`), the coordinates ``x`` and the parameters ``p``, and return expressions:
+    Parameters are class attributes of type `signlin_ros.par.Par`; a list is a tuple to the law. The methods take the
+    vocabulary ``m`` (`signlin_ros.mathops`), the coordinates ``x`` and the parameters ``p``, and return expressions:
 
     ``x.velocity``, ``x.position``   of the moving mass; a motor has a position if an effect asks for it
     ``x.drive_force``                K_t i, or the input force
@@ -116,6 +118,10 @@ class Effect(HasPars):
     """(amplitude, phase) of a force that is the same with the amplitude's sign changed and half a turn more."""
     periodic: ClassVar[tuple[str, ...]] = ()
     """(order, amplitude, phase) of a force -amplitude sin(order q + phase), whose order is scanned for."""
+    whole_orders: ClassVar[tuple[str, ...]] = ()
+    """Parameters that are periods a turn, and so whole numbers, where the axis is rotary."""
+    proposed: ClassVar[bool] = True
+    """Whether a diagnosis tries it by itself; else only who asks for it adds it."""
 
     @classmethod
     def starts(cls, scale: Scale) -> list[dict[str, float]]:
@@ -128,7 +134,7 @@ class Effect(HasPars):
     def shown(cls, values: Mapping[str, Shown], F: str, Q: str, V: str) -> str:
         """Return what a record shows, as a sentence: `finding`, or one made of the name and the parameters."""
         if cls.finding:
-            return cls.finding.format(F=F, Q=Q, V=V, **values)
+            return cls.finding.format(F=F, Q=Q, V=V, **gathered(values))
         name = cls.name.replace("_", " ")
         what = f"the residual {F} has the shape of {name}" if cls.force is not Effect.force else f"it shows {name}"
         listed = [f"{n} = {v:.3g}" + (f" {v.unit}" if v.unit not in ("", "-") else "") for n, v in values.items()]
@@ -158,6 +164,13 @@ class Effect(HasPars):
     def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
         """Return sets of simpler effects that together may be what this one is fitted to, and their parameters."""
         return []
+
+    @classmethod
+    def fault(cls, p: Any) -> str:
+        """Return what is wrong with parameters that are each within their bounds, starting with the name of one of
+        them (``knots: found ...; allowed: ...``); empty: nothing. ``p`` as the law gets it.
+        """
+        return ""
 
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
@@ -193,7 +206,7 @@ class Effect(HasPars):
         return R_a
 
     @classmethod
-    def pars_on(cls, channels: Mapping[str, str]) -> dict[str, Par]:
+    def pars_on(cls, channels: Mapping[str, str]) -> Pars:
         """Return the declared parameters by their names in a model file, given a plant's channels and their units."""
         return cls.pars()
 
@@ -222,9 +235,8 @@ class SensorEffect(Effect):
         return f"the {channel} shows {cls.name.replace('_', ' ')}: {value:.3g} {value.unit}".removesuffix(" -").rstrip()
 
     @classmethod
-    def pars_on(cls, channels: Mapping[str, str]) -> dict[str, Par]:
+    def pars_on(cls, channels: Mapping[str, str]) -> Pars:
         """Return the one declaration for every channel, in the channel's unit where it is `CHANNEL_UNIT`."""
         (par,) = cls.pars().values()
-        return {
-            name: replace(par, unit=unit if par.unit == CHANNEL_UNIT else par.unit) for name, unit in channels.items()
-        }
+        units = {name: unit if par.unit == CHANNEL_UNIT else par.unit for name, unit in channels.items()}
+        return Pars({name: replace(par, unit=unit) for name, unit in units.items()})

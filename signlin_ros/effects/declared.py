@@ -10,14 +10,14 @@ from string import Formatter
 from typing import Any
 
 from signlin_ros import units
-from signlin_ros.effects.base import CHANNEL_UNIT, Effect, SensorEffect, Shown
+from signlin_ros.effects.base import CHANNEL_UNIT, COORDINATE_UNIT, Effect, SensorEffect, Shown
 from signlin_ros.errors import ModelError, choices, joined, nearest, suggest
-from signlin_ros.par import POWERS
+from signlin_ros.par import POWERS, declared_name, gathered, nominal_values
 from signlin_ros.scale import Scale
 
 LAWS = ("force", "input", "delay", "spring", "torque_constant", "resistance")
 """Methods of which an effect that does anything defines one."""
-LISTS, MAPPINGS = ("essential", "breakaway", "turning", "periodic"), ("held", "within", "graded")
+LISTS, MAPPINGS = ("essential", "breakaway", "turning", "periodic", "whole_orders"), ("held", "within", "graded")
 """Attributes that name parameters."""
 SLIPS = (AttributeError, IndexError, KeyError, NameError, TypeError)
 """What a slip of the pen in a method raises; anything else may come of the numbers that it is tried with."""
@@ -51,7 +51,9 @@ def _check_unit(where: str, unit: Any) -> None:
     """Refuse a unit that is not made of F, Q, U and units of records."""
     parts = re.split("[·/]", unit) if isinstance(unit, str) else [""]
     bare = [part.rstrip(POWERS) for part in parts]
-    if unit not in ("", CHANNEL_UNIT) and not all(part in ("F", "Q", "U") or units.parse(part) for part in bare):
+    if unit not in ("", CHANNEL_UNIT, COORDINATE_UNIT) and not all(
+        part in ("F", "Q", "U") or units.parse(part) for part in bare
+    ):
         allowed = "F, Q, U, and units such as s, m, rad, kg, N, A, V, Ohm, K, W and - with · and / between them"
         raise ModelError(f"{where}: the unit is {unit!r}; allowed: {allowed}, powers as in s²")
 
@@ -60,8 +62,10 @@ def _check_finding(effect: type[Effect], where: str) -> None:
     """Refuse a template that cannot be filled in."""
     if not isinstance(effect.finding, str):
         raise ModelError(f"{where}: found {effect.finding!r}; allowed: a sentence")
-    values: dict[str, Any] = {n: Shown(p.nominal, p.unit) for n, p in effect.pars().items() if not p.free_standing}
-    known = [word for name in values for word in (name, f"{name}.unit")]
+    pars = effect.pars()
+    given = {n: Shown(v, pars[n].unit) for n, v in nominal_values(pars).items() if not pars[n].free_standing}
+    values: dict[str, Any] = gathered(given)
+    known = [word for name in {**given, **values} for word in (name, f"{name}.unit")]
     values |= {"F": "force", "Q": "position", "V": "velocity"}
     known += ["F", "Q", "V"]
     if issubclass(effect, SensorEffect):
@@ -99,13 +103,14 @@ def _check_names(effect: type[Effect], where: str, given: Any, mapping: bool) ->
 def _check_known(effect: type[Effect], where: str, names: Iterable[Any]) -> None:
     pars = effect.pars()
     for name in names:
-        if name not in pars:
+        if declared_name(str(name)) not in pars:
             raise ModelError(f"{where}: no parameter {name!r}; there are: {choices(pars)}{suggest(str(name), pars)}")
 
 
 def _check_methods(effect: type[Effect], where: str) -> None:
     """Call what a diagnosis calls, with parameters of the size that is declared."""
-    p = {name: par.nearest(par.nominal or 1.0) for name, par in effect.pars().items()}
+    pars = effect.pars()
+    p = {name: pars[name].nearest(value or 1.0) for name, value in nominal_values(pars).items()}
     tried: dict[str, tuple[Any, ...]] = {
         "starts": (_SCALE,),
         "after": ("", p),

@@ -20,6 +20,7 @@ import yaml
 from signlin_ros import sign
 from signlin_ros.errors import InputError, ModelError, suggest
 from signlin_ros.model import METHODS, OPERATING_POINTS, Model
+from signlin_ros.par import Pars, gathered
 
 
 @dataclass(frozen=True)
@@ -197,18 +198,26 @@ def _folder(files: Sequence[Path], effect_files: Iterable[str]) -> Path:
 def entries_of(model: Model) -> dict[str, Entry]:
     """Return all of a model as parameters by dotted name, so that ``ros2 param dump`` gives a model file."""
     found = {"plant": Entry(model.plant.name, "base equations")}
-    for name, par in model.par_declarations().items():
-        excluded = ", 0 excluded" if par.positive and par.low == 0 else ""
-        found[name] = Entry(
-            model.value(name),
-            f"{par.doc} [{par.unit}]{excluded}",
-            par.low,
-            par.high,
-            read_only=par.structural,
-        )
+    found |= _parameter_entries(model)
     for key, use in model.effects.items():
         found[f"effects.{key}.type"] = Entry(use.type, "name of the effect in the catalogue")
     return found | _method_entries(model) | _fixed_entries(model)
+
+
+def _parameter_entries(model: Model) -> dict[str, Entry]:
+    """Return the parameters of the plant and the effects; a list is one parameter, as it is one key of a model file."""
+    declared, found = Pars(model.par_declarations()), {}
+    for name, value in gathered({name: model.value(name) for name in declared}).items():
+        par = declared[f"{name}[0]"] if isinstance(value, list) else declared[name]
+        excluded = ", 0 excluded" if par.positive and par.low == 0 else ""
+        text = f"{par.doc} [{par.unit}]{excluded}"
+        if par.words:
+            found[name] = Entry(par.written(value), f"{par.doc}: {par.range_text()}")
+        elif isinstance(value, list):
+            found[name] = Entry(value, f"{text}, each in {par.range_text()}", read_only=par.structural)
+        else:
+            found[name] = Entry(value, text, par.low, par.high, read_only=par.structural)
+    return found
 
 
 def _method_entries(model: Model) -> dict[str, Entry]:
@@ -241,7 +250,10 @@ def _fixed_entries(model: Model) -> dict[str, Entry]:
     found = {
         "with_position": Entry(model.with_position, "position as a state even where nothing needs it"),
         "with_load_torque": Entry(model.with_load_torque, "load torque as a second input"),
+        "gear": Entry(model.gear, "turns of the motor for one of the joint [-]; not used by nodes"),
     }
+    if model.axis:
+        found["axis"] = Entry(model.axis, "rotary or linear; not used by nodes")
     if model.input_hold:
         found["input_hold"] = Entry(model.input_hold, "when the input of a record acts; not used by nodes")
     for name, value in model.initial_state.items():

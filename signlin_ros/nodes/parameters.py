@@ -100,4 +100,6 @@ def _as_declared(node: Node, parameter: Parameter) -> Parameter:
     declared = node.get_parameter(parameter.name)
     if parameter.type_ == Parameter.Type.INTEGER and declared.type_ == Parameter.Type.DOUBLE:
         return Parameter(parameter.name, Parameter.Type.DOUBLE, float(parameter.value))
+    if parameter.type_ == Parameter.Type.INTEGER_ARRAY and declared.type_ == Parameter.Type.DOUBLE_ARRAY:
+        return Parameter(parameter.name, Parameter.Type.DOUBLE_ARRAY, [float(value) for value in parameter.value])
     return parameter

@@ -14,10 +14,12 @@ from signlin_ros.effects import Effect, find_effect
 from signlin_ros.effects.base import SensorEffect
 from signlin_ros.mathops import SympyMath
 from signlin_ros.model import Model
-from signlin_ros.par import Namespace
+from signlin_ros.par import Namespace, as_law_sees, declared_name, gathered, nominal_values, place_of
 from signlin_ros.plotting import styled
 from signlin_ros.report.page import Formula
 
+LONGEST = 3
+"""Elements of a list with which a law is still written out."""
 SIZE = 13.0
 """Size of the letters in points."""
 WORDS = ("excess", "gap")
@@ -31,12 +33,17 @@ def formula(effect: str, model: Model) -> Formula:
     kind = find_effect(effect, "effects")
     text = f"{kind.name.replace('_', ' ')}: {kind.equation}"
     try:
-        lines = list(_lines(kind, model))
+        lines = [] if _longest_list(kind, model) > LONGEST else list(_lines(kind, model))
     except (ImportError, AttributeError, TypeError, ValueError):
         lines = []
     if not lines or any("\\theta" in line or "\\begin" in line for line in lines):
         return Formula(None, text)  # without SymPy, or with what matplotlib cannot set
     return Formula(_svg(lines), text)
+
+
+def _longest_list(kind: type[Effect], model: Model) -> int:
+    lists = (gathered(use.parameters).values() for use in model.effects.values() if use.type == kind.name)
+    return max((len(value) for values in lists for value in values if isinstance(value, list)), default=0)
 
 
 def _lines(kind: type[Effect], model: Model) -> Iterator[str]:
@@ -95,18 +102,24 @@ def _coordinates(kind: type[Effect], model: Model) -> Namespace:
 
 
 def _parameters(kind: type[Effect], model: Model) -> Namespace:
-    """Return the parameters as symbols, those that shape the equations as the numbers that the model has for them."""
+    """Return the parameters as symbols, those that shape the equations as the numbers that the model has for them.
+
+    Elements of lists are ``A_1``, ``A_2``, ...
+    """
     import sympy
 
     values: dict[str, Any] = {}
-    use = next((u for u in model.effects.values() if u.type == kind.name), None)
-    for name, par in kind.pars().items():
+    pars, use = kind.pars(), next((u for u in model.effects.values() if u.type == kind.name), None)
+    given = use.parameters if use else nominal_values(pars)
+    for name in given:
+        par, place = pars[name], place_of(name)
         if par.free_standing and kind.spring is not Effect.spring:
             continue
-        values[name] = sympy.Symbol(name, positive=True)
-        if par.structural:
-            values[name] = sympy.nsimplify(use.parameters[name]) if use else sympy.Symbol(name, positive=True)
-    return Namespace(values)
+        letter = name if place is None else f"{declared_name(name)}_{place + 1}"
+        values[name] = sympy.Symbol(letter, positive=True)
+        if par.words or (par.structural and use):
+            values[name] = given[name] if par.words else sympy.nsimplify(given[name])
+    return as_law_sees(pars, values)
 
 
 def _svg(lines: list[str]) -> bytes:

@@ -13,10 +13,13 @@ from signlin_ros.compiled import exact_tape, scales, smooth_function
 from signlin_ros.effects import EFFECTS, SensorEffect
 from signlin_ros.effects.base import Effect, Shown
 from signlin_ros.effects.declared import check_declared
+from signlin_ros.errors import ModelError
 from signlin_ros.linearize import METHODS, Linearizer
 from signlin_ros.mathops import NumpyMath, SympyMath
 from signlin_ros.model import Model
-from signlin_ros.par import Namespace
+from signlin_ros.nodes.overrides import entries_of
+from signlin_ros.nodes.overrides import model_of as model_of_node
+from signlin_ros.par import Namespace, as_law_sees, nominal_values
 from signlin_ros.plants import PLANTS
 from signlin_ros.sensors import Sensor
 
@@ -55,7 +58,7 @@ class Acting:
         self.m, self.x, self.model = NumpyMath(), x, model
         taken = [(EFFECTS[n](), n, {k: model.parameters[k] for k in p}) for n, p in model.plant.built_in.items()]
         used = [(EFFECTS[use.type](), key, use.parameters) for key, use in model.effects.items()]
-        self.uses = [(effect, key, Namespace(values)) for effect, key, values in taken + used]
+        self.uses = [(effect, key, as_law_sees(effect.pars(), values)) for effect, key, values in taken + used]
         self.rename = model.plant.own_state_names
 
     def own(self, effect, key, values):
@@ -162,14 +165,16 @@ def test_every_parameter_has_a_unit_bounds_and_a_sentence(effect):
         assert par.unit, name
         assert len(par.doc) > 3, name
         assert par.low < par.high, name
-        assert par.check(par.nominal, name) == par.nominal
+        assert par.check(par.written(par.nominal), name) == par.nominal
         if par.default is not None:
-            assert par.check(par.default, name) == par.default
+            assert par.check(par.written(par.default), name) == par.default
+        if par.elements is not None:
+            assert par.check_list(par.elements, name) == list(par.elements)
 
 
 @every_effect
 def test_what_is_said_of_parameters_is_said_of_its_own(effect):
-    named = {*effect.held, *effect.within, *effect.essential, *effect.turning, *effect.periodic}
+    named = {*effect.held, *effect.within, *effect.essential, *effect.turning, *effect.periodic, *effect.whole_orders}
     assert named <= set(effect.pars())
     for twin in effect.single_channel_twins:
         assert effect.name in EFFECTS[twin].single_channel_twins
@@ -177,7 +182,7 @@ def test_what_is_said_of_parameters_is_said_of_its_own(effect):
 
 @every_effect
 def test_what_it_is_made_of_are_effects_with_their_parameters(effect):
-    values = {name: par.nominal for name, par in effect.pars().items()}
+    values = nominal_values(effect.pars())
     for parts in effect.parts(values):
         assert len(parts) > 1
         assert all(set(given) == set(EFFECTS[name].pars()) for name, given in parts.items())
@@ -203,15 +208,18 @@ def test_the_force_is_the_same_half_a_turn_further_with_the_other_sign(effect):
 def test_every_parameter_matters_and_stands_in_the_equation(effect):
     words = set(re.findall(r"[A-Za-z_]\w*", f"{effect.equation} {effect.__doc__}"))
     for name in effect.pars():
-        assert name in words, f"{name} is not in the equation of {effect.name}"
+        assert words & {name, f"{name}_i"}, f"{name} is not in the equation of {effect.name}"
 
 
 @every_effect
 def test_the_equation_renders(effect):
     """Every law evaluates to a SymPy expression that prints and holds the effect's parameters."""
     m, real = SympyMath(), {"real": True}
-    pars = {name: sympy.Symbol(name, **real) for name in effect.pars()}
-    p = Namespace(pars | {name: 2.0 for name, par in effect.pars().items() if par.structural})
+    declared, nominal = effect.pars(), nominal_values(effect.pars())
+    pars = {name: sympy.Symbol(name, **real) for name in nominal}
+    structural = {name for name in nominal if declared[name].structural}
+    fixed = {name: nominal[name] if name not in declared or declared[name].words else 2.0 for name in structural}
+    p = as_law_sees(declared, pars | fixed)
     x = Namespace({n: sympy.Symbol(n, **real) for n in ("velocity", "position", "drive_force", "external_force")})
     x.current, x.resistance = sympy.symbols("i R", real=True)
     x.own = Namespace({name: sympy.Symbol(f"own_{name}", **real) for name in effect.states})
@@ -224,8 +232,7 @@ def test_the_equation_renders(effect):
         laws += [sensor.show(k), sensor.delay]
     laws = [sympy.sympify(law) for law in laws]
     found = set().union(*(law.free_symbols for law in laws))
-    structural = {pars[n] for n, par in effect.pars().items() if par.structural}
-    assert set(pars.values()) - structural <= found
+    assert {symbol for name, symbol in pars.items() if name not in structural} <= found
     assert all(sympy.latex(law) for law in laws)
 
 
@@ -291,7 +298,7 @@ def test_f_j_tends_to_f_at_the_stated_rate(effect, plant):
 
 @pytest.mark.parametrize("effect", [e for e in EFFECTS.values() if e.dissipative], ids=lambda e: e.name)
 def test_dissipative_effects_take_energy(effect):
-    one, p = effect(), Namespace({n: par.nominal for n, par in effect.pars().items()})
+    one, p = effect(), as_law_sees(effect.pars(), nominal_values(effect.pars()))
     rng = np.random.default_rng(3)
     for v, q, drive, external in rng.normal(0.0, 3.0, (200, 4)):
         x = Namespace({"velocity": v, "position": q, "drive_force": drive, "external_force": external})
@@ -334,7 +341,7 @@ def test_the_batch_is_the_single_call(effect, plant):
 def test_yaml_keeps_every_digit(effect, plant, tmp_path):
     model = catalogue.nominal_model(plant, effect).with_effect(effect.name, "second")
     declared = model.par_declarations().items()
-    name, par = next((name, par) for name, par in declared if name.startswith("effects.second."))
+    name, par = next((n, p) for n, p in declared if n.startswith("effects.second.") and not p.words)
     value = par.nominal * (1 + 2**-52) or 1 / 3
     model = model.with_parameters({name: value})
     file = tmp_path / "model.yaml"
@@ -345,6 +352,28 @@ def test_yaml_keeps_every_digit(effect, plant, tmp_path):
     assert again.value(name) == value
     assert again.states == model.states
     assert [name for name in again.states if name.startswith("second.")] == [f"second.{s}" for s in effect.states]
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in EFFECTS.values() if any(p.elements for p in e.pars().values())], ids=lambda e: e.name
+)
+def test_lists_are_lists_to_files_and_nodes_and_numbers_to_fits(effect):
+    plant = next(plant for plant in PLANTS.values() if catalogue.applies(effect, plant))
+    model = catalogue.nominal_model(plant, effect)
+    lists = {n: list(par.elements) for n, par in effect.pars().items() if par.elements}
+    written = model.to_dict()["effects"][effect.name]
+    entries = entries_of(model)
+    for name, values in lists.items():
+        full = f"effects.{effect.name}.{name}"
+        assert written[name] == values == entries[full].value
+        assert [model.value(f"{effect.name}.{name}[{i}]") for i in range(len(values))] == values
+        other = [value * (1 + 2**-52) for value in values]
+        for changes in ({full: other}, {f"{full}[{i}]": value for i, value in enumerate(other)}):
+            assert model.with_parameters(changes).to_dict()["effects"][effect.name][name] == other
+        with pytest.raises(ModelError, match=rf"{name}\[{len(values)}\]: unknown parameter"):
+            model.with_parameters({f"{effect.name}.{name}[{len(values)}]": 1.0})
+    again = model_of_node({name: entry.value for name, entry in entries.items()}, [])
+    assert (again.effects, again.structure) == (model.effects, model.structure)
 
 
 # -------------------------------------------------------------------- sensors

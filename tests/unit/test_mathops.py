@@ -22,6 +22,7 @@ WORDS = {
     "sqrt": lambda m, x: m.sqrt(x * x),
     **{f"abs_power {n}": lambda m, x, n=n: m.abs_power(x, n) for n in (1.0, 2.0, 3.0, 1.5, 7.25)},
     **{f"signed_power {n}": lambda m, x, n=n: m.signed_power(x, n) for n in (1.0, 2.0, 3.0, 1.5, 7.25)},
+    "spline": lambda m, x: m.spline(x, (-1.5, -0.3, 0.1, 0.7, 1.0), (-1.0, 0.2 + 0.1 * x, 0.2, 0.9, 0.4)),
     "nested": lambda m, x: m.abs(m.positive(x - 0.2) - 0.3) * m.sign(x),
 }
 
@@ -87,3 +88,38 @@ def test_real_powers_have_slope_0_at_0(n):
     for word in (m.abs_power(x, n), m.signed_power(x, n)):
         slope = ca.Function("d", [x, m.surfaces[0].symbol], [ca.jacobian(word, x)])
         assert 0.0 <= float(slope(0.0, 0.0)) < 1e-100
+
+
+KNOTS = (-1.5, -0.3, 0.1, 0.7, 1.0)
+
+
+@pytest.mark.parametrize("values", [(-1.0, -0.2, -0.2, 0.9, 1.4), (-2.0, -1.0, 0.5, 0.6, 5.0)])
+def test_a_spline_goes_through_its_values_and_rises_where_they_do(values):
+    m, x = NumpyMath(), np.linspace(-2.5, 2.0, 4001)
+    curve = m.spline(x, KNOTS, values)
+    np.testing.assert_allclose(m.spline(np.array(KNOTS), KNOTS, values), values, rtol=1e-14, atol=1e-14)
+    assert np.all(np.diff(curve) >= -1e-14)
+    for beyond in (x < KNOTS[0], x > KNOTS[-1]):  # straight on
+        np.testing.assert_allclose(np.diff(curve[beyond], 2), 0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("at", [*KNOTS, -2.0, 0.0, 1.7])
+def test_a_spline_has_one_derivative_everywhere(at):
+    """The derivative that CasADi finds, at a knot too, is the difference quotient from either side."""
+    x, values = ca.SX.sym("x"), (-1.0, 0.2, 0.1, 0.9, 0.4)
+    e = Recorder().spline(x, KNOTS, values)
+    f = ca.Function("f", [x], [e, ca.jacobian(e, x)])
+    slope = float(f(at)[1])
+    for h in (-1e-6, 1e-6):
+        assert (float(f(at + h)[0]) - float(f(at)[0])) / h == pytest.approx(slope, abs=2e-5)
+
+
+def test_the_derivatives_by_the_values_of_a_spline_are_numbers_even_where_it_is_flat():
+    x, v = ca.SX.sym("x"), ca.SX.sym("v", len(KNOTS))
+    e = Recorder().spline(x, KNOTS, ca.vertsplit(v))
+    f = ca.Function("f", [x, v], [ca.jacobian(e, v)])
+    flat = np.array([f(at, np.zeros(len(KNOTS))) for at in np.linspace(-2.0, 2.0, 21)]).squeeze()
+    assert np.isfinite(flat).all()
+    np.testing.assert_allclose(
+        flat.sum(axis=1), 1.0, atol=1e-12
+    )  # a constant added to all values is added to the curve
