@@ -20,6 +20,7 @@ class CoggingTorque(Effect):
     finding = "the residual {F} repeats with the {Q}: {A:.3g} {A.unit} high, of order {N:.4g}"
     shows_at_large = "position"
     angular = True
+    family = "waves"
     experiment = "move slowly over a full turn at constant input"
     shaped = True
 

@@ -22,6 +22,7 @@ class TorqueRipple(Effect):
     shows_at_large = "position"
     angular = True
     shaped = True
+    family = "waves"
     proposed = False  # which orders there are, a spectrum of the missing force says, and no fit
 
     orders = Par("1/Q", nominal=1.0, low=0, high=1e5, positive=True, elements=(1.0, 2.0), doc="periods per 2 pi of q")

@@ -16,7 +16,7 @@ import functools
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -39,6 +39,8 @@ KEY = "candidate"
 """The key under which a law is tried in a model."""
 GRID = 160
 """Most points of a law's grid."""
+WAYS = (1.0, 0.2, 0.04)
+"""What a law remembers may go back over a way that is so much shorter than its starts say."""
 QUARTER = math.pi / 2
 
 
@@ -134,14 +136,16 @@ class Law:
         """The effect's class."""
         return find_effect(self.name, "effects")
 
-    @property
-    def free(self) -> int:
-        """Number of parameters that a fit moves: what the law costs."""
-        return self.parts.columns + len(self.parts.shape)
+    def width(self, shape: Shape) -> int:
+        """Return the number of columns."""
+        return self.parts.columns
 
-    @functools.cached_property
-    def positive(self) -> tuple[bool, ...]:
-        """Which columns have a coefficient that cannot be negative."""
+    def free(self, shape: Shape) -> int:
+        """Return the number of parameters that a fit moves: what the law costs."""
+        return self.width(shape) + len([n for n in self.parts.shape if n not in self.effect.held])
+
+    def positive(self, shape: Shape) -> tuple[bool, ...]:
+        """Return which columns have a coefficient that cannot be negative."""
         pars = self.effect.pars()
         levels = [pars[n].low >= 0.0 for n in self.parts.levels]
         return (*levels, *([True] if self.parts.group else []), *([False, False] if self.parts.turning else []))
@@ -195,6 +199,37 @@ class Law:
         return {amplitude: math.hypot(a, b), phase: math.atan2(b, a)}
 
 
+@dataclass(frozen=True)
+class Ripple(Law):
+    """Several waves as one law: the columns of ``wave`` at each of the orders in its shape."""
+
+    wave: Law
+
+    def width(self, shape: Shape) -> int:
+        """See `Law`."""
+        return 2 * len(shape)
+
+    def free(self, shape: Shape) -> int:
+        """See `Law`."""
+        return 3 * len(shape)
+
+    def positive(self, shape: Shape) -> tuple[bool, ...]:
+        """See `Law`."""
+        return (False, False) * len(shape)
+
+    def columns(self, piece: Piece, shape: Shape) -> Array:
+        """See `Law`."""
+        order = self.wave.effect.periodic[0]
+        return np.hstack([self.wave.columns(piece, ((order, N),)) for _, N in shape])
+
+    def parameters(self, shape: Shape, coefficients: Array) -> dict[str, Any]:
+        """See `Law`."""
+        _, amplitude, phase = self.wave.effect.periodic
+        turned = [self.wave._turned(a, b) for a, b in coefficients.reshape(-1, 2)]
+        orders = [N for _, N in shape]
+        return {"orders": orders, "A": [t[amplitude] for t in turned], "phi": [t[phase] for t in turned]}
+
+
 def laws(model: Model, rotary: bool) -> dict[str, Law]:
     """Return the laws that act as a force along a measured motion, and that a model may lack, by their names.
 
@@ -207,13 +242,18 @@ def laws(model: Model, rotary: bool) -> dict[str, Law]:
         law = _law(model, name, effect) if rotary or effect.periodic or not effect.turning else None
         if law is not None:
             found[name] = law
+    for name, effect in EFFECTS.items():
+        if effect.whole_orders and not effect.proposed and "cogging_torque" in found:
+            wave = found["cogging_torque"]
+            found[name] = Ripple(name, model, wave.model, wave.parts, wave)
     return found
 
 
 def _law(model: Model, name: str, effect: type[Effect]) -> Law | None:
     forceful = effect.force is not Effect.force or effect.spring is not Effect.spring
     hidden = effect.resonant or effect.floating
-    if not forceful or hidden or any(use.type == name for use in model.effects.values()) or _lists(effect):
+    there = any(use.type == name for use in model.effects.values())
+    if not (forceful and effect.proposed) or hidden or (there and not effect.periodic):
         return None
     try:
         wider = model.with_effect(name, KEY)
@@ -223,18 +263,15 @@ def _law(model: Model, name: str, effect: type[Effect]) -> Law | None:
     return Law(name, model, wider, parts)
 
 
-def _lists(effect: type[Effect]) -> bool:
-    return any(getattr(par, "many", False) for par in effect.pars().values())
-
-
 def grid(law: Law, scale: Scale) -> list[Shape]:
     """Return the shapes that are tried: those of the effect's own starts, each once; waves are scanned for."""
+    if law.effect.periodic or isinstance(law, Ripple):
+        return []
     if not law.parts.shape:
         return [_reference(law, {})]
-    if law.effect.periodic:
-        return []
-    found = dict.fromkeys(_reference(law, start) for start in law.effect.starts(scale))
-    return _thinned(list(found), GRID)
+    ways = WAYS if law.model_has_own else WAYS[:1]
+    scales = [replace(scale, travel=scale.travel * way) for way in ways]
+    return _thinned(list(dict.fromkeys(_reference(law, start) for s in scales for start in law.effect.starts(s))), GRID)
 
 
 def _reference(law: Law, start: Mapping[str, float]) -> Shape:
@@ -252,4 +289,4 @@ def _thinned(points: list[Shape], most: int) -> list[Shape]:
     return points if len(points) <= most else points[:: -(-len(points) // most)]
 
 
-__all__ = ["KEY", "Law", "Parts", "Shape", "grid", "laws", "parts_of"]
+__all__ = ["KEY", "Law", "Parts", "Ripple", "Shape", "grid", "laws", "parts_of"]

@@ -25,6 +25,8 @@ KNOWN_EFFECT = 0.2
 """Relative tolerance of the parameters of effects that the model has already."""
 STEP = 1e-4
 """Relative step of the derivative with respect to a parameter."""
+APART = 0.5
+"""Most samples by which effort and motion may be stamped apart: more is a delay, and has a name."""
 SWEEPS = 9
 TINY = 1e-300
 
@@ -165,16 +167,17 @@ class Regression:
         X, V = (np.hstack([s.X, *(s.columns(self.laws[n], z) for n, z in members)]) for s in (self.known, self.unseen))
         spread = np.concatenate([self.base.spread, np.full(X.shape[1] - self.b, np.inf)])
         floor = np.where(np.isfinite(spread), np.expm1(-3 * np.minimum(spread, 50.0)), -np.inf)
-        floor[self.b - 1] = -np.inf
+        floor[self.b - 1], ceiling = -APART, np.full(X.shape[1], np.inf)
+        ceiling[self.b - 1] = APART
         spans, at = {}, self.b
-        for n, _ in members:
+        for n, shape in members:
             law = self.laws[n]
-            spans[n] = slice(at, at + law.parts.columns)
-            floor[spans[n]] = np.where(law.positive, 0.0, -np.inf)
-            at += law.parts.columns
-        theta, std, left = _bounded(self.known, X, spread, floor)
+            spans[n] = slice(at, at + law.width(shape))
+            floor[spans[n]] = np.where(law.positive(shape), 0.0, -np.inf)
+            at += law.width(shape)
+        theta, std, left = _bounded(self.known, X, spread, floor, ceiling)
         sizes = np.std(V * theta, axis=0)
-        cost = sum(self.laws[n].free for n, _ in members)
+        cost = sum(self.laws[n].free(shape) for n, shape in members)
         return Fit(members, theta, std, left, self.unseen.y - V @ theta, spans, sizes, cost)
 
     def surely(self, a: Fit, b: Fit) -> float:
@@ -202,8 +205,8 @@ def _sure(values: Array) -> float:
     return float(values.mean() / (values.std(ddof=1) / np.sqrt(values.size) + TINY))
 
 
-def _bounded(side: Side, X: Array, spread: Array, floor: Array) -> tuple[Array, Array, Array]:
-    """Return coefficients at or above ``floor``, their standard errors, and what is left (K,)."""
+def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) -> tuple[Array, Array, Array]:
+    """Return coefficients between ``floor`` and ``ceiling``, their standard errors, and what is left (K,)."""
     y, n = side.y, side.y.size
     scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
     theta, held = np.zeros(X.shape[1]), np.zeros(X.shape[1], dtype=bool)
@@ -217,9 +220,9 @@ def _bounded(side: Side, X: Array, spread: Array, floor: Array) -> tuple[Array, 
         theta[free] = np.linalg.solve(A, Z.T @ rest) / scale[free]
         left = y - X @ theta
         size = float(np.sqrt(np.mean(left**2))) + TINY
-        low = free & (theta < floor)
-        if low.any() and sweep < SWEEPS - 1:
-            theta[low], held = floor[low], held | low
+        beyond = free & ((theta < floor) | (theta > ceiling))
+        if beyond.any() and sweep < SWEEPS - 1:
+            theta, held = np.clip(theta, floor, ceiling), held | beyond
         elif sweep >= 2:
             break
     scores = np.zeros((int(side.blocks.max()) + 1, int(free.sum())))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.laws import Law, Shape, grid
+from signlin_ros.diagnosis.force.laws import Law, Ripple, Shape, grid
 from signlin_ros.diagnosis.force.regression import Fit, Member, Regression
 from signlin_ros.diagnosis.force.waves import orders, strongest
 from signlin_ros.par import Par
@@ -25,6 +25,8 @@ MOVES = 3
 """and how often in a row."""
 LITTLE = 0.97
 """A step that leaves more than this of the squared error of the one before ends the search."""
+HARMONICS = 8
+"""Most harmonics of a wave beyond its first."""
 WAVES = 3
 """Orders of a wave that are tried at each step."""
 
@@ -49,7 +51,26 @@ class Search:
             beam = self._step(beam)
             if not beam or min(f.trained for f in beam) > LITTLE * before:
                 break
+        rippled = self._rippled(self._choice())
+        if rippled is not None and len(rippled.members) < self.r.criteria.most:
+            self._step([rippled])
         return self.chosen
+
+    def _rippled(self, f: Fit) -> Fit | None:
+        """Return a fit whose wave has as many harmonics as unseen data ask for; None if it has no wave, or but one."""
+        wave = next((m for m in f.members if self.r.laws[m[0]].effect.periodic), None)
+        name = next((n for n, law in self.r.laws.items() if isinstance(law, Ripple)), None)
+        if wave is None or name is None:
+            return None
+        rest, best, orders = [m for m in f.members if m is not wave], f, wave[1]
+        for _ in range(HARMONICS):
+            more = [N for N in self._repeating(best) if all(abs(N - other) > 1e-9 for _, other in orders)]
+            tried = [self.r.fitted([*rest, (name, (*orders, (wave[1][0][0], N)))]) for N in more]
+            found = min(tried, key=lambda g: g.trained, default=None)
+            if found is None or not self.worth(found, best, 3):
+                break
+            best, orders = found, found.members[-1][1]
+        return self._keep(best) if best is not f else None
 
     @property
     def base(self) -> Fit:
@@ -103,7 +124,8 @@ class Search:
         rows = rows - Q @ (Q.T @ rows)
         Z, y = rows[:, :-1], rows[:, -1]
         c = np.linalg.lstsq(Z, y, rcond=1e-8)[0]
-        good = [j for j, v in enumerate(c) if v >= 0.0 or not law.positive[j]]
+        positive = law.positive(shape)
+        good = [j for j, v in enumerate(c) if v >= 0.0 or not positive[j]]
         if len(good) < len(c):
             if not good:
                 return 0.0
@@ -112,13 +134,17 @@ class Search:
 
     def _scan(self, name: str, f: Fit) -> None:
         """Add the orders at which what a fit leaves repeats over the position to the shapes of a periodic law."""
-        plant, known = self.r.model.plant, self.r.known
-        left = np.split(f.left, np.cumsum([p.kept.size for p in known.pieces])[:-1])
         order = self.r.laws[name].effect.periodic[0]
-        for N in strongest(known.pieces, left, self._orders, plant.position, plant.velocity, WAVES):
+        for N in self._repeating(f):
             shape = ((order, N),)
             if shape not in self.shapes[name]:
                 self.shapes[name].append(shape)
+
+    def _repeating(self, f: Fit) -> list[float]:
+        """Return the orders at which what a fit leaves repeats most."""
+        plant, known = self.r.model.plant, self.r.known
+        left = np.split(f.left, np.cumsum([p.kept.size for p in known.pieces])[:-1])
+        return strongest(known.pieces, left, self._orders, plant.position, plant.velocity, WAVES)
 
     @functools.cached_property
     def _orders(self) -> Array:
@@ -135,6 +161,8 @@ class Search:
 
     def _movable(self, name: str, shape: Shape) -> list[str]:
         law = self.r.laws[name]
+        if isinstance(law, Ripple):
+            return []
         held = {*law.effect.held, *law.parts.group[:1]}
         pars = law.effect.pars()
         whole = self.whole and law.effect.periodic[:1]
@@ -173,11 +201,16 @@ class Search:
         """Return the fits with a simpler law of the same family in a law's place."""
         law, rest = self.r.laws[name], [m for m in f.members if m[0] != name]
         kin = [n for n, x in self.r.laws.items() if law.effect.family and x.effect.family == law.effect.family]
-        simple = [n for n in kin if n not in f.names and self.r.laws[n].free < law.free]
+        simple = [n for n in kin if n not in f.names and self._least(n) < law.free(dict(f.members)[name])]
         found = [self.models.get(frozenset((*f.names - {name}, n))) for n in simple]
         tried = [self._known([*rest, (n, self.shapes[n][0])]) for n, g in zip(simple, found, strict=True)
                  if g is None and len(self.shapes[n]) == 1]  # fmt: skip
         return [*(g for g in found if g), *tried]
+
+    def _least(self, name: str) -> int:
+        """Return the fewest parameters that a law has."""
+        law = self.r.laws[name]
+        return law.free(self.shapes[name][0]) if self.shapes[name] else law.parts.columns + 1
 
     def sound(self, f: Fit) -> bool:
         """Tell whether every law of a fit is needed on unseen data, and its level known; and nothing known is bent."""
@@ -201,7 +234,7 @@ class Search:
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
         if self.level(f, name) < self.r.criteria.known or not law.effect.plausible(values):
             return False
-        return all(self.worth(f, g, law.free) for g in (self.without(f, name), *self._simpler(f, name)))
+        return all(self.worth(f, g, law.free(dict(f.members)[name])) for g in (self.without(f, name), *self._simpler(f, name)))
 
     def worth(self, f: Fit, reference: Fit, free: int) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error."""
@@ -215,12 +248,15 @@ class Search:
         law, span = self.r.laws[name], f.spans[name]
         z = np.abs(f.theta[span]) / f.std[span]
         if law.parts.turning:
-            return float(np.hypot(*z[-2:]))
+            return float(np.min(np.hypot(z[::2], z[1::2])))
         return float(z[-1] if law.parts.group else np.max(z) if name == "asymmetric_viscous_friction" else np.min(z))
 
     @functools.cached_property
     def chosen(self) -> Fit:
         """The least set that is sound, within a standard error or 1 % RMS of the best."""
+        return self._choice()
+
+    def _choice(self) -> Fit:
         sound = [f for f in list(self.models.values()) if self.sound(f)] or [self.base]
         best = min(sound, key=lambda f: f.error)
         near = [f for f in sound if f is best or self.alike(best, f)]

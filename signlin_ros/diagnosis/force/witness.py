@@ -83,7 +83,7 @@ def _in_band(
     spread = np.array([*(s for _, s in moved.values()), 0.5])
     base = Base((*moved, "timing"), spread)
     r = Regression(model, laws(model, rotary), side(model, found, moved), side(model, other, moved), base, criteria)
-    search = Search(r, scale_of(model, found), rotary, 1.0)
+    search = Search(r, scale_of(model, found), rotary, model.gear)
     search.run()
     return Testimony(search, *structured(r, search.chosen, search.base))
 
