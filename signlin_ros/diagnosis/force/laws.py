@@ -106,7 +106,6 @@ def columns_of(structure: Structure, key: str, parts: Parts) -> Tape:
     t = trace(structure)
     e = rate_of(t, structure.plant)
     p = {n: t.p[i] for i, name in enumerate(t.parameters) for k, _, n in [name.rpartition(".")] if k == key}
-    own = [t.x[i] for i, name in enumerate(t.states) if name.startswith(f"{key}.")]
     quiet = [(p[n], parts.neutral) for n in parts.levels] + [(p[n], 0.0) for n in parts.turning[:1]]
 
     def at(e: ca.SX, values: list[tuple[ca.SX, float]]) -> ca.SX:
@@ -115,7 +114,7 @@ def columns_of(structure: Structure, key: str, parts: Parts) -> Tape:
     sign = -1.0 if parts.neutral else 1.0
     rows = [sign * at(ca.jacobian(e, p[n]), quiet) for n in parts.levels]
     if parts.group or parts.unit:
-        rows.append(at(e, quiet) - at(e, [*quiet, *((z, 0.0) for z in own)]))
+        rows.append(at(e, quiet) - at(e, [*quiet, *((p[n], 0.0) for n in parts.group)]))
     if parts.turning:
         amplitude, phase = parts.turning
         rows += [at(ca.jacobian(e, p[amplitude]), [*quiet, (p[phase], v)]) for v in (0.0, QUARTER)]

@@ -241,7 +241,9 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
     kept = _kept(still, cutoff, step, max(EDGE / cutoff, lost), every)
     t = raw.t[kept * every]
     length = max(0.3, 2.0 / cutoff, raw.t[-1] / BLOCKS)
-    u = raw.u if every == 1 else low_pass(raw.u, wide, step)
+    u = (raw.u if every == 1 else low_pass(raw.u, wide, step)).copy()
+    if plant.motion_is_imposed():
+        u[:, model.inputs.index(plant.velocity)] = v
     effort = effort if every == 1 else low_pass(effort, wide, step)
     values |= {plant.position: q, plant.velocity: v}
     return Piece(
