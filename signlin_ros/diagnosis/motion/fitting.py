@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, _normal, fit, follow_records, further
 from signlin_ros.diagnosis.motion.score import level, windowed
-from signlin_ros.diagnosis.motion.trials import Trial, extended
+from signlin_ros.diagnosis.motion.trials import Parts, Trial, extended
 from signlin_ros.diagnosis.narrow import deepened, narrowed, tuned
 from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.effects import EFFECTS
@@ -39,26 +39,34 @@ def solved(problem: Problem, c: Candidate, gains: Gains, theta: Array | None, st
 
 @dataclass(frozen=True)
 class Found:
-    """A minimum: the fit at the gain whose windows are predicted best, and these errors (blocks, channels)."""
+    """A minimum: the fit at the gain whose windows are predicted best, these errors (blocks, channels), and the fit at
+    the lowest gain, where most shows of what is missing.
+    """
 
     fit: Fit
     known: Array
+    low: Fit
 
 
-def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], steps: int = LAST) -> Found | None:
-    """Return a candidate fitted from the best of some starts at all gains but the highest, one after the other."""
-    middle, fits = problem.levels[1], []
-    tried = [f for f in (solved(problem, c, middle, theta, steps) for theta in starts) if f]
+def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], check: Callable[[], None]) -> Found | None:
+    """Return a candidate fitted from the best of some starts at all gains but the highest, one after the other;
+    ``check`` is called in between, and may raise.
+    """
+    middle, fits, tried = problem.levels[1], list[Fit](), list[Fit]()
+    for theta in starts:
+        check()
+        tried += [f for f in [solved(problem, c, middle, theta, LAST)] if f]
     best = min(tried, key=_cost, default=None)
     if best is None:
         return None
     fits = [best]
     for gains in problem.levels[2:]:
-        lower = solved(problem, c, gains, fits[-1].theta, steps)
+        check()
+        lower = solved(problem, c, gains, fits[-1].theta, LAST)
         if lower is None:
             break
         fits.append(lower)
-    scored = [Found(f, windowed(problem, c, f.theta, f.gains)) for f in fits]
+    scored = [Found(f, windowed(problem, c, f.theta, f.gains), fits[-1]) for f in fits]
     return min(scored, key=lambda one: level(one.known, problem.noise))
 
 
@@ -69,7 +77,8 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit 
     short, (high, middle) = problem.short, problem.levels[:2]
     starts = _spread(trial.starts, few)
     known = before.parameters()
-    candidates = [extended(problem, before, trial, start) for start in starts]
+    parts = Parts.of(before)
+    candidates = [extended(problem, parts, trial, start) for start in starts]
     added = {n: v for n, v in known.items() if any(n.startswith(f"{k}.") or n == k for k in before.candidate.label)}
     ways = [added] if not before.candidate.label else [added, known]
     first = [solved(short, c, high, c.start(way), FIRST) for c in candidates for way in ways]
@@ -87,10 +96,11 @@ def _spread(starts: Sequence[Mapping[str, float]], few: int) -> list[dict[str, f
 
 def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
     """Return the best fit of an effect with many local minima, from the best of many starts and what they breed."""
-    first, middle = extended(problem, before, trial, trial.starts[0]), problem.levels[1]
+    parts, middle = Parts.of(before), problem.levels[1]
+    first = extended(problem, parts, trial, trial.starts[0])
     key = first.label[-1]
     starts = narrowed(problem.short, first, trial.starts, key, middle, each)
-    fits = (solved(problem, extended(problem, before, trial, s), middle, None, LAST) for s in starts)
+    fits = (solved(problem, extended(problem, parts, trial, s), middle, None, LAST) for s in starts)
     return min((f for f in fits if f), key=_cost, default=None)
 
 

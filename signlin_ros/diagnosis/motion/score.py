@@ -29,7 +29,7 @@ LOST = 1e6
 @dataclass(frozen=True)
 class Gain:
     """What one model explains beyond another: standard errors, share of the squared error beyond the noise (the largest
-    of all channels), and by channel the certainty and the ratio of root mean squares.
+    of all channels), and by channel the standard errors and the ratio of root mean squares.
     """
 
     certainty: float
@@ -43,13 +43,16 @@ class Gain:
 
 
 def gain(before: Array, after: Array, noise: Array) -> Gain:
-    """Compare two models by their mean squared errors (blocks, channels); ``noise`` (channels) of the sensors."""
+    """Compare two models by their mean squared errors (blocks, channels); ``noise`` (channels) of the sensors.
+
+    Certainties are means over blocks of the logarithm by which the error falls, over their standard errors: where a
+    motion dies down, the first blocks would else decide alone. Noise is added, below which no error matters.
+    """
     there = np.isfinite(before) & np.isfinite(after)
     a, b = np.where(there, before, 0.0), np.where(there, after, 0.0)
     count = np.maximum(there.sum(axis=0), 1)
     first, second = a.sum(axis=0) / count, b.sum(axis=0) / count
-    unit = np.maximum(second, noise**2)
-    falls = (a - b) / unit
+    falls = np.log((a + noise**2) / (b + noise**2))
     beyond = np.maximum(first - noise**2, 0.01 * first)
     share = float(np.max((first - second) / np.maximum(beyond, 1e-300)))
     each = np.array([_certainty(falls[there[:, c], c]) for c in range(falls.shape[1])])

@@ -110,17 +110,47 @@ def sensors_of(f: Fit) -> dict[str, float]:
     return {n: v for n, v in f.parameters().items() if n.startswith("sensor_") and n in f.candidate.label}
 
 
-def extended(problem: Problem, before: Fit, trial: Trial, start: Mapping[str, float]) -> Candidate:
+@dataclass(frozen=True)
+class Parts:
+    """What a model has beyond the one that was given: the whole of it, the keys of the effects that were added, and
+    what was added to sensors, ``sensor_offset.speed`` by name.
+    """
+
+    model: Model
+    keys: tuple[str, ...]
+    sensors: dict[str, float]
+
+    @classmethod
+    def of(cls, f: Fit) -> Parts:
+        """Return the parts of what was fitted."""
+        model = f.fitted()
+        return cls(model, tuple(k for k in f.candidate.label if k in model.effects), sensors_of(f))
+
+    @staticmethod
+    def sensed(c: Candidate) -> dict[str, float]:
+        """Return what a candidate adds to sensors, at its start."""
+        return {n: c.values[n] for n in c.label if n in c.values and n.startswith("sensor_")}
+
+    def without(self, key: str) -> Parts:
+        """Return the same without one of the effects."""
+        if key in self.sensors:
+            return replace(self, sensors={n: v for n, v in self.sensors.items() if n != key})
+        return replace(self, model=self.model.without_effect(key), keys=tuple(k for k in self.keys if k != key))
+
+    def candidate(self, problem: Problem) -> Candidate:
+        """Return what is fitted."""
+        return candidate(problem, self.model, self.keys, self.sensors)
+
+
+def extended(problem: Problem, before: Parts, trial: Trial, start: Mapping[str, float]) -> Candidate:
     """Return the candidate that adds an effect, at one of its starts, to what was fitted before; with the base
     parameters at nominal, since a base model that lacks something bends them.
     """
-    model, sensors, keys = before.fitted(), sensors_of(before), [k for k in before.candidate.label if "." not in k]
     if trial.of_sensor:
-        sensors |= start
-    else:
-        key = _key(model, trial.effect)
-        model, keys = model.with_effect(trial.effect, key=key, **start), [*keys, key]
-    return from_nominal(problem, candidate(problem, model, tuple(keys), sensors))
+        return from_nominal(problem, replace(before, sensors={**before.sensors, **start}).candidate(problem))
+    key = _key(before.model, trial.effect)
+    more = replace(before, model=before.model.with_effect(trial.effect, key=key, **start), keys=(*before.keys, key))
+    return from_nominal(problem, more.candidate(problem))
 
 
 def from_nominal(problem: Problem, c: Candidate) -> Candidate:
@@ -132,14 +162,4 @@ def from_nominal(problem: Problem, c: Candidate) -> Candidate:
     return replace(c, values={n: given.get(n, v) for n, v in values.items()})
 
 
-def reduced(problem: Problem, f: Fit, effect: str) -> Candidate:
-    """Return what is left of a fit without one of its effects, all else as it was fitted."""
-    model, sensors = f.fitted(), sensors_of(f)
-    for key in [k for k, use in model.effects.items() if use.type == effect and k not in problem.base.effects]:
-        model = model.without_effect(key)
-    sensors = {n: v for n, v in sensors.items() if n.partition(".")[0] != effect}
-    keys = tuple(k for k in f.candidate.label if k in model.effects)
-    return candidate(problem, model, keys, sensors)
-
-
-__all__ = ["Trial", "completed", "extended", "from_nominal", "reduced", "rescanned", "sensors_of", "trials"]
+__all__ = ["Parts", "Trial", "completed", "extended", "from_nominal", "rescanned", "sensors_of", "trials"]

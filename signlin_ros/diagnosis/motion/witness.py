@@ -9,13 +9,13 @@ from dataclasses import replace
 from typing import Any
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.fit import Fit, candidate, tidied
+from signlin_ros.diagnosis.fit import Candidate, Fit, candidate, tidied
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, estimates, names_of, spreads, whole_model
 from signlin_ros.diagnosis.motion.fitting import Found, climbed, settled, solved
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.prepare import prepared, stretched
 from signlin_ros.diagnosis.motion.score import Gain, gain, level, windowed
-from signlin_ros.diagnosis.motion.trials import Trial, completed, rescanned, trials
+from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError, SimulationError
@@ -24,8 +24,8 @@ from signlin_ros.records import ModelData
 
 SERIOUS, FINISHED = 0.25, 8
 """Share of the best candidate's gain that makes another one worth a thorough fit; and how many get one at most."""
-BEAM = 3
-"""How many single effects are tried with every other one, where none is enough."""
+BEAM = 2
+"""How many single effects are tried with every other one, where none is enough by itself."""
 
 Progress = Callable[[str], None]
 
@@ -79,7 +79,7 @@ class Motion:
 
     def _base(self) -> None:
         self.say("base model")
-        found = settled(self.short, candidate(self.problem, self.problem.base, ()), [None])
+        found = settled(self.short, candidate(self.problem, self.problem.base, ()), [None], self.check)
         if found is None:
             raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
         self._keep(found)
@@ -94,28 +94,56 @@ class Motion:
             estimates(self.problem, f, errors),
             found.known if self.short is self.problem else windowed(self.problem, f.candidate, f.theta, f.gains),
             windowed(self.unseen, f.candidate, f.theta, f.gains),
-            left(self.short, f, self.criteria),
+            left(self.short, found.low, self.criteria),
             at_bound(f),
             self.unseen.noise,
             f,
             errors,
         )
         known = self._best.get(_class(mine))
-        if known is None or level(mine.known_squares, self.problem.noise) < level(
-            known.known_squares, self.problem.noise
-        ):
+        if known is None or self._known_level(mine) < self._known_level(known):
             self._best[_class(mine)] = mine
         return self._best[_class(mine)]
+
+    def _known_level(self, f: Fitted) -> float:
+        return level(f.known_squares, self.problem.noise)
+
+    def best(self, f: Fitted) -> Fitted:
+        """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
+        return self._best[_class(f)]
 
     def fitted(self, effects: Sequence[str], start: Model | None = None) -> Fitted:
         """Return the best fit of these effects beside the base parameters.
 
-        Started from the values that ``start`` has of them, else from those that a scan finds, one after the other.
+        Started from the values that ``start`` has, if it has all of them; else from those that a scan finds, one effect
+        after the other, each from the values that ``start`` has of it.
         """
+        uses = start.effects.values() if start else ()
+        if start and set(effects) <= {u.type for u in uses} and (found := self._as_given(effects, start)):
+            return found
         now = self.base
         for name in effects:
             now = self._with(now, [self._given(t, start) for t in trials(self.problem, [name])])
         return now
+
+    def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
+        """Return the fit of effects from the values of a model that has them all, its base parameters too."""
+        c: Candidate | None = None
+        parts = Parts.of(self.base.fit)
+        for name in effects:
+            given = [self._given(t, start) for t in trials(self.problem, [name])]
+            trial = next((t for t in given if not t.of_sensor or _on(t, start)), given[0])
+            c = extended(self.problem, parts, trial, trial.starts[0])
+            parts = Parts(c.model, tuple(k for k in c.label if k in c.model.effects), Parts.sensed(c))
+        if c is None:
+            return self.base
+        known = {
+            **start.parameters,
+            **{f"{k}.{n}": v for k, use in start.effects.items() for n, v in use.parameters.items()},
+        }
+        base = {n: known[n] for n in (k.name for k in c.coordinates) if n in known}
+        found = settled(self.short, c, [None, c.start(base)], self.check)
+        return self._around(found) if found else None
 
     def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
         """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
@@ -149,11 +177,16 @@ class Motion:
         self.check()
         c, known = f.candidate, before.fit.parameters()
         mixed = c.start({**f.parameters(), **known})
-        found = settled(self.short, c, [f.theta, mixed])
-        if found is None:
-            return None
-        mine = self._keep(found)
-        self._refit(before, found)
+        found = settled(self.short, c, [f.theta, mixed], self.check)
+        return self._around(found) if found else None
+
+    def _around(self, found: Found) -> Fitted:
+        """Keep a fit, and fit those that lack one of its effects from where it arrived."""
+        mine, label = self._keep(found), set(found.fit.candidate.label)
+        for known in list(self._best.values()):
+            other = set(known.fit.candidate.label)
+            if other < label and len(label) == len(other) + 1:
+                self._refit(known, found)
         return mine
 
     def _refit(self, before: Fitted, found: Found) -> None:
@@ -165,7 +198,7 @@ class Motion:
         middle = self.problem.levels[1]
         here, there = (solved(self.short, c, middle, x, n) for x, n in ((before.fit.theta, 0), (theta, 3)))
         if here and there and there.cost < here.cost - 1.0:
-            again = settled(self.short, c, [there.theta])
+            again = settled(self.short, c, [there.theta], self.check)
             if again:
                 self._keep(again)
 
@@ -179,7 +212,25 @@ class Motion:
         kept = self._promising(of, fits)
         self.say(f"fitting {len(kept)} of them to the end")
         found = [one for one in self.each(lambda f: self._finished(of, f), kept) if one]
-        return sorted(found, key=lambda one: one.level)
+        found += [plain for one in found for plain in self._plainer(one)]
+        return sorted({_class(one): one for one in found}.values(), key=lambda one: one.level)
+
+    def _plainer(self, f: Fitted) -> list[Fitted]:
+        """Return a fit with the simpler law in place of one that cannot be told from it, if there is one."""
+        found, parts = [], Parts.of(f.fit)
+        for key in parts.keys if f.vague(self.criteria) else ():
+            effect = EFFECTS[f.model.effects[key].type]
+            nothing = dict.fromkeys(effect.telling, 0.0)
+            for name, start in effect.simpler(f.model.effects[key].parameters | nothing).items():
+                if name not in f.effects:
+                    found.append(self._from(f, extended(self.problem, parts.without(key), Trial(name, ()), start)))
+        return [one for one in found if one]
+
+    def _from(self, f: Fitted, c: Candidate) -> Fitted | None:
+        """Return a candidate fitted from where another fit arrived."""
+        self.check()
+        found = settled(self.short, c, [c.start(f.fit.parameters())], self.check)
+        return self._around(found) if found else None
 
     def _promising(self, of: Fitted, fits: Sequence[Fit]) -> list[Fit]:
         """Return the fits that gain a fair share of what the best gains, by likelihood on stretches."""
@@ -194,16 +245,19 @@ class Motion:
 
     def gain(self, before: Fitted, after: Fitted) -> Gain:
         """Return what one model explains of unseen data beyond another."""
-        return gain(before.unseen_squares, after.unseen_squares, self.unseen.noise)
+        return gain(self.best(before).unseen_squares, after.unseen_squares, self.unseen.noise)
 
     def refused(self, before: Fitted, after: Fitted) -> str:
-        """Return why a model is no step beyond another, empty if it is one."""
+        """Return why a model is no step beyond another, empty if it is one.
+
+        Base parameters that were bent to imitate an effect, and are free with it, count as much as the error: both are
+        squares of standard errors.
+        """
         c, g = self.criteria, self.gain(before, after)
-        freed = before.strain - after.strain
-        signed = g.certainty * abs(g.certainty)
-        if signed + max(freed, 0.0) < c.certainty**2:
+        freed = 0.0 if after.far(c) else max(self.best(before).strain - after.strain, 0.0)
+        if g.certainty * abs(g.certainty) + freed < c.certainty**2:
             return f"the error on unseen data falls by {g.certainty:.1f} standard errors"
-        if g.share < c.share and freed < c.certainty**2:
+        if freed < c.certainty**2 and g.share < c.share:
             return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
         if g.worsens(c.worse, c.alike):
             return "the error of a channel rises"
@@ -217,7 +271,7 @@ class Motion:
         for _ in range(depth):
             options = self.extensions(now)
             step = self._step(now, options)
-            if step is None and not now.white:
+            if step is None and depth > 1 and not (now.white or now.effects):
                 options += self._pairs(now, options)
                 step = self._step(now, options)
             if step is None:
@@ -232,14 +286,16 @@ class Motion:
 
     def _step(self, now: Fitted, options: Sequence[Fitted]) -> Fitted | None:
         """Return the simplest of the acceptable options that are as good as the best."""
-        good = [one for one in options if not self.refused(self._best[_class(now)], one)]
-        if not good:
-            return None
-        best = min(good, key=lambda one: one.level)
-        near = [one for one in good if self._alike(best, one)]
-        return min(near, key=lambda one: (one.size, one.level + one.strain / self.unseen.samples))
+        near = self.alike(now, options)
+        return min(near, key=lambda one: (one.size, one.level + one.strain / self.unseen.samples), default=None)
 
-    def _alike(self, best: Fitted, other: Fitted) -> bool:
+    def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
+        """Return the options that are a step beyond a model and as good as the best of them, best first: ties."""
+        good = [one for one in options if not self.refused(before, one)]
+        best = min(good, key=lambda one: one.level, default=None)
+        return [one for one in good if best and self._as_good(best, one)]
+
+    def _as_good(self, best: Fitted, other: Fitted) -> bool:
         """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
         if other is best:
             return True
@@ -276,6 +332,12 @@ class Motion:
 def _class(f: Fitted) -> tuple[str, ...]:
     """Return what tells one set of effects from another: their keys, sensors with their channels."""
     return tuple(sorted(f.fit.candidate.label))
+
+
+def _on(trial: Trial, model: Model) -> bool:
+    """Tell whether a model has an effect of a sensor on the channel of a trial."""
+    channel = next(iter(trial.starts[0])).partition(".")[2]
+    return any(use.type == trial.effect and channel in use.parameters for use in model.effects.values())
 
 
 __all__ = ["CancelledError", "Motion"]
