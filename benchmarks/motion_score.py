@@ -99,6 +99,7 @@ def run(task: Task) -> dict[str, Any]:
             answer = {
                 "verdict": "error",
                 "effects": [],
+                "ties": [],
                 "why": f"{type(fault).__name__}: {fault}",
                 "cpu": 0.0,
                 "seconds": 0.0,

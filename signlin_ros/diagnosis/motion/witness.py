@@ -11,7 +11,7 @@ from typing import Any
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.fit import Candidate, Fit, candidate, tidied
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, estimates, names_of, spreads, whole_model
-from signlin_ros.diagnosis.motion.fitting import Found, climbed, settled, solved
+from signlin_ros.diagnosis.motion.fitting import Found, bred, climbed, settled, solved
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.prepare import prepared, stretched
 from signlin_ros.diagnosis.motion.score import Gain, gain, level, windowed
@@ -271,6 +271,9 @@ class Motion:
         for _ in range(depth):
             options = self.extensions(now)
             step = self._step(now, options)
+            if not (now.white or (step and step.white)):
+                options += self._bred(now)
+                step = self._step(now, options)
             if step is None and depth > 1 and not (now.white or now.effects):
                 options += self._pairs(now, options)
                 step = self._step(now, options)
@@ -301,6 +304,12 @@ class Motion:
             return True
         g = self.gain(other, best)
         return g.certainty < self.criteria.tie or bool((g.ratios > 1.0 - self.criteria.alike).all())
+
+    def _bred(self, now: Fitted) -> list[Fitted]:
+        """Return what can be added of the effects that have many local minima, from the best of all their starts."""
+        options = [t for t in trials(self.problem) if EFFECTS[t.effect].rugged and t.effect not in now.effects]
+        fits = [bred(self.short, self.best(now).fit, t, self.each) for t in options]
+        return [one for one in (self._finished(now, f) for f in fits if f) if one]
 
     def _pairs(self, now: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
         """Return the best pairs on top of the best single effects."""
