@@ -55,11 +55,11 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
     middle, fits, tried = problem.levels[1], list[Fit](), list[Fit]()
     for theta in starts:
         check()
-        tried += [f for f in [solved(problem, c, middle, theta, LAST)] if f]
+        tried += [f for f in [solved(problem, c, middle, theta, NEXT)] if f]
     best = min(tried, key=_cost, default=None)
     if best is None:
         return None
-    fits = [best]
+    fits = [onward(problem, best, LAST)]
     for gains in problem.levels[2:]:
         check()
         lower = solved(problem, c, gains, fits[-1].theta, LAST)
