@@ -24,7 +24,6 @@ class Criteria:
     What counts as left over
     ------------------------
     dependent : part of the squared residual that follows from the model's own motion. Right models leave 0.007 at most.
-    loud : error of a right model at most, in multiples of the sensors' noise: observers and steps of encoders add some.
     """
 
     certainty: float = 3.5
@@ -36,7 +35,6 @@ class Criteria:
     tie: float = 1.0
     far: float = 5.0
     dependent: float = 0.02
-    loud: float = 1.5
 
 
 __all__ = ["Criteria"]

@@ -81,6 +81,21 @@ def test_a_model_without_free_parameters_is_judged_too():
     assert found.extensions(found.base, ["coulomb_friction"])[0].parameters["coulomb_friction.mu"].value > 1.5
 
 
+def test_an_imposed_motion_without_any_force_of_its_own():
+    rng, t = RNG(5), np.arange(4000) * 0.005
+    v = 0.1 * np.sin(2 * np.pi * np.array([0.4, 1.1]) * t[:, None]).sum(axis=1)
+    displacement = np.concatenate([[0.0], np.cumsum(v[:-1]) * 0.005])
+    force = 800.0 * v + 50.0 * np.sign(v) + rng.normal(0, 2.0, t.size)
+    measured = {"displacement": displacement, "force": force}
+    data = ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), {"displacement": "m"})
+    nothing = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 0.0}})
+    found = Motion.of(nothing, [data], None, Criteria(), jobs=1)
+    assert found.base.parameters == {}
+    both = found.fitted(["viscous_friction", "coulomb_friction"])
+    assert both.parameters["viscous_friction.b"].value == pytest.approx(800.0, rel=0.02)
+    assert both.parameters["coulomb_friction.mu"].value == pytest.approx(50.0, rel=0.05)
+
+
 def test_gaps_several_records_and_missing_samples():
     whole = record(COULOMB, 1)
     holes = whole.measured["displacement"].copy()

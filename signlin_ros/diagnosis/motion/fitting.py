@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, _normal, fit, follow_records, further
 from signlin_ros.diagnosis.motion.score import level, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, extended
-from signlin_ros.diagnosis.narrow import deepened, narrowed, tuned
+from signlin_ros.diagnosis.narrow import narrowed
 from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.effects import EFFECTS
 
@@ -59,7 +59,7 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
     best = min(tried, key=_cost, default=None)
     if best is None:
         return None
-    fits = [onward(problem, best, LAST)]
+    fits = [further(problem, best, LAST) if c.coordinates else best]
     for gains in problem.levels[2:]:
         check()
         lower = solved(problem, c, gains, fits[-1].theta, LAST)
@@ -75,9 +75,7 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit 
     base parameters as given and as they were fitted before.
     """
     short, (high, middle) = problem.short, problem.levels[:2]
-    starts = _spread(trial.starts, few)
-    known = before.parameters()
-    parts = Parts.of(before)
+    starts, known, parts = _spread(trial.starts, few), before.parameters(), Parts.of(before)
     candidates = [extended(problem, parts, trial, start) for start in starts]
     added = {n: v for n, v in known.items() if any(n.startswith(f"{k}.") or n == k for k in before.candidate.label)}
     ways = [added] if not before.candidate.label else [added, known]
@@ -104,27 +102,8 @@ def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
     return min((f for f in fits if f), key=_cost, default=None)
 
 
-def deeper(problem: Problem, f: Fit, trial: Trial, each: Each) -> Fit:
-    """Return a fit gone on from to a neighbouring minimum of an effect that has many."""
-    effect, key = EFFECTS[trial.effect], f.candidate.label[-1]
-    if effect.periodic:
-        order, _, phase = (f"{key}.{n}" for n in effect.periodic)
-        return tuned(problem, f, order, phase)
-    return deepened(problem, f, key, each) if effect.rugged else f
-
-
-def onward(problem: Problem, f: Fit, steps: int) -> Fit:
-    """Return a fit some steps further."""
-    return further(problem, f, steps) if f.candidate.coordinates else f
-
-
-def unfiltered(c: Candidate) -> Candidate:
-    """Return a candidate that the common observer follows, as all others."""
-    return replace(c, alert=False)
-
-
 def _cost(f: Fit) -> float:
     return f.cost
 
 
-__all__ = ["Each", "Found", "bred", "climbed", "deeper", "onward", "settled", "solved", "unfiltered"]
+__all__ = ["Each", "Found", "bred", "climbed", "settled", "solved"]

@@ -94,8 +94,8 @@ def _mean_square(e: Array) -> Array:
 
 def _cuts(problem: Problem) -> list[list[int]]:
     """Return where the windows of every record begin, and where the last one ends; nothing is scored in the first."""
-    shortest = min(float(s.t[-1] - s.t[0]) for s in problem.segments)
-    horizon = min(max(problem.base.update_period, 2 * problem.scale.step), shortest / 4)
+    longest = max(float(s.t[-1] - s.t[0]) for s in problem.segments)
+    horizon = min(max(problem.base.update_period, 2 * problem.scale.step), longest / 4)
     pairs = (windows(s.t, horizon) for s in problem.segments)
     return [[0, *(last for _, last in one)] for one in pairs]
 

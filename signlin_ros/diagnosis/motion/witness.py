@@ -15,6 +15,7 @@ from signlin_ros.diagnosis.motion.fitting import Found, bred, climbed, settled, 
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.prepare import prepared, stretched
 from signlin_ros.diagnosis.motion.score import Gain, gain, level, windowed
+from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.effects import EFFECTS
@@ -24,8 +25,6 @@ from signlin_ros.records import ModelData
 
 SERIOUS, FINISHED = 0.25, 8
 """Share of the best candidate's gain that makes another one worth a thorough fit; and how many get one at most."""
-BEAM = 2
-"""How many single effects are tried with every other one, where none is enough by itself."""
 
 Progress = Callable[[str], None]
 
@@ -241,7 +240,14 @@ class Motion:
         most = base.cost - ordered[0].cost
         return [f for i, f in enumerate(ordered) if i < 3 or base.cost - f.cost > SERIOUS * most][:FINISHED]
 
-    # ------------------------------------------------------------ search
+    def bred(self, of: Fitted) -> list[Fitted]:
+        """Return what can be added of the effects that have many local minima, from the best of all their starts."""
+        options = [t for t in trials(self.problem) if EFFECTS[t.effect].rugged and t.effect not in of.effects]
+        self.say("effects with many local minima")
+        fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
+        return [one for one in (self._finished(of, f) for f in fits if f) if one]
+
+    # ------------------------------------------------------------ what decides
 
     def gain(self, before: Fitted, after: Fitted) -> Gain:
         """Return what one model explains of unseen data beyond another."""
@@ -263,60 +269,24 @@ class Motion:
             return "the error of a channel rises"
         return after.vague(c)
 
-    def search(self, depth: int = 3) -> list[list[Fitted]]:
-        """Return the path from the base to what is proposed, each with the options of that step: the first of each list
-        is what was taken (the base in the first).
-        """
-        path, now = [[self.base]], self.base
-        for _ in range(depth):
-            options = self.extensions(now)
-            step = self._step(now, options)
-            if not (now.white or (step and step.white)):
-                options += self._bred(now)
-                step = self._step(now, options)
-            if step is None and depth > 1 and not (now.white or now.effects):
-                options += self._pairs(now, options)
-                step = self._step(now, options)
-            if step is None:
-                path[-1] += [one for one in options if one not in path[-1]]
-                break
-            path.append([step, *(one for one in options if one is not step)])
-            now = step
-            if now.white:
-                break
-        path[0][0] = self.base
-        return path
-
-    def _step(self, now: Fitted, options: Sequence[Fitted]) -> Fitted | None:
-        """Return the simplest of the acceptable options that are as good as the best."""
-        near = self.alike(now, options)
-        return min(near, key=lambda one: (one.size, one.level + one.strain / self.unseen.samples), default=None)
-
     def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        """Return the options that are a step beyond a model and as good as the best of them, best first: ties."""
+        """Return the options that are a step beyond a model and as good as the best of them, the simplest first."""
         good = [one for one in options if not self.refused(before, one)]
         best = min(good, key=lambda one: one.level, default=None)
-        return [one for one in good if best and self._as_good(best, one)]
+        near = [one for one in good if best and self._as_good(best, one)]
+        return sorted(near, key=lambda one: (one.size, one.level + one.strain / self.unseen.samples))
 
     def _as_good(self, best: Fitted, other: Fitted) -> bool:
         """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
-        if other is best:
-            return True
         g = self.gain(other, best)
-        return g.certainty < self.criteria.tie or bool((g.ratios > 1.0 - self.criteria.alike).all())
+        alike = bool((g.ratios > 1.0 - self.criteria.alike).all())
+        return other is best or g.certainty < self.criteria.tie or alike
 
-    def _bred(self, now: Fitted) -> list[Fitted]:
-        """Return what can be added of the effects that have many local minima, from the best of all their starts."""
-        options = [t for t in trials(self.problem) if EFFECTS[t.effect].rugged and t.effect not in now.effects]
-        fits = [bred(self.short, self.best(now).fit, t, self.each) for t in options]
-        return [one for one in (self._finished(now, f) for f in fits if f) if one]
-
-    def _pairs(self, now: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        """Return the best pairs on top of the best single effects."""
-        found: list[Fitted] = []
-        for first in options[:BEAM]:
-            found += self.extensions(first)[:BEAM]
-        return found
+    def search(self, depth: int = 3) -> list[list[Fitted]]:
+        """Return the steps from the base to what is proposed: of each what was taken, then the other options that there
+        were, least error first. The first is the base; the last holds what was tried in vain, too.
+        """
+        return search(self, depth)
 
     # ------------------------------------------------------------ running
 
