@@ -1,4 +1,4 @@
-"""Every number that decides a diagnosis, in one place: what it is, in which unit, and why it is so large."""
+"""Every number that decides in a diagnosis, in one place: its unit, what it means, and why it is what it is."""
 
 from __future__ import annotations
 
@@ -7,43 +7,62 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Criteria:
-    """What must hold before something is said. All errors are those of unseen data."""
+    """What decides; all is compared on data that no fit saw, unless said otherwise."""
 
-    surely: float = 3.5
-    """Standard errors by which an effect must lower the unseen error: one in 4,000 by chance, and some twenty are
-    tried."""
-    known: float = 4.0
-    """Standard errors by which an effect's own level must differ from nothing."""
+    # ------------------------------------------------------------ what is named
+    certainty: float = 3.5
+    """Standard errors by which an effect lowers the unseen error: one in some twenty effects lowers it by 2 by chance,
+    and each step chooses the best of them."""
     share: float = 0.05
-    """Least part of the unseen squared error that an effect must take away,"""
+    """Least part of the squared error beyond the sensors' noise that one effect takes away,"""
     each: float = 0.02
-    """and so much more for each parameter beyond its first."""
+    """and so much more, of the missing force, for each parameter beyond its first."""
     visible: float = 0.003
-    """Least part of the effort (RMS) that an effect must take away: no sensor of an effort is better."""
-    alike: float = 1.0
-    """Standard errors within which two models are as good as each other,"""
-    alike_share: float = 0.02
-    """or the part of the squared error: 1 % in RMS."""
-    noise: float = 0.03
-    """Largest noise of the inertial force, as a part of the effort, that the band of comparison lets through."""
-    wider: float = 3.0
-    """Times that band, where nothing is found in it."""
+    """Least part of the effort (RMS) that a force takes away: no sensor of an effort is better."""
+    coefficient: float = 4.0
+    """Standard errors by which an added level differs from nothing; it may belong to a richer law."""
+    known: float = 0.5
+    """Largest standard error of a shape parameter, as a part of it: to better than half."""
+    worse: float = 2.0
+    """Standard errors by which no channel's error may rise, as soon as that is `alike`."""
+    alike: float = 0.01
+    """Difference of root mean squares, as a part of it, that a printed table does not show."""
+    tie: float = 1.0
+    """Standard errors within which the simpler of two models is taken."""
     most: int = 3
     """Most effects that are named together."""
     beam: int = 4
-    """Sets of effects that are followed at each step."""
+    """Sets of laws that the force witness follows at each step."""
+    waves: float = 3.0
+    """Periods of a wave over the position that a record must hold."""
+
+    # ------------------------------------------------------------ what is known beforehand
+    far: float = 5.0
+    """Tolerances by which a base parameter may be off before that is told first."""
     bent: float = 2.5
-    """Tolerances by which a base parameter may move for the sake of an effect,"""
+    """Tolerances by which a base parameter may move for the sake of a law,"""
     bent_share: float = 0.05
     """where it carries at least this part of the effort."""
+
+    # ------------------------------------------------------------ what can be seen
+    noise: float = 0.03
+    """Largest noise of the inertial force, as a part of the effort, in the band where forces are compared."""
+    wider: float = 3.0
+    """Times that band, where nothing is found in it."""
+    sees: float = 2.0
+    """Times the sensors' noise that the force left must be, for the force witness to tell what is in it."""
+
+    # ------------------------------------------------------------ what counts as left over
+    dependent: float = 0.02
+    """Part of the squared residual that follows from the model's own motion. Right models leave 0.007 at most."""
     flexible: float = 3.0
-    """Standard errors by which a flexible curve must beat what is listed before it is said to leave structure,"""
+    """Standard errors by which a flexible curve must lower the unseen force before it is said to leave structure,"""
     flexible_share: float = 0.05
     """and the least part of the base model's squared error that it takes away,"""
     flexible_visible: float = 0.004
     """and of the effort (RMS)."""
-    waves: float = 3.0
-    """Periods of a wave over the position that a record must hold."""
+    large: float = 0.05
+    """Part of the effort (RMS) from which on a force that is left, and is no noise, is missing something."""
 
 
 DEFAULT = Criteria()

@@ -232,7 +232,7 @@ class Search:
         """
         law = self.r.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
-        if self.level(f, name) < self.r.criteria.known or not law.effect.plausible(values):
+        if self.level(f, name) < self.r.criteria.coefficient or not law.effect.plausible(values):
             return False
         return all(self.worth(f, g, law.free(dict(f.members)[name])) for g in (self.without(f, name), *self._simpler(f, name)))
 
@@ -241,7 +241,7 @@ class Search:
         c, gone = self.r.criteria, reference.error - f.error
         least = max((c.visible * self.r.unseen.effort) ** 2, 0.002 * self.base.error)
         large = f.error < reference.error * (1 - c.share - c.each * (free - 1)) and gone > least
-        return large and self.r.surely(f, reference) >= c.surely
+        return large and self.r.surely(f, reference) >= c.certainty
 
     def level(self, f: Fit, name: str) -> float:
         """Return how many standard errors the levels of a law are from nothing: of the least, for its own columns."""
@@ -265,7 +265,7 @@ class Search:
     def alike(self, best: Fit, f: Fit) -> bool:
         """Tell whether a fit is as good as a better one on unseen data."""
         c = self.r.criteria
-        return self.r.surely(best, f) < c.alike or f.error < (1 + c.alike_share) * best.error
+        return self.r.surely(best, f) < c.tie or f.error < (1 + c.alike) ** 2 * best.error
 
     def ties(self, f: Fit, name: str) -> tuple[str, ...]:
         """Return the laws that could as well stand in a fit for one of its own."""

@@ -1,0 +1,198 @@
+"""A fitted model as the judge sees it: parameters with honest standard errors, errors on seen and unseen data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.fit import Coordinate, Fit, follow_records, tidied
+from signlin_ros.diagnosis.motion.left import Left
+from signlin_ros.diagnosis.motion.score import level
+from signlin_ros.diagnosis.motion.trials import sensors_of
+from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.results import Estimate
+from signlin_ros.effects import EFFECTS
+from signlin_ros.model import Model
+from signlin_ros.trace import resolve_unit
+
+Array = NDArray[np.float64]
+
+BLOCKS, BLOCK = 40, 0.25
+"""Blocks that a standard error is taken from, and how long each is at least in s."""
+EDGE = 1e-6
+"""How near a coordinate is to a bound that it is at, in standard units."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A model fitted to the known records.
+
+    ``effects``: names added to the model as given; ``model``: the whole of it; ``parameters`` by name (``c``,
+    ``coulomb_friction.mu``, ``sensor_offset.speed``). ``known_squares``, ``unseen_squares`` (blocks, channels): mean
+    squared errors of windows of the horizon, in blocks that are the same for all models, NaN where nothing is measured.
+    ``left``: what the residual still shows, by channel. ``at_bound``: parameters that ended there.
+    ``spreads``: standard errors of the coordinates of ``fit``, in order.
+    """
+
+    effects: tuple[str, ...]
+    model: Model
+    parameters: dict[str, Estimate]
+    known_squares: Array
+    unseen_squares: Array
+    left: tuple[Left, ...]
+    at_bound: tuple[str, ...]
+    noise: Array
+    fit: Fit = field(repr=False)
+    spreads: Array = field(repr=False)
+
+    @property
+    def white(self) -> bool:
+        """Whether nothing is left but the noise of the sensors."""
+        return not any(one.structured for one in self.left)
+
+    @property
+    def level(self) -> float:
+        """Sum over channels of the logarithms of the mean squared error on unseen data, less being better."""
+        return level(self.unseen_squares, self.noise)
+
+    @property
+    def size(self) -> int:
+        """Number of parameters beyond those of the model as given."""
+        keys = self.fit.candidate.label
+        return sum(1 for k in self.fit.candidate.coordinates if k.name.partition(".")[0] in keys or k.name in keys)
+
+    @cached_property
+    def strain(self) -> float:
+        """Squared distance of the base parameters from nominal, in tolerances."""
+        pairs = zip(self.fit.candidate.coordinates, self.fit.theta.tolist(), strict=True)
+        return float(sum(((x - k.prior) / k.spread) ** 2 for k, x in pairs if k.spread < 1.0))
+
+    def far(self, criteria: Criteria) -> dict[str, float]:
+        """Return the base parameters that are far from nominal, and by how many tolerances."""
+        pairs = zip(self.fit.candidate.coordinates, self.fit.theta.tolist(), strict=True)
+        off = {k.name: (x - k.prior) / k.spread for k, x in pairs if k.spread < np.inf and "." not in k.name}
+        return {n: x for n, x in off.items() if abs(x) > criteria.far}
+
+    def vague(self, criteria: Criteria) -> str:
+        """Return why what was added cannot be named: a coefficient that is nothing, at a bound or hardly known."""
+        for key in self.fit.candidate.label:
+            why = self._vague(key, criteria)
+            if why:
+                return why
+        return ""
+
+    def _vague(self, key: str, criteria: Criteria) -> str:
+        own = [
+            (k, float(x), float(std))
+            for k, x, std in zip(self.fit.candidate.coordinates, self.fit.theta, self.spreads, strict=True)
+            if k.name == key or k.name.partition(".")[0] == key
+        ]
+        kind = key.partition(".")[0] if "." in key else self.model.effects[key].type
+        effect = EFFECTS[kind]
+        where = {*effect.turning[1:], *effect.periodic[:1]}
+        amplitudes = {}
+        for k, x, std in own:
+            name = k.name.rpartition(".")[2] if "." not in key else k.name
+            if k.name in self.at_bound and name in (*effect.telling, *effect.essential):
+                return f"{k.name} is at its bound"
+            if name in where:
+                continue
+            if k.log and kind != "sensor_gain":
+                if std > criteria.known:
+                    return f"{k.name} is not known to better than half"
+                continue
+            amplitudes[name] = abs(x) / max(std, 1e-300)
+        needed = [amplitudes[n] for n in effect.telling if n in amplitudes] or [
+            max(amplitudes.values(), default=np.inf)
+        ]
+        if min(needed) < criteria.coefficient:
+            return f"{key} is {min(needed):.1f} of its own standard errors from nothing"
+        return ""
+
+
+def spreads(problem: Problem, f: Fit) -> Array:
+    """Return standard errors of the coordinates that allow for whatever correlation and change of size the residual
+    has: the sandwich of White with sums over blocks [Econometrica 48 (1980) 817; Newey and West 1987]; at least those
+    of white noise.
+    """
+    if not f.theta.size:
+        return np.zeros(0)
+    bread = np.linalg.pinv(f.hessian, hermitian=True)
+    plain = np.sqrt(np.maximum(np.diag(bread), 0.0))
+    found = follow_records(problem, f.candidate, f.theta, f.gains, True)
+    if found is None:
+        return plain
+    block = max(int(BLOCK / problem.scale.step), problem.samples // BLOCKS)
+    slopes = np.array([k.slope(float(x)) for k, x in zip(f.candidate.coordinates, f.theta, strict=True)])
+    errors = np.concatenate(found[0])
+    weight = np.isfinite(errors).sum(axis=0) / np.maximum(np.nansum(errors**2, axis=0), 1e-300)
+    sums = []
+    for e, d in zip(found[0], found[1], strict=True):
+        products = np.einsum("tc,tcj->tj", np.nan_to_num(e) * weight, np.nan_to_num(d[:, :, : f.theta.size])) * slopes
+        sums += [products[i : i + block].sum(axis=0) for i in range(0, len(products), block)]
+    g = np.array(sums)
+    g -= g.mean(axis=0)
+    whole = bread @ (g.T @ g) @ bread
+    return np.asarray(np.maximum(np.sqrt(np.maximum(np.diag(whole), 0.0)), plain))
+
+
+def at_bound(f: Fit) -> tuple[str, ...]:
+    """Return the parameters that ended at a bound."""
+    return tuple(k.name for k, x in zip(f.candidate.coordinates, f.theta.tolist(), strict=True) if _edge(k, x))
+
+
+def _edge(k: Coordinate, x: float) -> bool:
+    near = EDGE * max(min(abs(k.low), abs(k.high)), 1.0)
+    return x <= k.low + near or x >= k.high - near
+
+
+def estimates(problem: Problem, f: Fit, errors: Array) -> dict[str, Estimate]:
+    """Return all free parameters with standard errors and units."""
+    units = {n.split(".", 1)[1]: p.unit for n, p in f.candidate.model.par_declarations().items()}
+    bounds, result = at_bound(f), {}
+    for k, x, own in zip(f.candidate.coordinates, f.theta.tolist(), errors.tolist(), strict=True):
+        unit = (
+            resolve_unit(units[k.name], f.candidate.model.plant, problem.rotary)
+            if k.name in units
+            else _of_sensor(problem, k.name)
+        )
+        note = "at its bound" if k.name in bounds else _note(k, x, own)
+        result[k.name] = Estimate(k.value(x), own * abs(k.slope(x)), unit, note)
+    return result
+
+
+def _note(k: Coordinate, x: float, own: float) -> str:
+    if k.spread < 1.0 and abs(x - k.prior) > 3 * k.spread:
+        return f"{abs(x - k.prior) / k.spread:.1f} standard deviations from its nominal value"
+    return (
+        "not excited: the record says nothing beyond the tolerance" if k.spread < 1.0 and own > 0.95 * k.spread else ""
+    )
+
+
+def _of_sensor(problem: Problem, name: str) -> str:
+    kind, _, channel = name.partition(".")
+    return {"sensor_gain": "-", "sensor_delay": "s"}.get(kind, problem.units.get(channel, ""))
+
+
+def whole_model(f: Fit) -> Model:
+    """Return the model of a fit with its sensors."""
+    model, kinds = f.fitted(), dict[str, dict[str, float]]()
+    for name, value in sensors_of(f).items():
+        kind, _, channel = name.partition(".")
+        kinds.setdefault(kind, {})[channel] = value
+    for kind, values in kinds.items():
+        model = model.with_effect(kind, None, **values)
+    return model
+
+
+def names_of(problem: Problem, f: Fit) -> tuple[str, ...]:
+    """Return the names of the effects that were added, in order."""
+    uses = f.candidate.model.effects
+    return tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label)
+
+
+__all__ = ["Fitted", "at_bound", "estimates", "names_of", "spreads", "tidied", "whole_model"]

@@ -1,0 +1,109 @@
+"""From starts to minima: many starts for a few steps at a high gain, the best of them onward to the lower ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, _normal, fit, follow_records, further
+from signlin_ros.diagnosis.motion.score import level, windowed
+from signlin_ros.diagnosis.motion.trials import Parts, Trial, extended
+from signlin_ros.diagnosis.narrow import narrowed
+from signlin_ros.diagnosis.problem import Gains, Problem
+from signlin_ros.effects import EFFECTS
+
+Array = NDArray[np.float64]
+Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
+
+FEW, KEPT = 4, 2
+"""Starts that are tried where an effect has many, and how many of all go on to the next gain."""
+FIRST, NEXT, LAST = 2, 4, 10
+"""Steps of a fit from a start, at the middle gain, and to the end."""
+
+
+def solved(problem: Problem, c: Candidate, gains: Gains, theta: Array | None, steps: int) -> Fit | None:
+    """Return a fit at one gain; also of a model without any free parameter. None if it diverges."""
+    if c.coordinates:
+        return fit(problem, c, gains, theta, steps)
+    none, whiten = np.zeros(0), Filter(np.zeros(len(problem.channels)))
+    found = follow_records(problem, c, none, gains, False)
+    if found is None:
+        return None
+    cost, count, gradient, hessian = _normal(problem, c, none, found, whiten)
+    return Fit(c, none, cost, count, tuple(found[0]), hessian, gains, whiten, gradient)
+
+
+@dataclass(frozen=True)
+class Found:
+    """A minimum: the fit at the gain whose windows are predicted best, these errors (blocks, channels), and the fit at
+    the lowest gain, where most shows of what is missing.
+    """
+
+    fit: Fit
+    known: Array
+    low: Fit
+
+
+def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], check: Callable[[], None]) -> Found | None:
+    """Return a candidate fitted from the best of some starts at all gains but the highest, one after the other;
+    ``check`` is called in between, and may raise.
+    """
+    middle, fits, tried = problem.levels[1], list[Fit](), list[Fit]()
+    for theta in starts:
+        check()
+        tried += [f for f in [solved(problem, c, middle, theta, NEXT)] if f]
+    best = min(tried, key=_cost, default=None)
+    if best is None:
+        return None
+    fits = [further(problem, best, LAST) if c.coordinates else best]
+    for gains in problem.levels[2:]:
+        check()
+        lower = solved(problem, c, gains, fits[-1].theta, LAST)
+        if lower is None:
+            break
+        fits.append(lower)
+    scored = [Found(f, windowed(problem, c, f.theta, f.gains), fits[-1]) for f in fits]
+    return min(scored, key=lambda one: level(one.known, problem.noise))
+
+
+def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit | None:
+    """Return the best fit of one more effect at the middle gain on a part of the records, from some of its starts with
+    base parameters as given and as they were fitted before.
+    """
+    short, (high, middle) = problem.short, problem.levels[:2]
+    starts, known, parts = _spread(trial.starts, few), before.parameters(), Parts.of(before)
+    candidates = [extended(problem, parts, trial, start) for start in starts]
+    added = {n: v for n, v in known.items() if any(n.startswith(f"{k}.") or n == k for k in before.candidate.label)}
+    ways = [added] if not before.candidate.label else [added, known]
+    first = [solved(short, c, high, c.start(way), FIRST) for c in candidates for way in ways]
+    best = sorted((f for f in first if f), key=_cost)[:KEPT]
+    second = [solved(short, f.candidate, middle, f.theta, NEXT) for f in best]
+    if EFFECTS[trial.effect].states:  # a high gain says little of what is remembered
+        second += [solved(short, c, middle, c.start(added), NEXT) for c in candidates]
+    return min((f for f in second if f), key=_cost, default=None)
+
+
+def _spread(starts: Sequence[Mapping[str, float]], few: int) -> list[dict[str, float]]:
+    at = np.unique(np.linspace(0, len(starts) - 1, min(few, len(starts))).astype(int)).tolist()
+    return [dict(starts[i]) for i in at]
+
+
+def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
+    """Return the best fit of an effect with many local minima, from the best of many starts and what they breed."""
+    parts, middle = Parts.of(before), problem.levels[1]
+    first = extended(problem, parts, trial, trial.starts[0])
+    key = first.label[-1]
+    starts = narrowed(problem.short, first, trial.starts, key, middle, each)
+    fits = (solved(problem, extended(problem, parts, trial, s), middle, None, LAST) for s in starts)
+    return min((f for f in fits if f), key=_cost, default=None)
+
+
+def _cost(f: Fit) -> float:
+    return f.cost
+
+
+__all__ = ["Each", "Found", "bred", "climbed", "settled", "solved"]

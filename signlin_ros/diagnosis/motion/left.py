@@ -1,0 +1,158 @@
+"""What a model leaves: is it more than the sensors' noise?
+
+A force that the model lacks is a function of position, velocity, input and time. So the residual is regressed on some
+dozens of such functions, each as the observer would have left it, and judged by how well that predicts samples which
+the regression did not see [cross-validation: Stone, J. R. Stat. Soc. B 36 (1974) 111; correlation of residuals with
+functions of what is known: Billings and Voon, Int. J. Control 44 (1986) 235].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.data import travelled
+from signlin_ros.diagnosis.fit import Fit, follow_records
+from signlin_ros.diagnosis.motion.colour import colours
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment
+from signlin_ros.diagnosis.scan import halfway, response
+
+Array = NDArray[np.float64]
+
+FOLDS, BLOCK, LEAST, LENGTHS = 8, 0.25, 50, 2.0
+"""Parts that are left out in turn, made of blocks of so many s, samples, and lengths of the observer's response, at
+least: else what a wandering state leaves would be predicted by what it left just before."""
+MOST, ENOUGH, RIDGE = 30_000, 10, 1e-5
+"""Samples that are looked at; samples for each function, below which nothing is said; ridge of the regression."""
+SLOW = (0.1, 0.03)
+"""Velocities, as shares of the largest, within which friction may fade."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """The residual of a channel: root mean square in multiples of the sensor's noise, the share of its square that is
+    slow, the share that follows from the model's motion, and the correlation of what counts as noise.
+    """
+
+    channel: str
+    over_noise: float
+    slow: float
+    dependent: float
+    rho: float
+    structured: bool
+
+
+def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
+    """Return what a fit leaves in every channel of a problem."""
+    shares = dependence(problem, f)
+    found, result = colours(f.innovations, problem.noise), []
+    for channel, one, share, noise in zip(
+        problem.channels, found, shares.tolist(), problem.noise.tolist(), strict=True
+    ):
+        structured = one.structured or share > criteria.dependent
+        result.append(Left(channel, float(np.sqrt(one.variance) / noise), one.slow, share, one.rho, bool(structured)))
+    return tuple(result)
+
+
+def dependence(problem: Problem, f: Fit) -> Array:
+    """Return which share (ny) of the squared residual of a fit follows from its own motion, on samples left out; 0 or
+    less: none. Nothing is said (0) of a model that an extended Kalman filter follows, whose gain changes.
+    """
+    none = np.zeros(len(problem.channels))
+    if f.candidate.filtered:
+        return none
+    seen, gains, block = None, f.gains, max(int(BLOCK / problem.scale.step), LEAST)
+    if problem.base.plant.velocity in f.candidate.model.states:
+        looks = ((response(problem, f.fitted(), one), one) for one in problem.levels[::-1])
+        sizes = ((max(block, ceil(LENGTHS * _length(r))), r, one) for r, one in looks)
+        block, seen, gains = next((s for s in sizes if 2 * FOLDS * s[0] <= problem.samples), (0, None, gains))
+    found = _regressors(problem, f, gains, seen, block) if block else None
+    if found is None or found[1].size < ENOUGH * found[0].shape[2]:
+        return none
+    return _predicted(found[0], found[1], found[2] % FOLDS)
+
+
+def _regressors(
+    problem: Problem, f: Fit, gains: Gains, seen: Array | None, block: int
+) -> tuple[Array, Array, NDArray[np.int_]] | None:
+    """Return functions (T, ny, k) of a fit's motion as an observer leaves them, its residual (T, ny) in units of the
+    noise, and the number (T,) of the block that a sample is in; None where the motion is lost.
+    """
+    run = follow_records(problem, f.candidate, f.theta, gains, False)
+    if run is None:
+        return None
+    used = min(1.0, MOST / max(problem.samples, 1))
+    motions = [_motion(problem, f, s, X) for s, X in zip(problem.segments, run[2], strict=True)]
+    largest = np.maximum([np.max([np.abs(m[i]).max() for m in motions]) for i in range(3)], 1e-300)
+    features, residuals, blocks, done = [], [], [], 0
+    for whole, motion in zip(run[0], motions, strict=True):
+        e = whole[: ceil(used * len(whole))]
+        known = np.isfinite(e)
+        q, v, u = (m[: len(e)] / size for m, size in zip(motion, largest, strict=True))
+        features.append(np.where(known[:, :, None], _as_left(_functions(q, v, u), seen, *e.shape), 0.0))
+        residuals.append(np.where(known, np.nan_to_num(e / problem.noise), 0.0))
+        blocks.append(np.arange(len(e)) // block + done)
+        done += len(e) // block + 1
+    return np.concatenate(features), np.concatenate(residuals), np.concatenate(blocks)
+
+
+def _length(response: Array) -> int:
+    """Return in how many samples (of M, ny) nearly all of a response happens, in the slowest channel."""
+    share = np.cumsum(response**2, axis=0) / np.maximum(np.sum(response**2, axis=0), 1e-300)
+    return int(np.max(np.sum(share < 0.99, axis=0))) + 1
+
+
+def _motion(problem: Problem, f: Fit, s: Segment, X: Array) -> tuple[Array, Array, Array]:
+    """Return position, velocity and input (T,), between two samples where an inertia is moved."""
+    names, plant, inputs = f.candidate.model.states, problem.base.plant, f.candidate.model.inputs
+    if plant.velocity not in names:
+        v = s.u[:, inputs.index(plant.velocity)]
+        q = X[:, names.index(plant.position)] if plant.position in names else travelled(s.t, v)
+        return q, v, np.zeros_like(v)
+    v = X[:, names.index(plant.velocity)]
+    return halfway(f.candidate.model, s.t, X), (v[1:] + v[:-1]) / 2, s.u[:-1, 0]
+
+
+def _functions(q: Array, v: Array, u: Array) -> Array:
+    """Return functions (T, k) of position, velocity, input and time, none larger than 2."""
+    s, a, t = np.sign(v), np.abs(v), np.linspace(-1.0, 1.0, v.size)
+    of_velocity = [s, s * np.sqrt(a), a, v * a, v**2, v**3, *(s * np.exp(-a / slow) for slow in SLOW)]
+    of_position = [q**2, np.abs(q), q * np.abs(q), q**3, np.sin(3 * q), np.cos(3 * q)]
+    of_both = [q * v, np.abs(q) * v, q**2 * v, q * a, s * q, s * np.abs(q), s * q**2]
+    driven = [u, s * np.abs(u), u**2, np.abs(u), u * np.abs(u), u * v, u * q, np.abs(u - np.median(u))]
+    slow = [np.ones_like(v), t, t**2, t * v, t * s]
+    return np.column_stack([q, v, *of_velocity, *of_position, *of_both, *driven, *slow])
+
+
+def _as_left(functions: Array, seen: Array | None, samples: int, channels: int) -> Array:
+    """Return what an observer leaves (T, ny, k) of forces (T - 1, k) between samples, or (T, k) at them if there is
+    no inertia (``seen``: None).
+    """
+    if seen is None:
+        return np.repeat(functions[:, None, :], channels, axis=1)
+    size = next_fast_len(samples + len(seen), real=True)
+    spectra = rfft(functions, size, axis=0)[:, None, :] * rfft(seen, size, axis=0)[:, :, None]
+    found = np.zeros((samples, channels, functions.shape[1]))
+    found[1:] = irfft(spectra, size, axis=0)[: samples - 1]
+    return found
+
+
+def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
+    """Return which share (ny) of the squares of y (T, ny) a regression on Z (T, ny, k) predicts in folds left out."""
+    parts = [(Z[fold == i].reshape(-1, Z.shape[2]), y[fold == i].ravel()) for i in range(FOLDS)]
+    grams, sides = np.array([z.T @ z for z, _ in parts]), np.array([z.T @ e for z, e in parts])
+    scale = np.sqrt(np.maximum(np.diag(grams.sum(axis=0)), 1e-300))
+    left = np.zeros(y.shape[1])
+    for i in range(FOLDS):
+        rest = (grams.sum(axis=0) - grams[i]) / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
+        beta = np.linalg.solve(rest, (sides.sum(axis=0) - sides[i]) / scale) / scale
+        left += np.sum((y[fold == i] - Z[fold == i] @ beta) ** 2, axis=0)
+    return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), 1e-300))
+
+
+__all__ = ["Left", "dependence", "left"]

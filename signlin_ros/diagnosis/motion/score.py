@@ -1,0 +1,175 @@
+"""The one measure: errors over non-overlapping windows of the horizon, in blocks that two models share.
+
+The state at the start of a window is estimated from the samples before it, then the model runs by itself.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.equations import equations, neutral_sensors
+from signlin_ros.diagnosis.fit import Candidate, follow_records, seen_late
+from signlin_ros.diagnosis.follow import NONE_LATE, follow
+from signlin_ros.diagnosis.problem import Gains, Problem, Segment
+from signlin_ros.predict import windows
+
+Array = NDArray[np.float64]
+
+BLOCKS = 50
+"""Blocks of whole windows, at most, that a standard error is taken from: what lasts longer than a window is within."""
+LOST = 1e6
+"""Error of a model that diverges, in variances of the noise."""
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What one model explains beyond another: standard errors, share of the squared error beyond the noise (the largest
+    of all channels), and by channel the standard errors and the ratio of root mean squares.
+    """
+
+    certainty: float
+    share: float
+    certainties: Array
+    ratios: Array
+
+    def worsens(self, worse: float, alike: float) -> bool:
+        """Tell whether any channel's error rises beyond doubt, and so that it shows."""
+        return bool(((self.certainties < -worse) & (self.ratios > 1.0 + alike)).any())
+
+
+def gain(before: Array, after: Array, noise: Array) -> Gain:
+    """Compare two models by their mean squared errors (blocks, channels); ``noise`` (channels) of the sensors.
+
+    Certainties are means over blocks of the logarithm by which the error falls, over their standard errors: where a
+    motion dies down, the first blocks would else decide alone. Noise is added, below which no error matters.
+    """
+    there = np.isfinite(before) & np.isfinite(after)
+    a, b = np.where(there, before, 0.0), np.where(there, after, 0.0)
+    count = np.maximum(there.sum(axis=0), 1)
+    first, second = a.sum(axis=0) / count, b.sum(axis=0) / count
+    falls = np.log((a + noise**2) / (b + noise**2))
+    beyond = np.maximum(first - noise**2, 0.01 * first)
+    share = float(np.max((first - second) / np.maximum(beyond, 1e-300)))
+    each = np.array([_certainty(falls[there[:, c], c]) for c in range(falls.shape[1])])
+    return Gain(_certainty(falls.sum(axis=1)), share, each, np.sqrt(second / np.maximum(first, 1e-300)))
+
+
+def _certainty(falls: Array) -> float:
+    """Return the mean of falls (blocks) over its standard error; 0 where there is nothing to tell it from."""
+    if falls.size < 2:
+        return 0.0
+    error = float(np.std(falls, ddof=1) / np.sqrt(falls.size))
+    return float(falls.mean()) / error if error > 0 else 0.0
+
+
+def level(squares: Array, noise: Array) -> float:
+    """Return one number for errors (blocks, channels), less being better: the sum of the logarithms over channels."""
+    return float(np.sum(np.log(np.nanmean(squares, axis=0) + (0.1 * noise) ** 2)))
+
+
+def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> Array:
+    """Return the mean squared errors (blocks, channels) of a candidate over windows of the horizon."""
+    cuts = _cuts(problem)
+    errors = _errors(problem, c, theta, gains, cuts)
+    if errors is None:
+        errors = [np.sqrt(LOST) * problem.noise + np.zeros(s.y.shape) for s in problem.segments]
+    group = max(1, -(-sum(len(at) - 1 for at in cuts) // BLOCKS))
+    found = []
+    for e, at in zip(errors, cuts, strict=True):
+        edges = [*at[1:-1:group], at[-1]]
+        found += [_mean_square(e[i + 1 : j + 1]) for i, j in itertools.pairwise(edges)]
+    return np.array(found)
+
+
+def _mean_square(e: Array) -> Array:
+    there = np.isfinite(e)
+    count = there.sum(axis=0)
+    return np.where(count > 0, np.sum(np.where(there, e, 0.0) ** 2, axis=0) / np.maximum(count, 1), np.nan)
+
+
+def _cuts(problem: Problem) -> list[list[int]]:
+    """Return where the windows of every record begin, and where the last one ends; nothing is scored in the first."""
+    longest = max(float(s.t[-1] - s.t[0]) for s in problem.segments)
+    horizon = min(max(problem.base.update_period, 2 * problem.scale.step), longest / 4)
+    pairs = (windows(s.t, horizon) for s in problem.segments)
+    return [[0, *(last for _, last in one)] for one in pairs]
+
+
+def _errors(
+    problem: Problem, c: Candidate, theta: Array, gains: Gains, cuts: Sequence[Sequence[int]]
+) -> list[Array] | None:
+    """Return the errors (T, ny) of every record; None where the model diverges."""
+    run = follow_records(problem, c, theta, gains, False)
+    if run is None:
+        return None
+    p, found = c.p(theta), []
+    for s, e, X, at in zip(problem.segments, run[0], run[2], cuts, strict=True):
+        known = X if c.filtered else _corrected(gains.along(s), c, X, e)
+        free = _restarted(problem, c, p, s, known, list(at[:-1]))
+        if free is None:
+            return None
+        found.append(s.y - _shown(problem, c, p, s, known, free, at))
+    return found
+
+
+def _corrected(gains: Gains, c: Candidate, X: Array, e: Array) -> Array:
+    """Return the states (T, n) with what the sample itself tells of them."""
+    rows = gains.rows(c.model.states)
+    rows[:, [name in c.floating for name in c.model.states]] = 0.0
+    count = min(len(rows), len(X))
+    known: Array = X.copy()
+    e = np.nan_to_num(e)
+    known[:count] += np.einsum("kij,kj->ki", rows[:count], e[:count])
+    known[count:] += e[count:] @ rows[-1].T
+    return known
+
+
+def _restarted(problem: Problem, c: Candidate, p: Array, s: Segment, known: Array, at: list[int]) -> Array | None:
+    """Return the states (T, n) of the model by itself, started anew from the known ones (T, n) at some samples."""
+    states, n = c.model.states, known.shape[1]
+    eq = equations(c.model.structure, states, ())
+    values = np.concatenate([p[: len(c.model.trace.parameters)], neutral_sensors(n)])
+    gains = np.zeros((s.t.size, n, n))
+    gains[at] = np.eye(n)
+    size = np.array(
+        [
+            max(problem.x_scale.get(name, 0.0), float(np.abs(x).max()), 1e-9)
+            for name, x in zip(states, known.T, strict=True)
+        ]
+    )
+    E, X = np.zeros((s.t.size, n)), np.zeros((s.t.size, n))
+    late = float(c.equations.delay @ p) - s.early
+    y = np.ascontiguousarray(known)
+    rest = (NONE_LATE, np.zeros((3, 0)), np.ones(n), E, np.zeros((0, n, 0)), X)
+    arguments = (s.t, s.u, y, gains, y[0].copy(), values, size, late, eq.ringing(values, size))
+    return X if follow(eq.calls(False), eq.flags(False), *arguments, *rest) == s.t.size else None
+
+
+def _shown(problem: Problem, c: Candidate, p: Array, s: Segment, known: Array, free: Array, at: Sequence[int]) -> Array:
+    """Return what the channels would show (T, ny) of free runs (T, n), sensors and their delays included."""
+    late = float(c.equations.delay @ p) - s.early
+    u = s.u[np.clip(np.searchsorted(s.t, s.t - late + 1e-9, side="right") - 1, 0, s.t.size - 1)] if late else s.u
+    shown = _outputs(c, p, free, u)
+    begun = s.t[np.asarray(at)[np.maximum(np.searchsorted(at, np.arange(s.t.size)) - 1, 0)]]
+    for j, (lag, state, *_) in enumerate(seen_late(problem, c, p).tolist()):
+        if lag > 0.0:
+            i, then, X = int(state), s.t - lag, free.copy()
+            X[:, i] = np.where(then < begun, np.interp(then, s.t, known[:, i]), np.interp(then, s.t, free[:, i]))
+            shown[:, j] = _outputs(c, p, X, u)[:, j]
+    return shown
+
+
+def _outputs(c: Candidate, p: Array, X: Array, u: Array) -> Array:
+    """Return what the channels show (T, ny) at states (T, n) and inputs (T, m)."""
+    eq, columns = c.equations, [*X.T, *u.T, *p]
+    n, h, ny = X.shape[1], eq.places.h, eq.sizes[2]
+    sign = np.sign(eq.keep.batch([*columns, 0.0])[n])
+    return np.asarray(eq.keep.batch([*columns, sign])[h : h + ny].T)
+
+
+__all__ = ["Gain", "gain", "level", "windowed"]

@@ -1,0 +1,47 @@
+"""Forward selection by the motion witness alone: one effect after the other, pairs where none is enough by itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from signlin_ros.diagnosis.motion.fitted import Fitted
+
+if TYPE_CHECKING:
+    from signlin_ros.diagnosis.motion.witness import Motion
+
+BEAM = 2
+"""How many single effects are tried with every other one."""
+
+
+def search(motion: Motion, depth: int) -> list[list[Fitted]]:
+    """Return the steps from the base to what is proposed; see `Motion.search`."""
+    path, now = [[motion.base]], motion.base
+    while len(path) <= depth and (len(path) == 1 or not now.white):
+        step, options = _step(motion, now, depth)
+        if step is None:
+            path[-1] += [one for one in options if one not in path[-1]]
+            break
+        path.append([step, *(one for one in options if one is not step)])
+        now = step
+    path[0][0] = motion.base
+    return path
+
+
+def _step(motion: Motion, now: Fitted, depth: int) -> tuple[Fitted | None, list[Fitted]]:
+    """Return the simplest of what is beyond doubt and as good as the best, and all that was tried."""
+    options = motion.extensions(now)
+    step = _simplest(motion, now, options)
+    if not (now.white or (step and step.white)):
+        options += motion.bred(now)
+        step = _simplest(motion, now, options)
+    if step is None and depth > 1 and not (now.white or now.effects):
+        options += [two for one in options[:BEAM] for two in motion.extensions(one)]
+        step = _simplest(motion, now, options)
+    return step, options
+
+
+def _simplest(motion: Motion, now: Fitted, options: list[Fitted]) -> Fitted | None:
+    return next(iter(motion.alike(now, options)), None)
+
+
+__all__ = ["search"]

@@ -1,0 +1,165 @@
+"""What may be missing: every effect that applies, with the points that a fit starts from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from signlin_ros.diagnosis.fit import Candidate, Fit, candidate
+from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.scan import periodic_starts
+from signlin_ros.effects import EFFECTS, find_effect, load_entry_points
+from signlin_ros.effects.base import Effect, SensorEffect
+from signlin_ros.errors import InputError, ModelError
+from signlin_ros.model import Model
+
+LATE = (1.5, 5.0)
+"""Delays of a sensor that a fit starts from, in samples."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """An effect that may be missing: its name, and complete sets of parameters to start from; for one of a sensor these
+    are named by what it does on a channel, ``sensor_offset.speed``.
+    """
+
+    effect: str
+    starts: tuple[dict[str, float], ...]
+
+    @property
+    def of_sensor(self) -> bool:
+        """Whether it changes what is shown, and no equation."""
+        return issubclass(EFFECTS[self.effect], SensorEffect)
+
+
+def trials(problem: Problem, names: Sequence[str] | None = None) -> list[Trial]:
+    """Return what can be tried on the base model; raise `InputError` for a name that cannot."""
+    load_entry_points()
+    found = [one for name in names or EFFECTS for one in _trials(problem, name, names is not None)]
+    known = {one.effect for one in found}
+    for name in names or ():
+        if name not in known:
+            has = any(use.type == name for use in problem.base.effects.values())
+            why = "the model has it already" if has else f"it does not apply to {problem.base.plant.name}"
+            raise InputError(f"effect {name!r} cannot be added: {why}")
+    return found
+
+
+def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
+    effect = find_effect(name, "effect")
+    if any(use.type == name for use in problem.base.effects.values()) and not effect.periodic:
+        return []
+    if issubclass(effect, SensorEffect):
+        return _of_sensors(problem, name)
+    plant = problem.base.plant
+    if (effect.plants and plant.name not in effect.plants) or name in plant.built_in:
+        return []
+    if problem.scale.imposed and effect.input is not Effect.input:
+        return []  # what is imposed is measured, not commanded
+    starts = _starts(problem, effect)
+    try:
+        applies = bool(starts) and bool(problem.base.with_effect(name, key=_key(problem.base, name), **starts[0]).trace)
+    except ModelError:
+        applies = False
+    return [Trial(name, tuple(starts))] if applies else []
+
+
+def _of_sensors(problem: Problem, name: str) -> list[Trial]:
+    """Return a trial for every channel."""
+    late = [steps * problem.scale.step for steps in LATE]
+    starts = {"sensor_gain": [1.0], "sensor_delay": late}.get(name, [0.0])
+    shown = [c for c in problem.channels if c in problem.base.states or name != "sensor_delay"]
+    return [Trial(name, tuple({f"{name}.{c}": start} for start in starts)) for c in shown]
+
+
+def _key(model: Model, name: str) -> str:
+    key, number = name, 2
+    while key in model.effects:
+        key, number = f"{name}_{number}", number + 1
+    return key
+
+
+def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
+    starts = effect.starts(problem.scale)
+    if effect.periodic:
+        scanned = [dict(zip(effect.periodic, one, strict=True)) for one in periodic_starts(problem, problem.base)]
+        starts = [{**one, **wave} for one in starts for wave in scanned]
+    return [completed(problem, effect, one) for one in starts]
+
+
+def completed(problem: Problem, effect: type[Effect], values: Mapping[str, float]) -> dict[str, float]:
+    """Return parameters of an effect as its declarations and the plant allow them."""
+    pars, spring = effect.pars(), problem.base._has_spring
+    kept = {n: v for n, v in values.items() if not (pars[n].free_standing and spring)}
+    kept |= {n: v for n, v in effect.held.items() if v is not None}
+    return {n: pars[n].nearest(v) for n, v in kept.items()}
+
+
+def rescanned(problem: Problem, trial: Trial, before: Fit) -> Trial:
+    """Return a trial with orders and phases as they show in what was fitted before; others as they are."""
+    effect = EFFECTS[trial.effect]
+    if not effect.periodic or not before.candidate.label:
+        return trial
+    waves = (dict(zip(effect.periodic, one, strict=True)) for one in periodic_starts(problem, before.fitted()))
+    starts = tuple(completed(problem, effect, trial.starts[0] | wave) for wave in waves)
+    return replace(trial, starts=starts or trial.starts)
+
+
+def sensors_of(f: Fit) -> dict[str, float]:
+    """Return what a fit has on sensors beyond the base model, ``sensor_offset.speed`` by name."""
+    return {n: v for n, v in f.parameters().items() if n.startswith("sensor_") and n in f.candidate.label}
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a model has beyond the one that was given: the whole of it, the keys of the effects that were added, and
+    what was added to sensors, ``sensor_offset.speed`` by name.
+    """
+
+    model: Model
+    keys: tuple[str, ...]
+    sensors: dict[str, float]
+
+    @classmethod
+    def of(cls, f: Fit) -> Parts:
+        """Return the parts of what was fitted."""
+        model = f.fitted()
+        return cls(model, tuple(k for k in f.candidate.label if k in model.effects), sensors_of(f))
+
+    @staticmethod
+    def sensed(c: Candidate) -> dict[str, float]:
+        """Return what a candidate adds to sensors, at its start."""
+        return {n: c.values[n] for n in c.label if n in c.values and n.startswith("sensor_")}
+
+    def without(self, key: str) -> Parts:
+        """Return the same without one of the effects."""
+        if key in self.sensors:
+            return replace(self, sensors={n: v for n, v in self.sensors.items() if n != key})
+        return replace(self, model=self.model.without_effect(key), keys=tuple(k for k in self.keys if k != key))
+
+    def candidate(self, problem: Problem) -> Candidate:
+        """Return what is fitted."""
+        return candidate(problem, self.model, self.keys, self.sensors)
+
+
+def extended(problem: Problem, before: Parts, trial: Trial, start: Mapping[str, float]) -> Candidate:
+    """Return the candidate that adds an effect, at one of its starts, to what was fitted before; with the base
+    parameters at nominal, since a base model that lacks something bends them.
+    """
+    if trial.of_sensor:
+        return from_nominal(problem, replace(before, sensors={**before.sensors, **start}).candidate(problem))
+    key = _key(before.model, trial.effect)
+    more = replace(before, model=before.model.with_effect(trial.effect, key=key, **start), keys=(*before.keys, key))
+    return from_nominal(problem, more.candidate(problem))
+
+
+def from_nominal(problem: Problem, c: Candidate) -> Candidate:
+    """Return a candidate with the base parameters as they were given."""
+    values = dict(c.values)
+    given = dict(problem.base.parameters)
+    for key, use in problem.base.effects.items():
+        given |= {f"{key}.{name}": value for name, value in use.parameters.items()}
+    return replace(c, values={n: given.get(n, v) for n, v in values.items()})
+
+
+__all__ = ["Parts", "Trial", "completed", "extended", "from_nominal", "rescanned", "sensors_of", "trials"]

@@ -1,0 +1,322 @@
+"""The motion witness: models simulated with an observer, fitted to known records, judged by windows of unseen ones."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import Any
+
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.fit import Candidate, Fit, candidate, tidied
+from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, estimates, names_of, spreads, whole_model
+from signlin_ros.diagnosis.motion.fitting import Found, bred, climbed, settled, solved
+from signlin_ros.diagnosis.motion.left import left
+from signlin_ros.diagnosis.motion.prepare import prepared, stretched
+from signlin_ros.diagnosis.motion.score import Gain, gain, level, windowed
+from signlin_ros.diagnosis.motion.search import search
+from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
+from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.effects import EFFECTS
+from signlin_ros.errors import SignlinError, SimulationError
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+SERIOUS, FINISHED = 0.25, 8
+"""Share of the best candidate's gain that makes another one worth a thorough fit; and how many get one at most."""
+
+Progress = Callable[[str], None]
+
+
+class CancelledError(SignlinError):
+    """Somebody asked to stop."""
+
+
+class Motion:
+    """Fits of a model, with effects added, to the known records, and their errors on the unseen ones.
+
+    ``problem``, ``unseen``: the records, prepared; ``short``: what is fitted to, stretches where records are long.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        unseen: Problem,
+        criteria: Criteria,
+        jobs: int | None = None,
+        progress: Progress | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> None:
+        self.problem, self.unseen, self.criteria = problem, unseen, criteria
+        self.short = stretched(problem)
+        self.jobs = jobs or min(os.cpu_count() or 1, 2)
+        self._tell, self._cancelled = progress or (lambda what: None), cancelled or (lambda: False)
+        self._best: dict[tuple[str, ...], Fitted] = {}
+        self._base()
+
+    @classmethod
+    def of(
+        cls,
+        model: Model,
+        known: list[ModelData],
+        unseen: list[ModelData] | None,
+        criteria: Criteria,
+        jobs: int | None = None,
+        progress: Progress | None = None,
+        cancelled: Callable[[], bool] | None = None,
+    ) -> Motion:
+        """Prepare records (the last third is held out where ``unseen`` is None) and fit the model as given."""
+        return cls(*prepared(model, known, unseen), criteria, jobs, progress, cancelled)
+
+    # ------------------------------------------------------------ fits
+
+    @property
+    def base(self) -> Fitted:
+        """The best fit of the model as given."""
+        return self._best[()]
+
+    def _base(self) -> None:
+        self.say("base model")
+        found = settled(self.short, candidate(self.problem, self.problem.base, ()), [None], self.check)
+        if found is None:
+            raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
+        self._keep(found)
+
+    def _keep(self, found: Found) -> Fitted:
+        """Return a fit with all that is told of it; remembered if it is the best of its class."""
+        f = tidied(found.fit)
+        errors = spreads(self.short, f)
+        mine = Fitted(
+            names_of(self.problem, f),
+            whole_model(f),
+            estimates(self.problem, f, errors),
+            found.known if self.short is self.problem else windowed(self.problem, f.candidate, f.theta, f.gains),
+            windowed(self.unseen, f.candidate, f.theta, f.gains),
+            left(self.short, found.low, self.criteria),
+            at_bound(f),
+            self.unseen.noise,
+            f,
+            errors,
+        )
+        known = self._best.get(_class(mine))
+        if known is None or self._known_level(mine) < self._known_level(known):
+            self._best[_class(mine)] = mine
+        return self._best[_class(mine)]
+
+    def _known_level(self, f: Fitted) -> float:
+        return level(f.known_squares, self.problem.noise)
+
+    def best(self, f: Fitted) -> Fitted:
+        """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
+        return self._best[_class(f)]
+
+    def fitted(self, effects: Sequence[str], start: Model | None = None) -> Fitted:
+        """Return the best fit of these effects beside the base parameters.
+
+        Started from the values that ``start`` has, if it has all of them; else from those that a scan finds, one effect
+        after the other, each from the values that ``start`` has of it.
+        """
+        uses = start.effects.values() if start else ()
+        if start and set(effects) <= {u.type for u in uses} and (found := self._as_given(effects, start)):
+            return found
+        now = self.base
+        for name in effects:
+            now = self._with(now, [self._given(t, start) for t in trials(self.problem, [name])])
+        return now
+
+    def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
+        """Return the fit of effects from the values of a model that has them all, its base parameters too."""
+        c: Candidate | None = None
+        parts = Parts.of(self.base.fit)
+        for name in effects:
+            given = [self._given(t, start) for t in trials(self.problem, [name])]
+            trial = next((t for t in given if not t.of_sensor or _on(t, start)), given[0])
+            c = extended(self.problem, parts, trial, trial.starts[0])
+            parts = Parts(c.model, tuple(k for k in c.label if k in c.model.effects), Parts.sensed(c))
+        if c is None:
+            return self.base
+        known = {
+            **start.parameters,
+            **{f"{k}.{n}": v for k, use in start.effects.items() for n, v in use.parameters.items()},
+        }
+        base = {n: known[n] for n in (k.name for k in c.coordinates) if n in known}
+        found = settled(self.short, c, [None, c.start(base)], self.check)
+        return self._around(found) if found else None
+
+    def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
+        """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
+        fits = [f for f in self.each(lambda t: self._climbed(now.fit, t), options) if f]
+        best = min(fits, key=lambda f: f.cost, default=None)
+        found = self._finished(now, best) if best else None
+        if found is None:
+            name = options[0].effect
+            raise SimulationError(f"{self.problem.base.source}: with {name} the model diverges on these records")
+        return found
+
+    def _given(self, trial: Trial, start: Model | None) -> Trial:
+        """Return a trial that starts from the values that a model has of its effect, if it has it."""
+        uses = [u for u in start.effects.values() if u.type == trial.effect] if start else []
+        if not uses:
+            return trial
+        if trial.of_sensor:
+            (name,) = trial.starts[0]
+            value = uses[-1].parameters.get(name.partition(".")[2])
+            return trial if value is None else replace(trial, starts=({name: value},))
+        return replace(trial, starts=(completed(self.problem, EFFECTS[trial.effect], uses[-1].parameters),))
+
+    def _climbed(self, before: Fit, trial: Trial, few: int = 4) -> Fit | None:
+        self.check()
+        return climbed(self.short, before, rescanned(self.short, trial, before), few)
+
+    def _finished(self, before: Fitted, f: Fit) -> Fitted | None:
+        """Return a promising fit gone on with to the end, also from the base parameters of what it extends, and that
+        one from where this one arrived: each is then the best of its class.
+        """
+        self.check()
+        c, known = f.candidate, before.fit.parameters()
+        mixed = c.start({**f.parameters(), **known})
+        found = settled(self.short, c, [f.theta, mixed], self.check)
+        return self._around(found) if found else None
+
+    def _around(self, found: Found) -> Fitted:
+        """Keep a fit, and fit those that lack one of its effects from where it arrived."""
+        mine, label = self._keep(found), set(found.fit.candidate.label)
+        for known in list(self._best.values()):
+            other = set(known.fit.candidate.label)
+            if other < label and len(label) == len(other) + 1:
+                self._refit(known, found)
+        return mine
+
+    def _refit(self, before: Fitted, found: Found) -> None:
+        """Fit the smaller model from where the larger one arrived, if that shows a way out of a local minimum."""
+        c = before.fit.candidate
+        if not c.coordinates:
+            return
+        theta = c.start({n: v for n, v in found.fit.parameters().items() if n in {k.name for k in c.coordinates}})
+        middle = self.problem.levels[1]
+        here, there = (solved(self.short, c, middle, x, n) for x, n in ((before.fit.theta, 0), (theta, 3)))
+        if here and there and there.cost < here.cost - 1.0:
+            again = settled(self.short, c, [there.theta], self.check)
+            if again:
+                self._keep(again)
+
+    # ------------------------------------------------------------ one effect more
+
+    def extensions(self, of: Fitted, names: Sequence[str] | None = None) -> list[Fitted]:
+        """Return what can be added to a fit, the promising ones fitted out, least error on unseen data first."""
+        options = [t for t in trials(self.problem, names) if t.effect not in of.effects]
+        self.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
+        fits = [f for f in self.each(lambda t: self._climbed(of.fit, t), options) if f]
+        kept = self._promising(of, fits)
+        self.say(f"fitting {len(kept)} of them to the end")
+        found = [one for one in self.each(lambda f: self._finished(of, f), kept) if one]
+        found += [plain for one in found for plain in self._plainer(one)]
+        return sorted({_class(one): one for one in found}.values(), key=lambda one: one.level)
+
+    def _plainer(self, f: Fitted) -> list[Fitted]:
+        """Return a fit with the simpler law in place of one that cannot be told from it, if there is one."""
+        found, parts = [], Parts.of(f.fit)
+        for key in parts.keys if f.vague(self.criteria) else ():
+            effect = EFFECTS[f.model.effects[key].type]
+            nothing = dict.fromkeys(effect.telling, 0.0)
+            for name, start in effect.simpler(f.model.effects[key].parameters | nothing).items():
+                if name not in f.effects:
+                    found.append(self._from(f, extended(self.problem, parts.without(key), Trial(name, ()), start)))
+        return [one for one in found if one]
+
+    def _from(self, f: Fitted, c: Candidate) -> Fitted | None:
+        """Return a candidate fitted from where another fit arrived."""
+        self.check()
+        found = settled(self.short, c, [c.start(f.fit.parameters())], self.check)
+        return self._around(found) if found else None
+
+    def _promising(self, of: Fitted, fits: Sequence[Fit]) -> list[Fit]:
+        """Return the fits that gain a fair share of what the best gains, by likelihood on stretches."""
+        base = solved(self.short.short, of.fit.candidate, self.problem.levels[1], of.fit.theta, 4)
+        ordered = sorted(fits, key=lambda f: f.cost)
+        if base is None or not ordered:
+            return ordered[:FINISHED]
+        most = base.cost - ordered[0].cost
+        return [f for i, f in enumerate(ordered) if i < 3 or base.cost - f.cost > SERIOUS * most][:FINISHED]
+
+    def bred(self, of: Fitted) -> list[Fitted]:
+        """Return what can be added of the effects that have many local minima, from the best of all their starts."""
+        options = [t for t in trials(self.problem) if EFFECTS[t.effect].rugged and t.effect not in of.effects]
+        self.say("effects with many local minima")
+        fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
+        return [one for one in (self._finished(of, f) for f in fits if f) if one]
+
+    # ------------------------------------------------------------ what decides
+
+    def gain(self, before: Fitted, after: Fitted) -> Gain:
+        """Return what one model explains of unseen data beyond another."""
+        return gain(self.best(before).unseen_squares, after.unseen_squares, self.unseen.noise)
+
+    def refused(self, before: Fitted, after: Fitted) -> str:
+        """Return why a model is no step beyond another, empty if it is one.
+
+        Base parameters that were bent to imitate an effect, and are free with it, count as much as the error: both are
+        squares of standard errors.
+        """
+        c, g = self.criteria, self.gain(before, after)
+        freed = 0.0 if after.far(c) else max(self.best(before).strain - after.strain, 0.0)
+        if g.certainty * abs(g.certainty) + freed < c.certainty**2:
+            return f"the error on unseen data falls by {g.certainty:.1f} standard errors"
+        if freed < c.certainty**2 and g.share < c.share:
+            return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
+        if g.worsens(c.worse, c.alike):
+            return "the error of a channel rises"
+        return after.vague(c)
+
+    def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
+        """Return the options that are a step beyond a model and as good as the best of them, the simplest first."""
+        good = [one for one in options if not self.refused(before, one)]
+        best = min(good, key=lambda one: one.level, default=None)
+        near = [one for one in good if best and self._as_good(best, one)]
+        return sorted(near, key=lambda one: (one.size, one.level + one.strain / self.unseen.samples))
+
+    def _as_good(self, best: Fitted, other: Fitted) -> bool:
+        """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
+        g = self.gain(other, best)
+        alike = bool((g.ratios > 1.0 - self.criteria.alike).all())
+        return other is best or g.certainty < self.criteria.tie or alike
+
+    def search(self, depth: int = 3) -> list[list[Fitted]]:
+        """Return the steps from the base to what is proposed: of each what was taken, then the other options that there
+        were, least error first. The first is the base; the last holds what was tried in vain, too.
+        """
+        return search(self, depth)
+
+    # ------------------------------------------------------------ running
+
+    def say(self, what: str) -> None:
+        """Tell what is being done; raise `CancelledError` if somebody asked to stop."""
+        self.check()
+        self._tell(what)
+
+    def check(self) -> None:
+        """Raise `CancelledError` if somebody asked to stop."""
+        if self._cancelled():
+            raise CancelledError("stopped")
+
+    def each(self, do: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+        """Do a thing to each, side by side."""
+        if self.jobs == 1 or len(items) < 2:
+            return [do(item) for item in items]
+        with ThreadPoolExecutor(self.jobs) as pool:
+            return list(pool.map(do, items))
+
+
+def _class(f: Fitted) -> tuple[str, ...]:
+    """Return what tells one set of effects from another: their keys, sensors with their channels."""
+    return tuple(sorted(f.fit.candidate.label))
+
+
+def _on(trial: Trial, model: Model) -> bool:
+    """Tell whether a model has an effect of a sensor on the channel of a trial."""
+    channel = next(iter(trial.starts[0])).partition(".")[2]
+    return any(use.type == trial.effect and channel in use.parameters for use in model.effects.values())
+
+
+__all__ = ["CancelledError", "Motion"]

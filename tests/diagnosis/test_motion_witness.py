@@ -1,0 +1,134 @@
+"""The motion witness: one measure on unseen data, nested models in order, names and refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.hidden.generator import draw, write
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.data import load_records
+from signlin_ros.diagnosis.motion import CancelledError, Motion
+from signlin_ros.diagnosis.motion.score import gain
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.simulate import simulate
+
+BASE = {"plant": "mass_spring_damper", "parameters": {"m": 2.0, "c": 3.0, "k": 40.0}}
+NOISE = 1e-3
+RNG = np.random.default_rng
+
+
+def record(model: Model, seed: int, seconds: float = 16.0, channels: tuple[str, ...] = ("displacement",)) -> ModelData:
+    rng = RNG(seed)
+    t = np.arange(round(seconds / 0.005)) * 0.005
+    tones = 2 * np.pi * rng.uniform(0.2, 3.0, 5)
+    u = 8.0 * np.sin(tones * t[:, None] + rng.uniform(0, 6, 5)).sum(axis=1)[:, None]
+    x = simulate(model, t, u, np.zeros(2)).x
+    noise = {"displacement": NOISE, "velocity": 10 * NOISE}
+    measured = {c: x[:, model.states.index(c)] + rng.normal(0, noise[c], t.size) for c in channels}
+    return ModelData(t, u, measured, None, ("force",), ("displacement", "velocity"), {"displacement": "m"})
+
+
+def motion(truth: Model, base: Model | None = None, **options) -> Motion:
+    known, unseen = record(truth, 1, **options), record(truth, 2, **options)
+    return Motion.of(base or Model.from_dict(BASE), [known], [unseen], Criteria(), jobs=1)
+
+
+COULOMB = Model.from_dict({**BASE, "effects": {"coulomb_friction": {"mu": 2.0}}})
+
+
+def test_the_windowed_error_of_a_right_model_is_the_noise_of_the_sensor():
+    base = motion(Model.from_dict(BASE)).base
+    assert np.sqrt(np.mean(base.unseen_squares)) == pytest.approx(NOISE, rel=0.05)
+    assert base.white
+
+
+def test_certainty_is_the_mean_difference_over_its_standard_error():
+    before, after = RNG(0).uniform(1, 2, (40, 1)), RNG(1).uniform(1, 1.5, (40, 1))
+    difference = np.log(before + 1e-6) - np.log(after + 1e-6)
+    expected = difference.mean() / (difference.std(ddof=1) / np.sqrt(40))
+    found = gain(before, after, np.array([1e-3]))
+    assert found.certainty == pytest.approx(expected)
+    assert gain(after, before, np.array([1e-3])).certainty == pytest.approx(-expected)
+
+
+def test_the_simplest_law_that_suffices_is_named():
+    found = motion(COULOMB)
+    path = found.search()
+    assert path[-1][0].effects == ("coulomb_friction",)
+    mu = path[-1][0].parameters["coulomb_friction.mu"]
+    assert abs(mu.value - 2.0) < 4 * mu.std < 0.5
+    assert "coulomb_friction" in path[-1][0].model.effects
+    richer = found.fitted(["coulomb_friction", "viscous_friction"], COULOMB)
+    assert found.refused(path[-1][0], richer)
+
+
+def test_a_larger_model_is_never_worse_on_what_it_was_fitted_to():
+    found = motion(COULOMB, channels=("displacement", "velocity"))
+    smaller = found.fitted(["coulomb_friction"])
+    larger = found.fitted(["coulomb_friction", "quadratic_drag"])
+    first, second = (np.mean(f.known_squares, axis=0).sum() for f in (smaller, larger))
+    assert second < first * 1.001
+
+
+def test_a_model_without_free_parameters_is_judged_too():
+    frozen = Model.from_dict({**BASE, "frozen": ["m", "c", "k"]})
+    found = motion(COULOMB, frozen)
+    assert found.base.parameters == {}
+    assert found.extensions(found.base, ["coulomb_friction"])[0].parameters["coulomb_friction.mu"].value > 1.5
+
+
+def test_an_imposed_motion_without_any_force_of_its_own():
+    rng, t = RNG(5), np.arange(4000) * 0.005
+    v = 0.1 * np.sin(2 * np.pi * np.array([0.4, 1.1]) * t[:, None]).sum(axis=1)
+    displacement = np.concatenate([[0.0], np.cumsum(v[:-1]) * 0.005])
+    force = 800.0 * v + 50.0 * np.sign(v) + rng.normal(0, 2.0, t.size)
+    measured = {"displacement": displacement, "force": force}
+    data = ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), {"displacement": "m"})
+    nothing = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 0.0}})
+    found = Motion.of(nothing, [data], None, Criteria(), jobs=1)
+    assert found.base.parameters == {}
+    both = found.fitted(["viscous_friction", "coulomb_friction"])
+    assert both.parameters["viscous_friction.b"].value == pytest.approx(800.0, rel=0.02)
+    assert both.parameters["coulomb_friction.mu"].value == pytest.approx(50.0, rel=0.05)
+
+
+def test_gaps_several_records_and_missing_samples():
+    whole = record(COULOMB, 1)
+    holes = whole.measured["displacement"].copy()
+    holes[::17] = np.nan
+    kept = np.r_[0:1300, 1800:3200]
+    cut = ModelData(
+        whole.t[kept], whole.u[kept], {"displacement": holes[kept]}, None, whole.inputs, whole.states, whole.units
+    )
+    found = Motion.of(Model.from_dict(BASE), [cut, record(COULOMB, 3)], None, Criteria(), jobs=1)
+    assert not found.refused(found.base, found.fitted(["coulomb_friction"]))
+
+
+def test_it_stops_when_asked():
+    asked = []
+    model, data = Model.from_dict(BASE), [record(COULOMB, 1)]
+    with pytest.raises(CancelledError):
+        Motion.of(model, data, None, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0).search()
+    assert len(asked) == 1
+
+
+def test_criteria_are_arguments():
+    found = motion(COULOMB)
+    strict = replace(Criteria(), certainty=1e6)
+    found.criteria = strict
+    assert found.refused(found.base, found.fitted(["coulomb_friction"]))
+
+
+@pytest.mark.parametrize(("group", "index"), [("single", 4), ("weak", 0), ("none", 1)])
+def test_records_of_an_independent_program(group, index, tmp_path):
+    drawn = draw(group, index, 3)
+    folder = write(drawn, tmp_path)
+    paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
+    model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
+    final = Motion.of(model, [known], [unseen], Criteria(), jobs=1).search()[-1][0]
+    assert {*final.effects} == {*drawn.truth["hidden"]} - {"none"}
+    assert final.white
