@@ -3,36 +3,39 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-from signlin_ros.diagnosis.findings import Findings
-from signlin_ros.diagnosis.parameters import estimates, given
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.model import Model
 
 
-def proposal(f: Findings) -> Model:
-    """Return the base model with the named effects and all fitted values, sensors included."""
-    found = f.final.ranked.fit
-    model, values = found.fitted(), found.parameters()
-    model = model.with_parameters({n: float(f"{model.value(n):.6g}") for n in values if not n.startswith("sensor_")})
-    for name in f.final.ranked.sensors:
-        kind, _, channel = name.partition(".")
-        model = model.with_effect(kind, None, **{channel: float(f"{values[name]:.6g}")})
-    return model
+def rounded(model: Model, fitted: Mapping[str, Estimate]) -> Model:
+    """Return a fitted model with its fitted values to six digits."""
+    own = model.par_declarations()
+    names = [n for n in fitted if f"parameters.{n}" in own or f"effects.{n}" in own]
+    return model.with_parameters({n: float(f"{model.value(n):.6g}") for n in names})
 
 
-def yaml_of(model: Model, f: Findings) -> str:
+def given(base: Model, name: str) -> float | None:
+    """Return a parameter as the base model has it, None where it has none of this name."""
+    key, _, inner = name.rpartition(".")
+    if not key:
+        return base.parameters.get(inner)
+    return base.effects[key].parameters.get(inner) if key in base.effects else None
+
+
+def yaml_of(model: Model, findings: Any) -> str:
     """Return the model file, with comments of where the fitted values came from."""
-    found = f.final.ranked.fit
-    fitted = estimates(found, [c.name for c in found.candidate.coordinates], f)
-    sources = ", ".join(dict.fromkeys(Path(s.source).name for s in f.problem.segments))
+    fitted, problem = findings.estimates, findings.problem
+    sources = ", ".join(dict.fromkeys(Path(s.source).name for s in problem.segments))
     lines = [f"# Fitted to {sources}; what follows ± is the standard error."]
     for line in model.to_yaml().splitlines():
         match = re.match(r"( *)([\w.]+):", line)
         key = match.group(2) if match else ""
         names = [n for n in fitted if (n.partition(".")[0] if "." in n else "parameters") == key]
-        lines += [f"{match.group(1)}# {_origin(n, fitted[n], f.problem.base)}" for n in names if match]
+        lines += [f"{match.group(1)}# {_origin(n, fitted[n], problem.base)}" for n in names if match]
         lines.append(line)
     return "\n".join(lines) + "\n"
 
@@ -43,4 +46,4 @@ def _origin(name: str, p: Estimate, base: Model) -> str:
     return "; ".join([f"{name}: fitted, {p}", *before, *([p.note] if p.note else [])])
 
 
-__all__ = ["proposal", "yaml_of"]
+__all__ = ["given", "rounded", "yaml_of"]

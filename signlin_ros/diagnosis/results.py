@@ -95,11 +95,12 @@ class Rung:
     effects: tuple[str, ...]
     estimation: Scores
     validation: Scores
+    force: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """Return one entry of ``ladder``."""
+        """Return one entry of ``ladder``; ``force``: what is left of it on unseen data, in per cent of the effort."""
         both = {"validation": self.validation.to_json(), "estimation": self.estimation.to_json()}
-        return {"effects": list(self.effects), **both}
+        return {"effects": list(self.effects), **both, "missing_force_percent": _finite(self.force)}
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,8 @@ class Diagnosis:
     ``verdict``: adequate, missing or unexplained; ``sentence`` says it in words. ``base``, ``parameters``: estimates
     of the base model alone and of the proposal. ``model``: the proposal. ``range``: what the records visited.
     ``noise``: standard deviation by channel. ``experiments``: what would decide what this record cannot.
-    ``findings``: the fits behind it, for pictures.
+    ``given``: the model as given, before anything was fitted; ``horizon`` in s over which motion is predicted.
+    ``remainder``: what is left, in words. ``findings``: the fits behind it, for pictures.
     """
 
     verdict: str
@@ -125,6 +127,9 @@ class Diagnosis:
     experiments: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     yaml: str = ""
+    given: Rung | None = None
+    horizon: float = 0.0
+    remainder: str = ""
     findings: Any = field(default=None, repr=False, compare=False)
 
     @property
@@ -138,6 +143,7 @@ class Diagnosis:
         return {
             "verdict": self.verdict,
             "sentence": self.sentence,
+            "given": self.given.to_json() if self.given else None,
             "base": {"parameters": base, "validation": self.base_validation.to_json()},
             "ranking": [e.to_json() for e in self.ranking],
             "ladder": [r.to_json() for r in self.ladder],
@@ -147,6 +153,7 @@ class Diagnosis:
             "noise": dict(self.noise),
             "experiments": list(self.experiments),
             "notes": list(self.notes),
+            "horizon": self.horizon,
         }
 
     def _repr_html_(self) -> str:

@@ -189,14 +189,20 @@ class Regression:
             return 0.0
         blocks, n = self.unseen.blocks, np.bincount(self.unseen.blocks)
         first, second = (np.bincount(blocks, f.unseen**2)[n > 0] for f in (a, b))
-        apart = second - first
-        floor = 0.1 * second.mean() + TINY
-        plain, shares = _sure(apart), _sure(np.log((second + floor) / (first + floor)))
-        return min(max(plain, shares), 60.0) if plain > 0 else max(plain, -60.0)
+        return mean_certainty(second, first)
 
     def percent(self, fit: Fit) -> float:
         """Return the force that is left of unseen data in per cent of the effort (RMS)."""
         return 100.0 * float(np.sqrt(fit.error)) / max(self.unseen.effort, TINY)
+
+
+def mean_certainty(before: Array, after: Array) -> float:
+    """Return by how many standard errors squares (blocks,) fall, at most 60: their mean, or that of their logarithms,
+    whichever is surer.
+    """
+    floor = 0.1 * before.mean() + TINY
+    plain, shares = _sure(before - after), _sure(np.log((before + floor) / (after + floor)))
+    return min(max(plain, shares), 60.0) if plain > 0 else max(plain, -60.0)
 
 
 def _sure(values: Array) -> float:
@@ -235,4 +241,4 @@ def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) 
     return theta, std, left
 
 
-__all__ = ["KEY", "Base", "Fit", "Member", "Regression", "Side", "base_of", "side", "telling"]
+__all__ = ["KEY", "Base", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "side", "telling"]

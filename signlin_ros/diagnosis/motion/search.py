@@ -13,17 +13,18 @@ BEAM = 2
 """How many single effects are tried with every other one."""
 
 
-def search(motion: Motion, depth: int) -> list[list[Fitted]]:
-    """Return the steps from the base to what is proposed; see `Motion.search`."""
-    path, now = [[motion.base]], motion.base
-    while len(path) <= depth and (len(path) == 1 or not now.white):
+def search(motion: Motion, depth: int, start: Fitted | None = None) -> list[list[Fitted]]:
+    """Return the steps from a model (the base, by default) to what is proposed; see `Motion.search`."""
+    now = start or motion.base
+    path = [[now]]
+    while len(now.effects) < depth and (len(path) == 1 or not now.white):
         step, options = _step(motion, now, depth)
         if step is None:
             path[-1] += [one for one in options if one not in path[-1]]
             break
         path.append([step, *(one for one in options if one is not step)])
         now = step
-    path[0][0] = motion.base
+    path[0][0] = motion.best(path[0][0])
     return path
 
 

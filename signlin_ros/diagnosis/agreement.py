@@ -1,0 +1,265 @@
+"""Two witnesses, one rule of agreement: which effects both of them can stand for.
+
+Every model that either of them proposes is measured in the same two ways on unseen data: the force that it leaves, in
+per cent of the effort, and the motion over the horizon. The force witness goes first where forces are seen; the motion
+witness confirms by simulation, tells richer laws of a family from simpler ones, and adds what no force shows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.force.laws import KEY
+from signlin_ros.diagnosis.force.record import missing_force
+from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
+from signlin_ros.diagnosis.force.witness import Testimony
+from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.motion.search import search
+from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.effects.base import Effect, SensorEffect
+from signlin_ros.errors import SignlinError
+from signlin_ros.model import Model
+
+Array = NDArray[np.float64]
+
+HALF = 0.5
+"""Part of the squared error that a model must take away for a difference of the witnesses to matter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Agreed:
+    """What both witnesses can stand for: ``final`` beside ``base``, and why they differ, if they do.
+
+    ``tried``: all models that were fitted out. ``conflict``: in words, empty where they agree. ``proposed`` (force) and
+    ``found`` (motion): what each says by itself.
+    """
+
+    motion: Motion
+    force: Testimony | None
+    base: Fitted
+    final: Fitted
+    conflict: str = ""
+    tried: tuple[Fitted, ...] = ()
+    proposed: tuple[str, ...] = ()
+    found: tuple[str, ...] = ()
+    _left: dict[int, Array] = field(default_factory=dict, repr=False)
+
+    def left(self, f: Fitted) -> Array | None:
+        """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell."""
+        return force_left(self.force, f, self._left)
+
+    def percent(self, f: Fitted) -> float | None:
+        """Return the force left of unseen data in per cent of the effort (RMS), None where forces do not tell."""
+        left = self.left(f)
+        return None if left is None or self.force is None else percent(self.force, left)
+
+
+def percent(force: Testimony, left: Array) -> float:
+    """Return squares (blocks,) as per cent of the effort (RMS)."""
+    return 100.0 * float(np.sqrt(np.mean(left))) / max(force.search.r.unseen.effort, 1e-300)
+
+
+def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> Array | None:
+    """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell.
+
+    Effort and motion may be stamped apart, by what the force witness found.
+    """
+    if force is None or not comparable(f):
+        return None
+    if id(f) not in known:
+        r = force.search.r
+        left = np.concatenate([p.seen(missing_force(f.model, p)) for p in r.unseen.pieces])
+        late = r.unseen.X[:, -1]
+        left = left - late * np.clip(float(late @ left) / max(float(late @ late), 1e-300), -0.5, 0.5)
+        count = np.bincount(r.unseen.blocks)
+        known[id(f)] = np.bincount(r.unseen.blocks, left**2)[count > 0] / count[count > 0]
+    return known[id(f)]
+
+
+def comparable(f: Fitted) -> bool:
+    """Tell whether the force that a model leaves can be compared with the base model's: not where the effort itself,
+    or what is measured, is what was changed.
+    """
+    return not any(changes_effort(find_effect(name, "effects")) for name in f.effects)
+
+
+def changes_effort(effect: type[Effect]) -> bool:
+    """Tell whether an effect changes the input, the torque constant, or what a sensor shows: the effort would explain
+    itself.
+    """
+    own = (effect.input, effect.delay, effect.torque_constant, effect.resistance)
+    none = (Effect.input, Effect.delay, Effect.torque_constant, Effect.resistance)
+    return issubclass(effect, SensorEffect) or any(a is not b for a, b in zip(own, none, strict=True))
+
+
+def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: int) -> Agreed:
+    """Return what both witnesses can stand for.
+
+    What the force witness proposes is fitted by simulation. Where that leaves noise, both agree. Else the motion
+    witness searches by itself, and goes on from there; what it adds must not leave more force.
+    """
+    left: dict[int, Array] = {}
+    tried: list[Fitted] = []
+    base = motion.base
+    proposed = force.effects if force else ()
+    first = _confirmed(motion, force, criteria, tried) if force and force.effects else None
+    if first is not None and first.white:
+        return Agreed(motion, force, base, first, "", tuple(tried), proposed, (), left)
+    path = search(motion, depth)
+    second = path[-1][0]
+    tried += [f for step in path for f in step]
+    further = _followed(motion, first, depth, tried) if first is not None and not second.white else first
+    final, conflict = _chosen(motion, force, [f for f in (first, further) if f], second, criteria, left)
+    return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, second.effects, left)
+
+
+def _chosen(
+    motion: Motion,
+    force: Testimony | None,
+    first: Sequence[Fitted],
+    second: Fitted,
+    criteria: Criteria,
+    left: dict[int, Array],
+) -> tuple[Fitted, str]:
+    """Return the model to stand for, of what force (``first``) and motion (``second``) arrived at, and why they differ."""
+    base = motion.base
+    if not first:
+        if second.effects and _raises(force, base, second, criteria, left):
+            return base, f"{_words(second)} would follow the motion, but leaves more force than the model as it is"
+        return second, ""
+    now = first[0]
+    for other in (*first[1:], second):
+        if set(other.effects) != set(now.effects) and _beyond(motion, force, now, other, criteria, left):
+            now = other
+    g = motion.gain(now, second)
+    if now is not second and g.certainty >= criteria.certainty and g.share >= HALF and second.effects:
+        return now, f"{_words(second)} would follow the motion better than {_words(now)}, but leaves more force"
+    return now, ""
+
+
+def _beyond(
+    motion: Motion, force: Testimony | None, now: Fitted, other: Fitted, criteria: Criteria, left: dict[int, Array]
+) -> bool:
+    """Tell whether another model is to be stood for instead: it leaves noise where this one does not, or surely less of
+    the motion, and not more of the force; what the force witness can see, it must see.
+    """
+    g = motion.gain(now, other)
+    if g.worsens(criteria.worse, criteria.alike) or _raises(force, now, other, criteria, left):
+        return False
+    if other.white and not now.white:
+        return True
+    surely = g.certainty >= criteria.certainty and g.share >= criteria.share
+    return surely and (set(other.effects) - set(now.effects) <= _unseen(force) or _falls(force, now, other, criteria, left))
+
+
+def _unseen(force: Testimony | None) -> set[str]:
+    """Return the effects that the force witness cannot see."""
+    return {n for n in EFFECTS if force is None or n not in force.search.r.laws}
+
+
+def _falls(
+    force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]
+) -> bool:
+    """Tell whether a model leaves surely less force than another one."""
+    a, b = force_left(force, before, left), force_left(force, after, left)
+    return a is None or b is None or mean_certainty(a, b) >= criteria.certainty
+
+
+def _raises(
+    force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]
+) -> bool:
+    """Tell whether a model leaves more force than another one, beyond doubt, and so that it shows."""
+    a, b = force_left(force, before, left), force_left(force, after, left)
+    if a is None or b is None or force is None:
+        return False
+    noise = np.mean([p.noise for p in force.search.r.unseen.pieces]) ** 2
+    apart = float(np.mean(b) - np.mean(a))
+    return apart > max(criteria.alike * float(np.mean(a)), noise) and mean_certainty(a, b) < -criteria.worse
+
+
+def _confirmed(motion: Motion, force: Testimony, criteria: Criteria, tried: list[Fitted]) -> Fitted | None:
+    """Return the model that the force witness proposes, fitted by simulation; None where the motion refuses it."""
+    names = [n for n, _ in force.fit.members]
+    try:
+        found = motion.fitted(names, with_laws(force, force.fit))
+    except SignlinError:
+        return None
+    tried.append(found)
+    g = motion.gain(motion.base, found)
+    if g.certainty <= 0.0 or g.worsens(criteria.worse, criteria.alike):
+        return None
+    return _in_family(motion, found, force, tried)
+
+
+def _in_family(motion: Motion, found: Fitted, force: Testimony, tried: list[Fitted]) -> Fitted:
+    """Return a model with a richer law of the same family in place of one, where the motion surely asks for it."""
+    for name in found.effects:
+        law = force.search.r.laws[name]
+        kin = [n for n, x in force.search.r.laws.items() if x.effect.family and x.effect.family == law.effect.family]
+        richer = [n for n in kin if n != name and n not in found.effects and n in _single(force) ]
+        options = []
+        for other in richer:
+            rest = tuple(n if n != name else other for n in found.effects)
+            try:
+                options.append(motion.fitted(rest, _started(force, found, name, other)))
+            except SignlinError:
+                continue
+        tried += options
+        better = motion.alike(found, options)
+        found = better[0] if better else found
+    return found
+
+
+def _single(force: Testimony) -> set[str]:
+    return {next(iter(n)) for n in force.search.models if len(n) == 1}
+
+
+def _started(force: Testimony, found: Fitted, name: str, other: str) -> Model:
+    """Return a fitted model with another law in place of one, as the force witness fitted it alone."""
+    model = found.model
+    for key in [k for k, use in model.effects.items() if use.type == name]:
+        model = model.without_effect(key)
+    fit = force.search.models[frozenset({other})]
+    law, shape = force.search.r.laws[other], fit.members[0][1]
+    return model.with_effect(other, None, **law.parameters(shape, fit.theta[fit.spans[other]]))
+
+
+def with_laws(force: Testimony, fit: Fit) -> Model:
+    """Return the model as given with the laws of a fit of the force witness, and their values."""
+    r, model = force.search.r, force.search.r.model
+    for name, shape in fit.members:
+        model = model.with_effect(name, _key(model, name), **r.laws[name].parameters(shape, fit.theta[fit.spans[name]]))
+    return model
+
+
+def _key(model: Model, name: str) -> str:
+    key, count = name, 2
+    while key in model.effects:
+        key, count = f"{name}_{count}", count + 1
+    return key
+
+
+def _followed(motion: Motion, first: Fitted, depth: int, tried: list[Fitted]) -> Fitted:
+    """Return a model with what the motion witness adds to it."""
+    if len(first.effects) >= depth:
+        return first
+    path = search(motion, depth, first)
+    tried += [f for step in path for f in step]
+    return path[-1][0]
+
+
+def _words(f: Fitted) -> str:
+    return _listed(f.effects)
+
+
+def _listed(names: Sequence[str]) -> str:
+    plain = [n.replace("_", " ") for n in names]
+    return " and ".join([", ".join(plain[:-1]), plain[-1]] if len(plain) > 2 else plain)
+
+
+__all__ = ["KEY", "Agreed", "agree", "changes_effort", "comparable", "with_laws"]

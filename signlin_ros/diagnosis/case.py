@@ -1,0 +1,46 @@
+"""Records made ready for both witnesses: what is fitted to, what is held out, and what they are told apart by."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from signlin_ros.diagnosis.data import as_list, measured_channels
+from signlin_ros.diagnosis.motion.prepare import held_out
+from signlin_ros.diagnosis.problem import LEAST_SAMPLES, pieces, with_measured_position
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A model and its records: ``known`` and ``unseen`` as given or held out, and their ``parts`` without gaps."""
+
+    model: Model
+    known: tuple[ModelData, ...]
+    unseen: tuple[ModelData, ...]
+    parts: tuple[tuple[ModelData, ...], tuple[ModelData, ...]]
+    given: bool
+
+    @property
+    def rotary(self) -> bool:
+        """Whether the axis turns: as the model, its plant or the records' units say."""
+        plant, known = self.model.plant, self.model.is_rotary
+        unit = self.known[0].units.get(plant.position) or self.known[0].units.get(plant.velocity, "")
+        return unit.startswith("rad") if known is None else known
+
+
+def case(
+    model: Model, data: ModelData | Sequence[ModelData], validation: ModelData | Sequence[ModelData] | None
+) -> Case:
+    """Return a case; without validation the last third of every record is held out. Raises `RecordError`."""
+    records, given = as_list(data), None if validation is None else as_list(validation)
+    known, unseen = (records, given) if given else held_out(records)
+    model = with_measured_position(model, [*known, *unseen])
+    channels = measured_channels(model, [*known, *unseen])
+    parts = tuple(tuple(p for d in side for p in pieces(d, channels)[0] if len(p) >= LEAST_SAMPLES)
+                  for side in (known, unseen))  # fmt: skip
+    return Case(model, tuple(known), tuple(unseen), parts, bool(given))  # type: ignore[arg-type]
+
+
+__all__ = ["Case", "case"]

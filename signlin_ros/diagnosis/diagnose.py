@@ -1,0 +1,149 @@
+"""`diagnose`, `add` and `refine`: the chapters of docs/decisions/0006, one call each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from signlin_ros.diagnosis.agreement import Agreed, agree
+from signlin_ros.diagnosis.case import Case, case
+from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
+from signlin_ros.diagnosis.force.witness import Testimony, testify
+from signlin_ros.diagnosis.judgement import judge
+from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.results import Diagnosis
+from signlin_ros.diagnosis.told import told
+from signlin_ros.effects import EFFECTS, find_effect, load_entry_points
+from signlin_ros.errors import InputError, SignlinError
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+Records = ModelData | Sequence[ModelData]
+Progress = Callable[[str, float], None]
+MOST = 6
+"""Most effects that `refine` adds."""
+
+
+def diagnose(
+    model: Model,
+    data: Records,
+    validation: Records | None = None,
+    *,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    criteria: Criteria = DEFAULT,
+) -> Diagnosis:
+    """Name the physical effects that a model lacks, or say that none fits, none is missing, or what cannot be told.
+
+    data, validation: records in the model's terms (`signlin_ros.records.read_for_model`); without validation the last
+    third of every record is held out. ``jobs``: threads; ``progress``: told of what is done, and how much of all;
+    ``cancelled``: asked whether to stop, which raises `CancelledError`. Raises `RecordError` for records that cannot be
+    used.
+    """
+    prepared = case(model, data, validation)
+    motion = _motion(prepared, jobs, progress, cancelled, criteria)
+    force = _force(prepared, criteria, progress)
+    agreed = agree(motion, force, criteria, criteria.most)
+    return told(judge(prepared, agreed, criteria))
+
+
+def refine(
+    model: Model,
+    data: Records,
+    validation: Records | None = None,
+    *,
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    criteria: Criteria = DEFAULT,
+) -> Diagnosis:
+    """Add effects until nothing confirmed is missing; the last of the notes says why it stopped. See `diagnose`."""
+    found = diagnose(
+        model, data, validation, jobs=jobs, progress=progress, cancelled=cancelled, criteria=replace(criteria, most=MOST)
+    )
+    added = len(found.ladder[-1].effects)
+    end = "nothing else that is listed lowers the error on unseen data beyond doubt"
+    end = f"{MOST} effects are the most" if added >= MOST else end
+    note = f"stopped after {added} effect{'' if added == 1 else 's'}: {end}"
+    return replace(found, notes=(*found.notes, note))
+
+
+def add(
+    effect: str,
+    model: Model,
+    data: Records,
+    validation: Records | None = None,
+    *,
+    over: Sequence[str] = (),
+    jobs: int | None = None,
+    progress: Progress | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    criteria: Criteria = DEFAULT,
+) -> Diagnosis:
+    """Add an effect and fit it, whatever it is worth: the ranking has it, the ladder before and after.
+
+    Arguments as in `diagnose`; ``over``: coordinates of a `learned_force`. Raises `ModelError` for an unknown effect,
+    `InputError` where it cannot be added.
+    """
+    find_effect(effect, "effect")
+    prepared = case(model, data, validation)
+    _check_addable(prepared.model, effect)
+    motion = _motion(prepared, jobs, progress, cancelled, criteria)
+    force = _force(prepared, criteria, progress)
+    final = _asked(motion, force, effect)
+    agreed = Agreed(motion, force, motion.base, final, "", (final,), (effect,), (effect,))
+    return told(judge(prepared, agreed, criteria), asked=effect)
+
+
+def _motion(
+    prepared: Case,
+    jobs: int | None,
+    progress: Progress | None,
+    cancelled: Callable[[], bool] | None,
+    criteria: Criteria,
+) -> Motion:
+    """Return the motion witness, the base model fitted."""
+    load_entry_points()
+    tell = (lambda what: progress(what, 0.0)) if progress else None
+    unseen = list(prepared.unseen)
+    return Motion.of(prepared.model, list(prepared.known), unseen, criteria, jobs, tell, cancelled)
+
+
+def _force(prepared: Case, criteria: Criteria, progress: Progress | None) -> Testimony | None:
+    """Return the force witness; None where effort or motion are not known."""
+    if progress:
+        progress("missing force", 0.0)
+    if not all(prepared.parts) or not _seen(prepared):
+        return None
+    return testify(prepared.model, *prepared.parts, prepared.rotary, criteria)
+
+
+def _seen(prepared: Case) -> bool:
+    """Tell whether motion and effort are recorded."""
+    plant, first = prepared.model.plant, prepared.known[0]
+    moving = {plant.position, plant.velocity} & {*first.measured, *prepared.model.inputs}
+    return bool(moving)
+
+
+def _check_addable(model: Model, effect: str) -> None:
+    """Raise `InputError` where an effect cannot be added to a model."""
+    if any(use.type == effect for use in model.effects.values()) and not EFFECTS[effect].periodic:
+        raise InputError(f"effect {effect!r} cannot be added: the model has it already")
+    try:
+        model.with_effect(effect, "asked").states  # noqa: B018  tracing tells
+    except SignlinError as error:
+        why = f"it does not apply to {model.plant.name}"
+        raise InputError(f"effect {effect!r} cannot be added: {why}") from error
+
+
+def _asked(motion: Motion, force: Testimony | None, effect: str) -> Fitted:
+    """Return the fit with an effect, started from what the force witness found of it."""
+    from signlin_ros.diagnosis.agreement import with_laws
+
+    fit = force.search.models.get(frozenset({effect})) if force else None
+    start = with_laws(force, fit) if force and fit else None
+    return motion.fitted([effect], start)
+
+
+__all__ = ["add", "diagnose", "refine"]

@@ -1,0 +1,151 @@
+"""The verdict that follows from what both witnesses stand for: adequate, missing or unexplained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.agreement import Agreed, force_left
+from signlin_ros.diagnosis.case import Case
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.force.flexible import structured
+from signlin_ros.diagnosis.force.record import missing_force
+from signlin_ros.diagnosis.force.regression import Fit
+from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.signs import reversed_signal
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What follows from an agreement: the `verdict`, and every number that it rests on.
+
+    ``final``: the model to stand for; ``steps``: from the base model to it, one effect after the other.
+    """
+
+    case: Case
+    agreed: Agreed
+    criteria: Criteria
+    final: Fitted
+    steps: tuple[Fitted, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects that the model lacks."""
+        return self.final.effects
+
+    @cached_property
+    def reversed(self) -> str:
+        """The signal with whose sign reversed the model as given follows much better, if there is one."""
+        return reversed_signal(self.agreed.motion.problem, self.agreed.base.fit)
+
+    @cached_property
+    def far(self) -> dict[str, float]:
+        """Base parameters that end far from nominal, and by how many tolerances."""
+        return self.final.far(self.criteria)
+
+    @cached_property
+    def percent(self) -> float | None:
+        """Force that is left, in per cent of the effort."""
+        return self.agreed.percent(self.final)
+
+    @cached_property
+    def noise_percent(self) -> float:
+        """What the sensors' noise leaves of a force, in per cent of the effort."""
+        force = self.agreed.force
+        if force is None:
+            return np.inf
+        unseen = force.search.r.unseen
+        noise = np.sqrt(np.mean([p.noise**2 for p in unseen.pieces]))
+        return 100.0 * float(noise) / max(unseen.effort, 1e-300)
+
+    @property
+    def sees(self) -> bool:
+        """Whether the force witness can tell what is in the force that is left."""
+        return self.percent is not None and self.percent > self.criteria.sees * self.noise_percent
+
+    @cached_property
+    def structure(self) -> tuple[bool, float]:
+        """Whether a flexible curve takes a visible part away from the force that is left, and what it would leave."""
+        force = self.agreed.force
+        if force is None or self.percent is None:
+            return False, np.inf
+        if set(self.final.effects) == set(force.effects):
+            return force.structure, force.flexible
+        r = force.search.r
+        left, unseen = (
+            np.concatenate([p.seen(missing_force(self.final.model, p)) for p in s.pieces]) for s in (r.known, r.unseen)
+        )
+        return structured(r, Fit((("final", ()),), np.zeros(0), np.zeros(0), left, unseen), force.search.base)
+
+    @cached_property
+    def worse(self) -> str:
+        """The channel whose error rises from the base model to the proposal, if one does."""
+        c, motion = self.criteria, self.agreed.motion
+        if self.final is self.agreed.base:
+            return ""
+        g = motion.gain(self.agreed.base, self.final)
+        bad = (g.certainties < -c.worse) & (g.ratios > 1.0 + c.alike)
+        return motion.problem.channels[int(np.argmax(bad))] if bad.any() else ""
+
+    @cached_property
+    def unexplained(self) -> str:
+        """Why the records are not explained; empty if they are."""
+        if self.reversed:
+            return "reversed"
+        if self.agreed.conflict:
+            return "conflict"
+        if self.names and self.worse:
+            return "worse"
+        if self.names and self.far:
+            return "far"
+        if self.sees:
+            large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
+            return "structure" if self.structure[0] or (large and not self.final.white) else ""
+        return "" if self.final.white else "structure"
+
+    @property
+    def verdict(self) -> str:
+        """One of adequate, missing and unexplained."""
+        if self.unexplained:
+            return "unexplained"
+        return "missing" if self.names else "adequate"
+
+    @property
+    def horizon(self) -> float:
+        """Seconds over which the motion is predicted."""
+        motion = self.agreed.motion
+        return float(max(motion.problem.base.update_period, 2 * motion.problem.scale.step))
+
+    @cached_property
+    def _without(self) -> dict[str, Fitted]:
+        motion, names = self.agreed.motion, self.final.effects
+        rest = {e: tuple(n for n in names if n != e) for e in names}
+        return {e: motion.fitted(others, self.final.model) if others else self.agreed.base for e, others in rest.items()}
+
+    def without(self, effect: str) -> Fitted:
+        """Return the best fit without one effect of the proposal: what removing it costs."""
+        return self._without[effect]
+
+    def left(self, f: Fitted) -> Array | None:
+        """Return the mean squared force (blocks,) that a model leaves of unseen data."""
+        return force_left(self.agreed.force, f, self.agreed._left)
+
+
+def judge(case: Case, agreed: Agreed, criteria: Criteria, only: str | None = None) -> Judgement:
+    """Return what follows; with ``only`` an effect was asked for, and stays whatever it is worth."""
+    final = agreed.final
+    names, motion = final.effects, agreed.motion
+    steps = [agreed.base]
+    for k in range(1, len(names)):
+        steps.append(motion.fitted(names[:k], final.model))
+    if names:
+        steps.append(final)
+    return Judgement(case, agreed, criteria, final, tuple(steps))
+
+
+__all__ = ["Judgement", "judge"]

@@ -1,0 +1,221 @@
+"""What a judgement says: the `Diagnosis` with its ranking, ladder, parameters and words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis import words
+from signlin_ros.diagnosis.agreement import Agreed
+from signlin_ros.diagnosis.force.regression import Fit
+from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.motion.score import windowed
+from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.proposal import rounded, yaml_of
+from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
+from signlin_ros.diagnosis.scores import Score
+from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.errors import SignlinError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """The fits behind a diagnosis, for pictures and files."""
+
+    judgement: Judgement
+
+    @property
+    def agreed(self) -> Agreed:
+        """What both witnesses stand for."""
+        return self.judgement.agreed
+
+    @property
+    def problem(self) -> Problem:
+        """The records that were fitted to."""
+        return self.agreed.motion.problem
+
+    @property
+    def unseen(self) -> Problem:
+        """The records that were not."""
+        return self.agreed.motion.unseen
+
+    @cached_property
+    def estimates(self) -> dict[str, Estimate]:
+        """The parameters of the proposal."""
+        return self.judgement.final.parameters
+
+
+def told(j: Judgement, asked: str = "") -> Diagnosis:
+    """Return the diagnosis that a judgement amounts to; ``asked``: the effect that `add` was asked for."""
+    found, motion = Findings(j), j.agreed.motion
+    ladder = tuple(_rung(j, f) for f in j.steps)
+    model = rounded(j.final.model, j.final.parameters)
+    sentence = words.sentence(j) if not asked else _added(j, asked)
+    return Diagnosis(
+        verdict=j.verdict,
+        sentence=sentence,
+        base=j.agreed.base.parameters,
+        base_validation=ladder[0].validation,
+        parameters=j.final.parameters,
+        ranking=_ranking(j, asked),
+        ladder=ladder,
+        model=model,
+        range=dict(motion.problem.ranges),
+        noise=dict(zip(motion.problem.channels, motion.unseen.noise.tolist(), strict=True)),
+        experiments=_experiments(j),
+        notes=(*motion.problem.notes, *motion.unseen.notes),
+        yaml=yaml_of(model, found),
+        given=_given(j),
+        horizon=j.horizon,
+        remainder=words.remainder(j).strip(),
+        findings=found,
+    )
+
+
+def _added(j: Judgement, effect: str) -> str:
+    """Return what adding an effect is worth."""
+    name, why = effect.replace("_", " "), j.agreed.motion.refused(j.agreed.base, j.final)
+    what = words.falls(j, j.agreed.base, j.final)
+    if why:
+        return f"The record does not ask for {name}: {why}."
+    return f"With {name}, {what}.{words.remainder(j)}"
+
+
+# -------------------------------------------------------------------- scores
+
+
+def _rung(j: Judgement, f: Fitted) -> Rung:
+    return Rung(f.effects, *_both(j, f.known_squares, f.unseen_squares), j.agreed.percent(f))
+
+
+def _given(j: Judgement) -> Rung:
+    """Return the scores of the model as given, before anything was fitted."""
+    motion, fit = j.agreed.motion, j.agreed.base.fit
+    theta = np.array([k.prior for k in fit.candidate.coordinates])
+    squares = (windowed(p, fit.candidate, theta, fit.gains) for p in (motion.problem, motion.unseen))
+    return Rung((), *_both(j, *squares))
+
+
+def _both(j: Judgement, known: Array, unseen: Array) -> tuple[Scores, Scores]:
+    motion = j.agreed.motion
+    return _scores(motion.problem, known), _scores(motion.unseen, unseen)
+
+
+def _scores(problem: Problem, squares: Array) -> Scores:
+    """Return squares (blocks, channels) as scores."""
+    rmse = np.sqrt(np.nanmean(squares, axis=0))
+    spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
+    fit = np.where(spread > 0, 100.0 * (1.0 - rmse / np.maximum(spread, 1e-300)), np.nan)
+    rows = zip(problem.channels, rmse.tolist(), fit.tolist(), problem.noise.tolist(), strict=True)
+    return Scores("windowed", {n: Score(e, f if np.isfinite(f) else None, e / s if s > 0 else None) for n, e, f, s in rows})
+
+
+# -------------------------------------------------------------------- ranking
+
+
+def _ranking(j: Judgement, asked: str) -> tuple[Entry, ...]:
+    """Return every effect that competed, what is proposed first, with its status and why; then what does not apply."""
+    single = {f.effects[0]: f for f in j.agreed.tried if len(f.effects) == 1}
+    ties = {e: _ties(j, e) for e in j.names}
+    entries = [_named(j, e, ties[e], asked) for e in j.names]
+    tied = {t: e for e, names in ties.items() for t in names}
+    rest = [n for n in EFFECTS if n not in j.names and (n in single or n in _forces(j))]
+    others = [_other(j, n, single.get(n), tied.get(n, "")) for n in rest]
+    others.sort(key=lambda e: (e.status != "ambiguous", e.evidence))
+    absent = [Entry(n, "not_applicable", {}, None, (), f"does not apply to {j.case.model.plant.name}")
+              for n in EFFECTS if n not in j.names and n not in rest and not _applies(j, n)]  # fmt: skip
+    return (*entries, *others, *absent)
+
+
+def _forces(j: Judgement) -> dict[str, Fit]:
+    force = j.agreed.force
+    return {next(iter(n)): f for n, f in force.search.models.items() if len(n) == 1} if force else {}
+
+
+def _applies(j: Judgement, name: str) -> bool:
+    try:
+        j.case.model.with_effect(name, "tried").states  # noqa: B018  tracing tells
+    except SignlinError:
+        return False
+    return True
+
+
+def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
+    """Return what could as well stand in the place of an effect: by the force, and by the motion."""
+    force, rest = j.agreed.force, set(j.names) - {effect}
+    found = set()
+    if force and set(force.effects) == set(j.names):
+        found |= set(force.search.ties(force.fit, effect))
+    motion = j.agreed.motion
+    for f in j.agreed.tried:
+        if rest < set(f.effects) and len(f.effects) == len(j.names) and effect not in f.effects:
+            g = motion.gain(f, j.final)
+            if g.certainty < j.criteria.tie and not motion.refused(j.agreed.base, f):
+                found |= set(f.effects) - rest
+    return tuple(sorted(found - set(j.names)))
+
+
+def _named(j: Judgement, effect: str, ties: tuple[str, ...], asked: str) -> Entry:
+    own = {n.partition(".")[2]: p for n, p in j.final.parameters.items() if words._belongs(j.final, n, effect)}
+    plain = [t for t in ties if not _richer(t, effect)]
+    status = "ambiguous" if plain else "confirmed"
+    refused = bool(asked) and j.agreed.motion.refused(j.agreed.base, j.final) != ""
+    if j.unexplained in ("conflict", "worse", "far", "reversed") or refused:
+        status = "rejected"
+    before = j.without(effect)
+    g = j.agreed.motion.gain(before, j.final)
+    scores = _both(j, j.final.known_squares, j.final.unseen_squares)[1]
+    return Entry(effect, status, own, scores, ties, words.why_named(j, effect), j.final.level, g.certainty)
+
+
+def _richer(a: str, b: str) -> bool:
+    """Tell whether a is a richer law of b's family: then b is named for being simpler, and that is no doubt."""
+    first, second = (find_effect(n, "effects") for n in (a, b))
+    return bool(first.family) and first.family == second.family
+
+
+def _other(j: Judgement, name: str, f: Fitted | None, tied: str) -> Entry:
+    effect, tie = find_effect(name, "effects"), (tied,) if tied else ()
+    if f is None:
+        return _by_force(j, name, tie)
+    own = {n.partition(".")[2]: p for n, p in f.parameters.items() if words._belongs(f, n, name)}
+    scores = _both(j, f.known_squares, f.unseen_squares)[1]
+    if tied and not _richer(name, tied):
+        return Entry(name, "ambiguous", own, scores, tie, f"as good on unseen data as {tied.replace('_', ' ')}", f.level)
+    why = words.why_not(j, f)
+    status = "not_excited" if effect.only_beyond and j.agreed.motion.refused(j.agreed.base, f) else "rejected"
+    if tied:
+        why = f"as good on unseen data as {tied.replace('_', ' ')}, which is the simpler law"
+    return Entry(name, status, own, scores, tie, why, f.level)
+
+
+def _by_force(j: Judgement, name: str, tie: tuple[str, ...]) -> Entry:
+    """Return the entry of an effect that only the force witness tried."""
+    force, fit = j.agreed.force, _forces(j)[name]
+    assert force is not None  # noqa: S101  it tried the effect
+    a, b = force.percent(force.search.base), force.percent(fit)
+    why = f"alone it leaves {b:.3g} % of the effort on unseen data, the model without it {a:.3g} %"
+    effect = find_effect(name, "effects")
+    status = "not_excited" if effect.only_beyond and b >= a else "rejected"
+    return Entry(name, status, {}, None, tie, why, float("inf") if not tie else 0.0)
+
+
+def _experiments(j: Judgement) -> tuple[str, ...]:
+    """Return what to record to decide between what ties, and to see what this record cannot show."""
+    found: dict[str, Any] = {}
+    for effect in j.names:
+        for tie in _ties(j, effect):
+            what = find_effect(tie, "effects").experiment
+            if what:
+                found[tie] = f"to decide on {tie.replace('_', ' ')}: {what}"
+    return tuple(found.values())
+
+
+__all__ = ["Findings", "told"]

@@ -1,0 +1,155 @@
+"""A verdict in words: every number in them is one that the tables show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from signlin_ros.diagnosis.agreement import comparable
+from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.effects import find_effect
+from signlin_ros.effects.base import SensorEffect, Shown
+from signlin_ros.errors import joined
+
+NOTHING = "Nothing is missing that this record could show"
+LEARN = "`signlin add learned_force` learns it as a curve"
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return effects in words."""
+    return joined([n.replace("_", " ") for n in names])
+
+
+def sentence(j: Judgement) -> str:
+    """Return the verdict in a few sentences."""
+    if j.reversed:
+        return (
+            f"With the sign of {j.reversed} reversed the model as it is follows this record much better: "
+            "check that sign before anything else."
+        )
+    first = _first(j)
+    if j.verdict == "adequate":
+        return f"{first}{NOTHING}{_left_over(j)}."
+    if j.verdict == "missing":
+        return f"{first}The model lacks {listed(j.names)}: {falls(j, j.agreed.base, j.final)}.{remainder(j)}"
+    return f"{first}{_unexplained(j)}"
+
+
+def _first(j: Judgement) -> str:
+    """Return what is told before anything else: base parameters far from what was said of them."""
+    if not j.far:
+        return ""
+    parts = [f"{n} ends {abs(x):.0f} tolerances from its nominal value" for n, x in j.far.items()]
+    return f"Check this first: {joined(parts)}. "
+
+
+def _unexplained(j: Judgement) -> str:
+    why = j.unexplained
+    if why == "conflict":
+        return f"The two witnesses differ: {j.agreed.conflict}. Nothing is confirmed.{remainder(j)}"
+    known = f"{listed(j.names).capitalize()} {'explains' if len(j.names) == 1 else 'explain'} a part"
+    if why == "worse":
+        return f"{known} of what is missing, but the error of {j.worse} rises on unseen data: nothing is confirmed."
+    if j.names:
+        what = falls(j, j.agreed.base, j.final)
+        if why == "far":
+            return f"{known} ({what}), but only with base parameters that far from nominal."
+        return f"{known}: {what}.{remainder(j)}"
+    return f"Something is missing that no listed effect explains{_left_over(j)}.{remainder(j)}"
+
+
+def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
+    """Return by how much the errors on unseen data fall from one model to another: the force, and the motion."""
+    parts = []
+    a, b = j.agreed.percent(before), j.agreed.percent(after)
+    if a is not None and b is not None:
+        parts.append(f"the missing force falls from {_digits(a)} % to {_digits(b)} % of the effort")
+    motion = j.agreed.motion
+    for k, name in enumerate(motion.problem.channels):
+        first, last = (float(np.sqrt(np.nanmean(f.unseen_squares[:, k]))) for f in (before, after))
+        if last < (1 - j.criteria.alike) * first:
+            unit = motion.problem.shown(motion.problem.units.get(name, ""))
+            parts.append(f"the error of {name} over {j.horizon:.3g} s from {_digits(first)} to {_digits(last)} {unit}".rstrip())
+    return f"on unseen data {joined(parts)}" if parts else "unseen data hardly show it"
+
+
+def remainder(j: Judgement) -> str:
+    """Return what is left, and what would take it away."""
+    if j.percent is None or not j.sees:
+        return ""
+    left, (flexible, after) = f" What is left is {_digits(j.percent)} % of the effort", j.structure
+    if flexible:
+        return f"{left}; a flexible curve would leave {_digits(after)} %: {LEARN}."
+    if not j.final.white:
+        return f"{left}, {_digits(j.percent / j.noise_percent)} times what the sensors' noise makes of it."
+    return ""
+
+
+def _left_over(j: Judgement) -> str:
+    if j.percent is not None:
+        return f": the force that is left is {_digits(j.percent)} % of the effort, the sensors' noise {_digits(j.noise_percent)} %"
+    return ": the residual is noise" if j.final.white else ""
+
+
+def _digits(x: float) -> str:
+    return f"{x:.3g}"
+
+
+# -------------------------------------------------------------------- of one effect
+
+
+def shown(j: Judgement, f: Fitted, effect: str) -> str:
+    """Return what a record shows of an effect, as a sentence with the values of its fit."""
+    cls, plant = find_effect(effect, "effects"), f.model.plant
+    own = {n: p for n, p in f.parameters.items() if _belongs(f, n, effect)}
+    if issubclass(cls, SensorEffect):
+        (name, p), *_ = own.items()
+        return cls.shown_on(name.partition(".")[2], Shown(p.value, p.unit, p.std))
+    values: dict[str, Shown] = {}
+    keys = [k for k, use in f.model.effects.items() if use.type == effect]
+    for n, value in f.model.effects[keys[-1]].parameters.items():
+        p = own.get(f"{keys[-1]}.{n}")
+        values[n] = Shown(value, p.unit if p else _unit(f, f"{keys[-1]}.{n}"), p.std if p else None)
+    force = "force" if plant.force_unit == "N" and not j.case.rotary else "torque"
+    return cls.shown(_with_lists(values), force, plant.position, plant.velocity)
+
+
+def _with_lists(values: dict[str, Shown]) -> dict[str, object]:
+    from signlin_ros.par import gathered
+
+    return gathered(values)
+
+
+def _unit(f: Fitted, name: str) -> str:
+    units = {n.split(".", 1)[1]: p.unit for n, p in f.model.par_declarations().items()}
+    return units.get(name, "")
+
+
+def _belongs(f: Fitted, name: str, effect: str) -> bool:
+    key = name.partition(".")[0]
+    return key == effect or (key in f.model.effects and f.model.effects[key].type == effect)
+
+
+def why_named(j: Judgement, effect: str) -> str:
+    """Return why an effect of the proposal is named: what it does, and what is lost without it."""
+    k = j.names.index(effect)
+    hurt = falls(j, j.without(effect), j.final) if len(j.names) > 1 else falls(j, j.agreed.base, j.final)
+    return f"{shown(j, j.final, j.names[k])}; {hurt}" + (", with it" if len(j.names) > 1 else "")
+
+
+def why_not(j: Judgement, f: Fitted) -> str:
+    """Return why an effect that was tried alone is not named."""
+    why = j.agreed.motion.refused(j.agreed.base, f)
+    if why:
+        return f"on unseen data {why}" if "error" in why or "takes" in why else why
+    a, b = j.agreed.percent(j.agreed.base), j.agreed.percent(f)
+    if comparable(f) and a is not None and b is not None and b > a:
+        return f"it leaves {_digits(b)} % of the effort, the model as it is {_digits(a)} %"
+    if j.names:
+        return f"{listed(j.names)} leaves less" if len(j.names) == 1 else f"{listed(j.names)} leave less"
+    return "the witnesses differ on it"
+
+
+__all__ = ["falls", "listed", "remainder", "sentence", "shown", "why_named", "why_not"]
