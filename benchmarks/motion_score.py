@@ -57,13 +57,13 @@ def _ties(motion: Any, path: list[list[Any]]) -> list[list[str]]:
     """Return the sets of effects that are as good as the proposal, at its last step."""
     if len(path) < 2:
         return []
-    return [list(one.effects) for one in motion.alike(path[-2][0], path[-1]) if one is not path[-1][0]]
+    return [list(one.effects) for one in motion.ties(path[-2][0], path[-1][0], path[-1])]
 
 
 def _told(motion: Any, before: Any, after: Any) -> str:
-    g = motion.gain(before, after)
+    g, sure = motion.gain(before, after), motion.certainty(before, after)
     values = ", ".join(f"{n} = {p}" for n, p in after.parameters.items() if n not in before.parameters)
-    return f"{after.effects[-1]}: {g.certainty:.1f} standard errors, share {g.share:.2f}; {values}"
+    return f"{after.effects[-1]}: {g.certainty:.1f} ({sure:.1f}) standard errors, share {g.share:.2f}; {values}"
 
 
 def _option(motion: Any, final: Any, one: Any) -> str:

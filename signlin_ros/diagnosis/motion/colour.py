@@ -26,7 +26,8 @@ common cause: sensors do not know of each other."""
 @dataclass(frozen=True)
 class Colour:
     """Shares of a residual's ``variance``: ``slow``, ``coloured`` (of correlation ``rho``), the rest white. ``alone``:
-    first correlation of the coloured part if nothing is slow; ``pure``: it is noise of one pole.
+    first correlation of the coloured part if nothing is slow; ``pure``: it is noise of one pole. ``together``: how many
+    samples go together, 1 + 2 sum of correlations.
     """
 
     variance: float
@@ -36,6 +37,7 @@ class Colour:
     samples: int
     alone: float = 0.0
     pure: bool = False
+    together: float = 1.0
 
     @property
     def structured(self) -> bool:
@@ -71,7 +73,8 @@ def correlations(parts: Sequence[Array], lags: int) -> tuple[Array, float, int]:
 
 def colours(innovations: Sequence[Array], noise: Array) -> list[Colour]:
     """Take every channel of innovations (T, ny) apart; ``noise`` (ny): standard deviations of white noise."""
-    found = [_colour([e[:, c] for e in innovations]) for c in range(noise.size)]
+    parts = [[e[:, c] for e in innovations] for c in range(noise.size)]
+    found = [replace(_colour(one), together=_together_in(one)) for one in parts]
     moving = _together(innovations)
     whites = [float(min(w**2 / max(one.variance, 1e-300), 1.0)) for one, w in zip(found, noise, strict=True)]
     return [one.limited(w, c in moving) for c, (one, w) in enumerate(zip(found, whites, strict=True))]
@@ -95,6 +98,13 @@ def _colour(parts: Sequence[Array]) -> Colour:
     _, slow, fast, rho = best
     slow, fast = min(slow, 1.0), fast if fast >= 4.0 / np.sqrt(max(count, 1)) else 0.0
     return Colour(variance, slow, min(fast, 1.0 - slow), rho, count, alone[1])
+
+
+def _together_in(parts: Sequence[Array]) -> float:
+    """Return 1 + 2 sum of the correlations up to where they first vanish."""
+    r, _, count = correlations(parts, max(LAGS, min(200, min(p.size for p in parts) // 4)))
+    small = r < 2.0 / np.sqrt(max(count, 1))
+    return 1.0 + 2.0 * float(np.sum(r[: int(np.argmax(small)) if small.any() else r.size]))
 
 
 def _pole(parts: Sequence[Array], r: Array, count: int) -> tuple[float, float] | None:

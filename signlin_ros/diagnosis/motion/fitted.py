@@ -93,16 +93,16 @@ class Fitted:
         ]
         kind = key.partition(".")[0] if "." in key else self.model.effects[key].type
         effect = EFFECTS[kind]
-        where = {*effect.turning[1:], *effect.periodic[:1]}
+        where, telling = {*effect.turning[1:], *effect.periodic[:1]}, (*effect.telling, *effect.essential)
         amplitudes = {}
         for k, x, std in own:
             name = k.name.rpartition(".")[2] if "." not in key else k.name
-            if k.name in self.at_bound and name in (*effect.telling, *effect.essential):
+            if k.name in self.at_bound and name in telling:
                 return f"{k.name} is at its bound"
             if name in where:
                 continue
             if k.log and kind != "sensor_gain":
-                if std > criteria.known:
+                if std > criteria.known and (not telling or name in telling):
                     return f"{k.name} is not known to better than half"
                 continue
             amplitudes[name] = abs(x) / max(std, 1e-300)

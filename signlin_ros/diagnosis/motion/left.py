@@ -36,7 +36,8 @@ SLOW = (0.1, 0.03)
 @dataclass(frozen=True)
 class Left:
     """The residual of a channel: root mean square in multiples of the sensor's noise, the share of its square that is
-    slow, the share that follows from the model's motion, and the correlation of what counts as noise.
+    slow, the share that follows from the model's motion, the correlation of what counts as noise, and how many samples
+    of it go together.
     """
 
     channel: str
@@ -45,6 +46,7 @@ class Left:
     dependent: float
     rho: float
     structured: bool
+    together: float = 1.0
 
 
 def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
@@ -55,7 +57,11 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
         problem.channels, found, shares.tolist(), problem.noise.tolist(), strict=True
     ):
         structured = one.structured or share > criteria.dependent
-        result.append(Left(channel, float(np.sqrt(one.variance) / noise), one.slow, share, one.rho, bool(structured)))
+        result.append(
+            Left(
+                channel, float(np.sqrt(one.variance) / noise), one.slow, share, one.rho, bool(structured), one.together
+            )
+        )
     return tuple(result)
 
 

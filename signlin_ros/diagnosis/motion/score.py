@@ -20,8 +20,8 @@ from signlin_ros.predict import windows
 
 Array = NDArray[np.float64]
 
-BLOCKS = 50
-"""Blocks of whole windows, at most, that a standard error is taken from: what lasts longer than a window is within."""
+BLOCKS = 100
+"""Blocks of whole windows, at most, that a standard error is taken from."""
 LOST = 1e6
 """Error of a model that diverges, in variances of the noise."""
 
@@ -60,11 +60,26 @@ def gain(before: Array, after: Array, noise: Array) -> Gain:
 
 
 def _certainty(falls: Array) -> float:
-    """Return the mean of falls (blocks) over its standard error; 0 where there is nothing to tell it from."""
-    if falls.size < 2:
+    """Return the mean of falls (blocks) over its standard error, which is larger where neighbours go together; 0 where
+    there is nothing to tell it from.
+    """
+    if falls.size < 3:
         return 0.0
-    error = float(np.std(falls, ddof=1) / np.sqrt(falls.size))
-    return float(falls.mean()) / error if error > 0 else 0.0
+    apart = falls - falls.mean()
+    square = float(apart @ apart)
+    r = min(max(float(apart[1:] @ apart[:-1]) / max(square, 1e-300), 0.0), 0.9)
+    error = np.sqrt(square / (falls.size - 1) / falls.size * (1 + r) / (1 - r))
+    return float(falls.mean() / error) if error > 0 else 0.0
+
+
+def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -> float:
+    """Return by how many standard errors of noise a model that leaves nothing else explains more than another.
+
+    Its errors e are noise, those of the other e + d: squares differ by d (2 e + d), of standard deviation 2 |e| |d|.
+    ``samples`` (channels) that were scored, of which so many go ``together`` (channels) in coloured noise.
+    """
+    first, second = np.nanmean(before, axis=0), np.maximum(np.nanmean(after, axis=0), 1e-300)
+    return float(np.sqrt(max(np.sum(samples / together * (first - second) / second) / 4, 0.0)))
 
 
 def level(squares: Array, noise: Array) -> float:
@@ -172,4 +187,4 @@ def _outputs(c: Candidate, p: Array, X: Array, u: Array) -> Array:
     return np.asarray(eq.keep.batch([*columns, sign])[h : h + ny].T)
 
 
-__all__ = ["Gain", "gain", "level", "windowed"]
+__all__ = ["Gain", "beyond_noise", "gain", "level", "windowed"]

@@ -8,13 +8,16 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.fit import Candidate, Fit, candidate, tidied
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, estimates, names_of, spreads, whole_model
 from signlin_ros.diagnosis.motion.fitting import Found, bred, climbed, settled, solved
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.prepare import prepared, stretched
-from signlin_ros.diagnosis.motion.score import Gain, gain, level, windowed
+from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, gain, level, windowed
 from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
 from signlin_ros.diagnosis.problem import Problem
@@ -26,6 +29,7 @@ from signlin_ros.records import ModelData
 SERIOUS, FINISHED = 0.25, 8
 """Share of the best candidate's gain that makes another one worth a thorough fit; and how many get one at most."""
 
+Array = NDArray[np.float64]
 Progress = Callable[[str], None]
 
 
@@ -211,8 +215,28 @@ class Motion:
         kept = self._promising(of, fits)
         self.say(f"fitting {len(kept)} of them to the end")
         found = [one for one in self.each(lambda f: self._finished(of, f), kept) if one]
+        if not names and not any(one.white for one in found):
+            found += [
+                one for one in self.each(lambda f: self._finished(of, f), self._richer(of, found, options)) if one
+            ]
         found += [plain for one in found for plain in self._plainer(one)]
         return sorted({_class(one): one for one in found}.values(), key=lambda one: one.level)
+
+    def _all_finished(self, of: Fitted, fits: Sequence[Fit]) -> list[Fitted]:
+        return [one for one in self.each(lambda f: self._finished(of, f), fits) if one]
+
+    def _richer(self, of: Fitted, found: Sequence[Fitted], options: Sequence[Trial]) -> list[Fit]:
+        """Return fits of effects that extend others, from where these arrived."""
+        jobs = []
+        for one in (f for f in found if f.fit.candidate.label[-1] in f.model.effects):
+            use = one.model.effects[one.fit.candidate.label[-1]]
+            for trial in options:
+                after = EFFECTS[trial.effect].after(use.type, use.parameters)
+                whole = [
+                    completed(self.problem, EFFECTS[trial.effect], {**trial.starts[0], **start}) for start in after
+                ]
+                jobs += [replace(trial, starts=tuple(whole))] if whole else []
+        return [f for f in self.each(lambda t: self._climbed(of.fit, t, len(t.starts)), jobs) if f]
 
     def _plainer(self, f: Fitted) -> list[Fitted]:
         """Return a fit with the simpler law in place of one that cannot be told from it, if there is one."""
@@ -245,7 +269,7 @@ class Motion:
         options = [t for t in trials(self.problem) if EFFECTS[t.effect].rugged and t.effect not in of.effects]
         self.say("effects with many local minima")
         fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
-        return [one for one in (self._finished(of, f) for f in fits if f) if one]
+        return self._all_finished(of, [f for f in fits if f])
 
     # ------------------------------------------------------------ what decides
 
@@ -253,16 +277,34 @@ class Motion:
         """Return what one model explains of unseen data beyond another."""
         return gain(self.best(before).unseen_squares, after.unseen_squares, self.unseen.noise)
 
+    def certainty(self, before: Fitted, after: Fitted) -> float:
+        """Return by how many standard errors a model lowers the error on unseen data.
+
+        Where it leaves nothing but noise, these are of noise, and known data count too, if unseen data are beyond doubt
+        by themselves: what acts for once is in few blocks.
+        """
+        blocks, before = self.gain(before, after).certainty, self.best(before)
+        together = np.array([one.together for one in after.left])
+        known, unseen = (
+            beyond_noise(a, b, _scored(p), together)
+            for a, b, p in (
+                (before.known_squares, after.known_squares, self.problem),
+                (before.unseen_squares, after.unseen_squares, self.unseen),
+            )
+        )
+        sure = after.white and min(unseen, known) > self.criteria.least
+        return max(blocks, float(np.hypot(known, unseen))) if sure else blocks
+
     def refused(self, before: Fitted, after: Fitted) -> str:
         """Return why a model is no step beyond another, empty if it is one.
 
         Base parameters that were bent to imitate an effect, and are free with it, count as much as the error: both are
         squares of standard errors.
         """
-        c, g = self.criteria, self.gain(before, after)
+        c, g, certainty = self.criteria, self.gain(before, after), self.certainty(before, after)
         freed = 0.0 if after.far(c) else max(self.best(before).strain - after.strain, 0.0)
-        if g.certainty * abs(g.certainty) + freed < c.certainty**2:
-            return f"the error on unseen data falls by {g.certainty:.1f} standard errors"
+        if certainty * abs(certainty) + freed < c.certainty**2:
+            return f"the error on unseen data falls by {certainty:.1f} standard errors"
         if freed < c.certainty**2 and g.share < c.share:
             return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
         if g.worsens(c.worse, c.alike):
@@ -274,7 +316,15 @@ class Motion:
         good = [one for one in options if not self.refused(before, one)]
         best = min(good, key=lambda one: one.level, default=None)
         near = [one for one in good if best and self._as_good(best, one)]
-        return sorted(near, key=lambda one: (one.size, one.level + one.strain / self.unseen.samples))
+        return sorted(near, key=lambda one: (len(one.effects), one.size, one.level + one.strain / self.unseen.samples))
+
+    def ties(self, before: Fitted, taken: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
+        """Return what may be there instead of what was taken: what is as good, and what would be better, but for a
+        parameter that is not known.
+        """
+        vague = [f for f in options if f.vague(self.criteria) == self.refused(before, f) != ""]
+        better = [f for f in vague if self.gain(taken, f).certainty > self.criteria.tie and not self._as_good(f, taken)]
+        return [f for f in (*self.alike(before, options), *better) if f is not taken]
 
     def _as_good(self, best: Fitted, other: Fitted) -> bool:
         """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
@@ -306,6 +356,11 @@ class Motion:
             return [do(item) for item in items]
         with ThreadPoolExecutor(self.jobs) as pool:
             return list(pool.map(do, items))
+
+
+def _scored(problem: Problem) -> Array:
+    """Return how many samples (channels) are scored, about."""
+    return np.asarray(np.sum([np.isfinite(s.y).sum(axis=0) for s in problem.segments], axis=0), dtype=float)
 
 
 def _class(f: Fitted) -> tuple[str, ...]:
