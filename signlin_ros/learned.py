@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.comparison import compare_efforts
+from signlin_ros.diagnosis.comparison import compare, compare_efforts
+from signlin_ros.diagnosis.data import as_list
 from signlin_ros.diagnosis.inverse import Efforts
+from signlin_ros.diagnosis.search import held_out
 from signlin_ros.effects.learned_force import OVER
 from signlin_ros.errors import InputError
 from signlin_ros.learning import Learned, learn
@@ -79,4 +82,76 @@ def _along(efforts: Efforts, model: Model, word: str) -> Array:
     return found
 
 
-__all__ = ["learn_missing", "with_learned"]
+def add_learned(
+    model: Model,
+    data: ModelData | Sequence[ModelData],
+    validation: ModelData | Sequence[ModelData] | None = None,
+    over: str = "speed",
+) -> tuple[Model, dict[str, Any]]:
+    """Return the model with a learned force, and before and after in the form of ``schemas/diagnose.json``.
+
+    Without validation the last third of every record is held out. The base parameters stay as they are.
+    """
+    known, unseen = (as_list(data), as_list(validation)) if validation is not None else held_out(as_list(data))
+    learned = learn_missing(model, known, over)
+    new = with_learned(model, learned)
+    runs = [[compare(one, part).to_json() for part in (known, unseen)] for one in (model, new)]
+    rungs: list[dict[str, Any]] = [
+        {"effects": effects, "estimation": _scores(seen), "validation": _scores(other)}
+        for effects, (seen, other) in zip(([], ["learned_force"]), runs, strict=True)
+    ]
+    before, after = (rung["validation"] for rung in rungs)
+    better = learned.explained > 0 and all(_error(after[n]) < _error(before[n]) for n in before if n != "score")
+    where = f"over the {learned.over.replace(', ', ' and the ')}"
+    unit = model.plant.force_unit
+    told = (
+        f"a curve {where} takes {100 * max(learned.explained, 0.0):.0f} % of the square of the missing force on blocks"
+        f" that it has not seen: {learned.before:.3g} {unit} become {learned.unseen:.3g} {unit} (RMS)"
+    )
+    parameters = _estimates(new, unit)
+    entry = {
+        "effect": "learned_force",
+        "status": "confirmed" if better else "rejected",
+        "parameters": parameters,
+        "validation": after,
+        "indistinguishable_from": [],
+        "why": told if better else f"{told}, and the motion on unseen data is not predicted better",
+    }
+    return new, {
+        "verdict": "missing" if better else "unexplained",
+        "sentence": f"Learned: {told}. Beyond what the records visited it goes straight on.",
+        "base": {"parameters": {}, "validation": before},
+        "ranking": [entry],
+        "ladder": rungs,
+        "parameters": {f"learned_force.{n}": p for n, p in parameters.items()},
+        "model": new.to_yaml(),
+        "range": _range(learned),
+        "noise": {n: c["noise"] for n, c in runs[0][0]["channels"].items()},
+        "experiments": [],
+        "notes": list(dict.fromkeys(note for run in runs[0] for note in run["notes"])),
+    }
+
+
+def _scores(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the windowed scores of a comparison as the contract's SCORES."""
+    scores = {name: channel["windowed"] for name, channel in content["channels"].items() if channel["windowed"]}
+    return {**scores, "score": "windowed"}
+
+
+def _error(score: Mapping[str, Any]) -> float:
+    return np.inf if score["rmse"] is None else float(score["rmse"])
+
+
+def _estimates(model: Model, unit: str) -> dict[str, dict[str, Any]]:
+    """Return the values and the jump as the contract's PARAMETERS; knots are chosen, not estimated."""
+    given = model.effects["learned_force"].parameters
+    shown = {n: v for n, v in given.items() if n.startswith("values[") or (n == "jump" and v)}
+    return {n: {"value": v, "std": None, "unit": unit, "note": ""} for n, v in shown.items()}
+
+
+def _range(learned: Learned) -> dict[str, list[float]]:
+    names = learned.over.split(", ")
+    return {n: [float(k[0]), float(k[-1])] for n, k in zip(names, learned.knots, strict=True)}
+
+
+__all__ = ["add_learned", "learn_missing", "with_learned"]

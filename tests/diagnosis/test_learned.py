@@ -1,8 +1,14 @@
 """From a record to an effect: what inverse dynamics leaves is learned, and the model with it is better on new data."""
 
+import json
+from pathlib import Path
+
+import jsonschema
 import numpy as np
 import pytest
 
+import signlin_ros
+from signlin_ros.cli import main
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.errors import InputError
 from signlin_ros.learned import learn_missing, with_learned
@@ -61,3 +67,26 @@ def test_a_coordinate_that_is_not_there_is_refused():
                      {"voltage": "V", "speed": "rad/s", "current": "A"})  # fmt: skip
     with pytest.raises(InputError, match="over: position: the position is neither measured nor a state of the model"):
         learn_missing(motor, data, "position")
+
+
+def test_a_force_is_learned_from_the_command_line(tmp_path, capsys):
+    model, new = tmp_path / "drive.yaml", tmp_path / "drive_2.yaml"
+    BASE.save(model)
+    data = record(3)
+    columns = np.column_stack([data.t, data.u[:, 0], data.measured["displacement"], data.measured["velocity"]])
+    file = tmp_path / "run.csv"
+    np.savetxt(file, columns, delimiter=",", header="t,force,displacement,velocity", comments="")
+    code = main(["add", "learned_force", str(model), str(file), "--over", "speed", "-o", str(new), "--json"])
+    content = json.loads(capsys.readouterr().out)
+    assert code == 0
+    schema = json.loads((Path(signlin_ros.__file__).parent / "schemas" / "diagnose.json").read_text())
+    jsonschema.validate(content, schema)
+    assert content["verdict"] == "missing"
+    before, after = (rung["validation"]["velocity"]["rmse"] for rung in content["ladder"])
+    assert after < 0.3 * before
+    saved = Model.load(new)
+    assert saved.effects["learned_force"].type == "learned_force"
+    assert Model.from_dict(saved.to_dict()) == saved
+    assert content["model"] == new.read_text()
+    assert main(["add", "coulomb_friction", str(model), str(file), "--over", "speed", "-o", str(new)]) == 2
+    assert "--over: only learned_force" in capsys.readouterr().err
