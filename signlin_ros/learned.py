@@ -100,35 +100,37 @@ def add_learned(
         {"effects": effects, "estimation": _scores(seen), "validation": _scores(other)}
         for effects, (seen, other) in zip(([], ["learned_force"]), runs, strict=True)
     ]
-    before, after = (rung["validation"] for rung in rungs)
-    better = learned.explained > 0 and all(_error(after[n]) < _error(before[n]) for n in before if n != "score")
-    where = f"over the {learned.over.replace(', ', ' and the ')}"
-    unit = model.plant.force_unit
-    told = (
-        f"a curve {where} takes {100 * max(learned.explained, 0.0):.0f} % of the square of the missing force on blocks"
-        f" that it has not seen: {learned.before:.3g} {unit} become {learned.unseen:.3g} {unit} (RMS)"
-    )
-    parameters = _estimates(new, unit)
-    entry = {
-        "effect": "learned_force",
-        "status": "confirmed" if better else "rejected",
-        "parameters": parameters,
-        "validation": after,
-        "indistinguishable_from": [],
-        "why": told if better else f"{told}, and the motion on unseen data is not predicted better",
-    }
+    entry = _entry(new, learned, *(rung["validation"] for rung in rungs))
     return new, {
-        "verdict": "missing" if better else "unexplained",
-        "sentence": f"Learned: {told}. Beyond what the records visited it goes straight on.",
-        "base": {"parameters": {}, "validation": before},
+        "verdict": "missing" if entry["status"] == "confirmed" else "unexplained",
+        "sentence": f"Learned: {entry['why']}. Beyond what the records visited it goes straight on.",
+        "base": {"parameters": {}, "validation": rungs[0]["validation"]},
         "ranking": [entry],
         "ladder": rungs,
-        "parameters": {f"learned_force.{n}": p for n, p in parameters.items()},
+        "parameters": {f"learned_force.{n}": p for n, p in entry["parameters"].items()},
         "model": new.to_yaml(),
         "range": _range(learned),
         "noise": {n: c["noise"] for n, c in runs[0][0]["channels"].items()},
         "experiments": [],
         "notes": list(dict.fromkeys(note for run in runs[0] for note in run["notes"])),
+    }
+
+
+def _entry(new: Model, learned: Learned, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
+    """Return what there is to say of the effect; before and after: SCORES on unseen data."""
+    better = learned.explained > 0 and all(_error(after[n]) < _error(before[n]) for n in before if n != "score")
+    unit, where = new.plant.force_unit, learned.over.replace(", ", " and the ")
+    told = (
+        f"a curve over the {where} takes {100 * max(learned.explained, 0.0):.0f} % of the square of the missing force"
+        f" on blocks that it has not seen: {learned.before:.3g} {unit} become {learned.unseen:.3g} {unit} (RMS)"
+    )
+    return {
+        "effect": "learned_force",
+        "status": "confirmed" if better else "rejected",
+        "parameters": _estimates(new, unit),
+        "validation": after,
+        "indistinguishable_from": [],
+        "why": told if better else f"{told}, and the motion on unseen data is not predicted better",
     }
 
 
