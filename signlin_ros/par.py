@@ -146,7 +146,11 @@ def gathered(values: Mapping[str, Any]) -> dict[str, Any]:
             found[name] = value
         else:
             lists.setdefault(declared_name(name), found.setdefault(declared_name(name), {}))[index] = value
-    return found | {name: [items[i] for i in sorted(items)] for name, items in lists.items()}
+    for name, items in lists.items():
+        if set(items) != set(range(len(items))):
+            raise ModelError(f"{name}: found the elements {sorted(items)}; allowed: all from 0 on")
+        found[name] = [items[i] for i in range(len(items))]
+    return found
 
 
 def nominal_values(pars: Mapping[str, Par]) -> dict[str, float]:

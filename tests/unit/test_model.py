@@ -738,6 +738,15 @@ def test_a_bad_curve_is_refused(changes, words):
         Model.load("dc_motor").with_effect("learned_force", **{**good, **changes})
 
 
+def test_a_list_is_given_by_its_elements_too():
+    model = Model.load("dc_motor")
+    elements = {"orders[0]": 72.0, "orders[1]": 18.0, "A[1]": 0.2, "A[0]": 0.1}
+    given = model.with_effect("torque_ripple", **elements)
+    assert given == model.with_effect("torque_ripple", orders=[72.0, 18.0], A=[0.1, 0.2])
+    with pytest.raises(ModelError, match=r"orders: found the elements \[1\]; allowed: all from 0 on"):
+        model.with_effect("torque_ripple", **{"orders[1]": 18.0})
+
+
 def test_words_and_lists_are_written_as_they_are_read():
     grid = {"over": ["speed", "load"], "knots": [-1.0, 1.0], "knots_2": [0.0, 1.0, 2.0], "values": [0.0] * 6}
     model = Model.load("dc_motor").with_effect("learned_force", **grid)
