@@ -165,7 +165,7 @@ def as_law_sees(pars: Mapping[str, Par], values: Mapping[str, Any]) -> Namespace
     """Return values as a law gets them: lists as tuples, words as words."""
     found: dict[str, Any] = {name: () for name, par in pars.items() if par.elements is not None}
     for name, value in gathered(values).items():
-        words = pars[name].words
+        words = pars[name].words if name in pars else ()  # a sensor's are named by its channels
         found[name] = tuple(value) if isinstance(value, list) else words[int(value)] if words else value
     return Namespace(found)
 
