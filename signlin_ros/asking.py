@@ -14,7 +14,7 @@ from signlin_ros.mathops import WORDS, Math
 from signlin_ros.par import Namespace
 from signlin_ros.plants import PLANTS, Plant
 
-COORDINATES = {"position", "velocity", "drive_force", "external_force", "resistance"}.union(
+COORDINATES = {"position", "velocity", "drive_force", "external_force", "resistance", "temperature"}.union(
     *(plant.states(dict.fromkeys(plant.pars(), 1.0)) for plant in PLANTS.values())
 )
 """What an effect may ask of some plant; another word is a slip of the pen."""

@@ -361,14 +361,54 @@ def diagnose(**options: Any) -> Report:
 @signlin.command(
     cls=_Examples,
     epilog="""signlin add coulomb_friction my_motor.yaml run.csv -o my_motor_2.yaml
-signlin add dahl_presliding damper.yaml a.csv --validation b.csv -o damper_2.yaml""",
+signlin add dahl_presliding damper.yaml a.csv --validation b.csv -o damper_2.yaml
+signlin add learned_force drive.yaml a.csv --over speed -o drive_2.yaml""",
 )
 @click.argument("effect")
+@click.option("--over", metavar="WHAT", help="For learned_force: speed, position, load, or two of them: speed,load.")
 @_output_option
 @_diagnosis_options
-def add(**options: Any) -> Report:
-    """Add EFFECT to MODEL, fit it to DATA and write NEW.yaml: before and after, on data that the fit did not see."""
+def add(over: str | None, **options: Any) -> Report:
+    """Add EFFECT to MODEL, fit it to DATA and write NEW.yaml: before and after, on data that the fit did not see.
+
+    The effect learned_force is a curve that is learned from what inverse dynamics leaves, where nothing listed fits.
+    """
+    if options["effect"] == "learned_force":
+        return _learned(over or "speed", **options)
+    if over is not None:
+        raise InputError("--over: only learned_force is learned over a coordinate")
     return _diagnosed("add", **options)
+
+
+def _learned(
+    over: str,
+    effect: str,
+    model: str,
+    data: tuple[str, ...],
+    validation: tuple[str, ...],
+    report: str | None,
+    output: str,
+    signals: tuple[str, ...],
+    jobs: int | None = None,
+) -> Report:
+    if report is not None:
+        raise InputError("--report: add learned_force draws none; use signlin compare NEW.yaml DATA --report OUT.html")
+    mapping = _pairs(signals, "--signal", "NAME=COLUMN")
+    from signlin_ros import console
+    from signlin_ros.diagnosis import load_records
+    from signlin_ros.guard import check_files
+    from signlin_ros.learned import add_learned
+    from signlin_ros.model import SUFFIXES, Model
+
+    original = Model.load(model)
+    check_files(original, data, validation, output, SUFFIXES)
+    loaded, records = load_records(original, (*data, *validation), mapping)
+    _progress(f"{effect}: {sum(map(len, records))} samples ...")
+    new, content = add_learned(loaded, records[: len(data)], records[len(data) :] or None, over)
+    new = new.with_options(with_position=original.with_position)
+    new.save(output)
+    text = new.placed_in(Path(output).parent).to_yaml()
+    return {**content, "model": text}, console.diagnosis_text
 
 
 @signlin.command(

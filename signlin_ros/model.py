@@ -596,10 +596,15 @@ def _default(name: str, plant: type[Plant]) -> Any:
 
 
 def _nominal(pars: Pars, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return nominal values as a model file has them; of a list that goes along with a given one, as many as that."""
+    """Return nominal values as a model file has them; a list that goes along with a given one is left to its default,
+    or as long as that.
+    """
     values = {n: v if isinstance(v, list) else pars[n].written(v) for n, v in gathered(nominal_values(pars)).items()}
     for name, par in pars.items():
-        if isinstance(given.get(par.along), (list, tuple)):
+        if not isinstance(given.get(par.along), (list, tuple)):
+            continue
+        del values[name]
+        if par.default is None:
             values[name] = [par.element(i).nominal for i in range(len(given[par.along]))]
     return values
 

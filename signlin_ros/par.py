@@ -146,7 +146,11 @@ def gathered(values: Mapping[str, Any]) -> dict[str, Any]:
             found[name] = value
         else:
             lists.setdefault(declared_name(name), found.setdefault(declared_name(name), {}))[index] = value
-    return found | {name: [items[i] for i in sorted(items)] for name, items in lists.items()}
+    for name, items in lists.items():
+        if set(items) != set(range(len(items))):
+            raise ModelError(f"{name}: found the elements {sorted(items)}; allowed: all from 0 on")
+        found[name] = [items[i] for i in range(len(items))]
+    return found
 
 
 def nominal_values(pars: Mapping[str, Par]) -> dict[str, float]:
@@ -161,7 +165,7 @@ def as_law_sees(pars: Mapping[str, Par], values: Mapping[str, Any]) -> Namespace
     """Return values as a law gets them: lists as tuples, words as words."""
     found: dict[str, Any] = {name: () for name, par in pars.items() if par.elements is not None}
     for name, value in gathered(values).items():
-        words = pars[name].words
+        words = pars[name].words if name in pars else ()  # a sensor's are named by its channels
         found[name] = tuple(value) if isinstance(value, list) else words[int(value)] if words else value
     return Namespace(found)
 

@@ -68,7 +68,7 @@ class Trace:
 
 
 class _Coordinates:
-    """What an effect sees of the model; notes whether the position was asked for."""
+    """What an effect sees of the model; notes whether the position or the temperature was asked for."""
 
     velocity: Any
     own: Any
@@ -77,14 +77,17 @@ class _Coordinates:
 
     def __init__(self) -> None:
         self.asked_position = False
+        self.asked_temperature = False
 
     def __getattr__(self, name: str) -> Any:
-        if name == "position":
-            self.asked_position = True
-            return self.__dict__["_position"]
+        if name in ("position", "temperature"):
+            setattr(self, f"asked_{name}", True)
+            return self.__dict__[f"_{name}"]
         raise AttributeError(name)
 
 
+TEMPERATURE = "temperature"
+"""Input that is the temperature in K of the drive, as it is recorded."""
 ROTARY = {"N": "N·m", "m": "rad", "m/s": "rad/s", "kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad"}
 """Units of forces and displacements, and those of torques and angles in their place."""
 
@@ -164,6 +167,7 @@ class _Tracer:
         units = {**plant.inputs, **(plant.optional_inputs if self.structure.with_load_torque else {})}
         self.input_symbols = {name: ca.SX.sym(name) for name in units}
         self.units.update(units)
+        self.x.__dict__["_temperature"] = ca.SX.sym(TEMPERATURE)
         effective = dict(self.input_symbols)
         first = next(iter(units))
         for entry in self.effects:
@@ -223,6 +227,8 @@ class _Tracer:
             slot = entry[0]
             for name, rate in self._asked(entry, "rates", self._own(slot)).items():
                 results[plant.own_state_names.get(f"{slot.key}.{name}", f"{slot.key}.{name}")] = rate
+        if self.x.asked_temperature:  # an input of every plant, where an effect needs it
+            self.input_symbols[TEMPERATURE], self.units[TEMPERATURE] = self.x.__dict__["_temperature"], "K"
         delay = sum((ca.SX(self._asked(entry, "delay")) for entry in self.effects), ca.SX(0))
         if plant.position_optional:
             if self.structure.with_position or self.x.asked_position:

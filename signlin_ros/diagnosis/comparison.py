@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import Stretch, as_list, measured_channels, stretches, unit_asked
 from signlin_ros.diagnosis.freerun import FreeRun, free_run
-from signlin_ros.diagnosis.inverse import Inverse, inverse
+from signlin_ros.diagnosis.inverse import Efforts, Inverse, inverse
 from signlin_ros.diagnosis.locate import Region, by_direction, locate
 from signlin_ros.diagnosis.missing import Missing, missing
 from signlin_ros.diagnosis.observer import TRUSTS, Observer
@@ -122,6 +122,15 @@ class Comparison:
         from signlin_ros.console import compare_text
 
         return f"<pre>{html.escape(compare_text(self.to_json()))}</pre>"
+
+
+def compare_efforts(model: Model, data: ModelData | Sequence[ModelData], cutoff: float | None = None) -> Efforts | None:
+    """Return the efforts of records, with outliers left out as by `compare`; None where they are not known."""
+    records = as_list(data)
+    channels = measured_channels(model, records)
+    cleaned = [without_outliers(record, channels)[0] for record in records]
+    parts, _ = stretches(model, cleaned, channels)
+    return Efforts.of(model, parts, channels, _observer(model, parts, channels).noise, cutoff)
 
 
 def compare(

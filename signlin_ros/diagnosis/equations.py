@@ -78,12 +78,13 @@ class Equations:
 
     def calls(self, with_s: bool, aware: bool = False) -> tuple[int, ...]:
         """Return the addresses that `signlin_ros.diagnosis.follow.follow` takes; ``aware``: with a Kalman filter."""
-        return (*(self.code if with_s else self.brief), self._spread if aware else 0)
+        return (*(self.code if with_s and self.free else self.brief), self._spread if aware else 0)
 
     def flags(self, with_s: bool, substeps: int = 0) -> tuple[int, ...]:
         """Return the sizes that `signlin_ros.diagnosis.follow.follow` takes; ``substeps``: no fewer than that."""
         n, m, ny, count, *rest = self.sizes
         places = self.places
+        with_s = with_s and count > 0  # where nothing is free there is no machine code for sensitivities
         count = count if with_s else 0
         return (n, m, ny, count, *rest, int(with_s), max(substeps, self.substeps), self.own, places.J, padded(count))
 

@@ -209,10 +209,11 @@ def base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
             continue
         result.append(_coordinate(name, par, nominal, spread))
     for key, use in problem.base.effects.items():
-        pars = find_effect(use.type, "effects").pars()
+        effect = find_effect(use.type, "effects")
+        pars = effect.pars()
         for name, value in use.parameters.items():
-            full = f"{key}.{name}"
-            if value != 0.0 and full in model.trace.parameters:
+            full, whole = f"{key}.{name}", declared_name(name) in effect.whole_orders
+            if value != 0.0 and full in model.trace.parameters and not whole:
                 result.append(_coordinate(full, pars[name], value, KNOWN_EFFECT))
     return result
 

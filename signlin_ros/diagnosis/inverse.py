@@ -179,6 +179,16 @@ class Efforts:
             parts.append(self.filtered.sampled(standing)[self.filtered.kept(e)])
         return np.asarray(~np.concatenate(parts))
 
+    def along(self, model: Model, name: str) -> Array | None:
+        """Return a state or an input (K,), filtered like the efforts; None where the model has none of this name."""
+        if name not in (*model.states, *model.inputs):
+            return None
+        parts = []
+        for e, _ in self.raw:
+            values = e.u[:, model.inputs.index(name)] if name in model.inputs else _state(model, e, self, name)
+            parts.append(self.filtered.thinned(values)[self.filtered.kept(e)])
+        return np.concatenate(parts)
+
 
 class _Filter:
     """A zero-phase Butterworth low-pass of order 4 at ``cutoff`` Hz, and a decimation by ``every``."""
@@ -317,6 +327,15 @@ def _computed_effort(
     tracker = Tracker(model, e.t, e.u, np.zeros((e.t.size, len(channels))), channels, np.ones(len(model.states)))
     rate = tracker.rate(x, row, acceleration, standing & (not sliding))
     return np.asarray(tau + (acceleration - rate) / per_force(model)[row])
+
+
+def _state(model: Model, e: _Even, efforts: Efforts, name: str) -> Array:
+    """Return a state (T,) as it was measured, or as the model says from what was."""
+    if model.plant.velocity in model.states:
+        states = _motion(model, e, efforts.filtered, efforts.level)[0]
+    else:
+        states = driven(model, e.t, e.u, {k: v for k, v in e.values.items() if k in model.states})
+    return states[:, model.states.index(name)]
 
 
 def _motion(

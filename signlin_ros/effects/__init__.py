@@ -33,13 +33,16 @@ from signlin_ros.effects.input_saturation import InputSaturation
 from signlin_ros.effects.learned_force import LearnedForce
 from signlin_ros.effects.linear_stiffness import LinearStiffness
 from signlin_ros.effects.load_dependent_friction import LoadDependentFriction
+from signlin_ros.effects.load_dependent_stribeck import LoadDependentStribeck
 from signlin_ros.effects.lugre_friction import LuGreFriction
+from signlin_ros.effects.pinching_hysteresis import PinchingHysteresis
 from signlin_ros.effects.play_friction import PlayFriction
 from signlin_ros.effects.quadratic_drag import QuadraticDrag
 from signlin_ros.effects.sensor_delay import SensorDelay
 from signlin_ros.effects.sensor_gain import SensorGain
 from signlin_ros.effects.sensor_offset import SensorOffset
 from signlin_ros.effects.stribeck_friction import StribeckFriction
+from signlin_ros.effects.temperature_dependent_friction import TemperatureDependentFriction
 from signlin_ros.effects.thermal_resistance import ThermalResistance
 from signlin_ros.effects.torque_constant_saturation import TorqueConstantSaturation
 from signlin_ros.effects.torque_ripple import TorqueRipple
@@ -66,6 +69,8 @@ for _effect in (
     CubicViscousFriction,
     QuadraticDrag,
     LoadDependentFriction,
+    LoadDependentStribeck,
+    TemperatureDependentFriction,
     ConstantLoad,
     GravityLoad,
     CoggingTorque,
@@ -77,6 +82,7 @@ for _effect in (
     PlayFriction,
     LuGreFriction,
     BoucWenHysteresis,
+    PinchingHysteresis,
     CompliantLoad,
     Backlash,
     LearnedForce,

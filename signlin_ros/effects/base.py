@@ -46,6 +46,7 @@ class Effect(HasPars):
     ``x.velocity``, ``x.position``   of the moving mass; a motor has a position if an effect asks for it
     ``x.drive_force``                K_t i, or the input force
     ``x.external_force``             gravity, constant load and stiffness of the model, summed
+    ``x.temperature``                in K; an input of the model if an effect asks for it, so a record must hold it
     ``x.own.z``                      the effect's own state ``z``
 
     Force or torque acts on the moving mass; positive accelerates. Override what the effect does; the rest is

@@ -48,7 +48,7 @@ class LearnedForce(Effect):
         *(COORDINATE_UNIT, 0.0, -1e9, 1e9), elements=(), structural=True, doc="the same over a second coordinate"
     )
     values = Par("F", nominal=0.0, low=-1e9, elements=(-0.02, 0.0, 0.02), doc="f at the knots, row by row of knots_2")
-    jump = Par("F", nominal=0.01, default=0.0, doc="dry friction besides, where it is over the speed")
+    jump = Par("F", nominal=0.0, default=0.0, doc="dry friction besides, where it is over the speed")
 
     @classmethod
     def fault(cls, p: Any) -> str:

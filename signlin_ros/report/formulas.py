@@ -97,6 +97,7 @@ def _coordinates(kind: type[Effect], model: Model) -> Namespace:
 
     own = Namespace({name: symbol(OWN.get(name, name)) for name in kind.states})
     known = {"velocity": "v", "position": "q", "drive_force": "F_drive", "external_force": "F_ext", "current": "i"}
+    known |= {"temperature": "T"}
     symbols = {name: symbol(letter) for name, letter in known.items()}
     return Namespace({**symbols, "resistance": sympy.Symbol("R"), "own": own})
 

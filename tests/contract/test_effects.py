@@ -109,6 +109,7 @@ def by_numpy(model, x, u):
     act = Acting(model, coordinates)
     act.values = values
     inputs = dict(zip(model.inputs, u, strict=True))
+    coordinates.temperature = inputs.get("temperature", 0.0)
     first = model.inputs[0]
     for effect, _, p in act.uses:
         inputs[first] = effect.input(act.m, inputs[first], p)
@@ -221,6 +222,7 @@ def test_the_equation_renders(effect):
     fixed = {name: nominal[name] if name not in declared or declared[name].words else 2.0 for name in structural}
     p = as_law_sees(declared, pars | fixed)
     x = Namespace({n: sympy.Symbol(n, **real) for n in ("velocity", "position", "drive_force", "external_force")})
+    x.temperature = sympy.Symbol("T", **real)
     x.current, x.resistance = sympy.symbols("i R", real=True)
     x.own = Namespace({name: sympy.Symbol(f"own_{name}", **real) for name in effect.states})
     u, k = sympy.symbols("u k", real=True)
@@ -302,8 +304,9 @@ def test_dissipative_effects_take_energy(effect):
     rng = np.random.default_rng(3)
     for v, q, drive, external in rng.normal(0.0, 3.0, (200, 4)):
         x = Namespace({"velocity": v, "position": q, "drive_force": drive, "external_force": external})
+        x.temperature = 300.0 + 10.0 * q
         assert v * one.force(NumpyMath(), x, p) <= 0.0
-    x = Namespace({"velocity": 0.0, "position": 1.0, "drive_force": 1.0, "external_force": 1.0})
+    x = Namespace({"velocity": 0.0, "position": 1.0, "drive_force": 1.0, "external_force": 1.0, "temperature": 300.0})
     assert one.force(NumpyMath(), x, p) == 0.0
 
 

@@ -17,6 +17,7 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import EffectError, InputError, ModelError
 from signlin_ros.linearize import linearize
 from signlin_ros.model import Model, shipped_models
+from signlin_ros.plants import find_plant
 
 MOTOR = {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}
 BASE = {"plant": "dc_motor", "parameters": MOTOR, "effects": {"coulomb_friction": {"mu": 0.033}}}
@@ -659,3 +660,102 @@ def test_an_input_precedes_its_sample_by_steps_or_by_name(given, kept, early):
 def test_an_input_is_no_more_than_a_step_early(wrong):
     with pytest.raises(ModelError, match=r"input_hold.*forward, centred, backward, or by how many steps"):
         Model.load("mass_spring_damper").with_options(input_hold=wrong)
+
+
+# -------------------------------------------------------------------- axis, gear, lists
+
+
+def ripple(plant="mass_spring_damper", orders=(72.0, 18.0), **options):
+    parameters = {name: par.nominal for name, par in find_plant(plant, "plant").pars().items()}
+    effect = {"orders": list(orders), "A": [0.1] * len(orders)}
+    return Model.from_dict({"plant": plant, "parameters": parameters, "effects": {"torque_ripple": effect}, **options})
+
+
+def test_axis_and_gear_have_the_defaults_of_the_contract_and_are_kept():
+    plain = ripple()
+    assert (plain.axis, plain.gear, plain.is_rotary) == ("", 1.0, None)
+    assert not {"axis", "gear"} & set(plain.to_dict())
+    assert ripple("dc_motor").is_rotary is True
+    given = ripple(axis="linear", gear=50.0)
+    assert given.is_rotary is False
+    assert Model.from_dict(given.to_dict()) == given
+    assert given.to_dict()["gear"] == 50.0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"axis": "rotery"}, "axis: found 'rotery'; allowed: rotary, linear; did you mean 'rotary'"),
+        ({"gear": 0.0}, r"gear: found 0; allowed: \(0, 1e\+06\]"),
+        ({"plant": "dc_motor", "axis": "linear"}, "axis: found 'linear'; allowed: rotary, the plant dc_motor turns"),
+        ({"axis": "rotary", "orders": (72.5,)}, r"torque_ripple.orders\[0\]: found 72.5; allowed: a whole number"),
+        ({"plant": "dc_motor", "orders": (3.0, 1.5)}, r"torque_ripple.orders\[1\]: found 1.5; allowed: a whole number"),
+        ({"axis": "rotary", "gear": 50.5, "orders": (100.0, 76.0, 75.75)}, "or such a number times the gear 50.5"),
+    ],
+)
+def test_a_bad_axis_gear_or_order_is_refused(options, words):
+    with pytest.raises(ModelError, match=words):
+        ripple(**options)
+
+
+def test_orders_may_be_whole_for_the_joint_or_for_the_motor_or_anything_on_a_slide():
+    assert ripple(axis="rotary", gear=50.5, orders=(3.0, 101.0, 151.5)).value("torque_ripple.orders[2]") == 151.5
+    assert ripple(axis="linear", orders=(72.5,)).value("torque_ripple.orders[0]") == 72.5
+    assert ripple(orders=(72.5,)).is_rotary is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "words"),
+    [
+        ({"orders": [72.0], "A": [1.0, 2.0]}, "A: found 2 numbers; allowed: 1, one for each of effects.e.orders"),
+        ({"orders": 72.0, "A": [1.0]}, "orders: found 72.0; allowed: a list of numbers"),
+        ({"orders": [], "A": []}, "orders: found an empty list; allowed: at least one number"),
+        ({"A": [1.0]}, "orders: missing; allowed: a list of numbers"),
+        ({"orders": [72.0], "A": ["x"]}, r"A\[0\]: found 'x'; allowed: a number in"),
+        ({"orders": [-1.0], "A": [1.0]}, r"orders\[0\]: found -1; allowed: \(0, 100000\]"),
+        ({"orders": [72.0], "A": [1.0], "A[0]": 1.0}, r"A\[0\]: unknown parameter"),
+    ],
+)
+def test_a_bad_list_is_refused(effect, words):
+    with pytest.raises(ModelError, match=words):
+        Model.load("dc_motor").with_options(effects={"e": {"type": "torque_ripple", **effect}})
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"over": "sped"}, "over: found 'sped'; allowed: speed, position, load, .* did you mean 'speed'"),
+        ({"knots": [0.0, 2.0, 1.0]}, r"knots: found \[0.0, 2.0, 1.0\]; allowed: two numbers or more, each larger"),
+        ({"values": [0.0, 1.0]}, "values: found 2 numbers; allowed: 3, one for each knot"),
+        ({"over": ["speed", "load"]}, r"knots_2: found \[\]; allowed: two numbers or more"),
+        ({"knots_2": [0.0, 1.0]}, "knots_2: found .* allowed: none, as the force is over the speed alone"),
+        ({"over": "position", "jump": 0.5}, "jump: found 0.5; allowed: 0, as the force is not over the speed"),
+    ],
+)
+def test_a_bad_curve_is_refused(changes, words):
+    good = {"over": "speed", "knots": [-1.0, 0.0, 1.0], "values": [-1.0, 0.0, 2.0]}
+    with pytest.raises(ModelError, match=words):
+        Model.load("dc_motor").with_effect("learned_force", **{**good, **changes})
+
+
+def test_a_list_is_given_by_its_elements_too():
+    model = Model.load("dc_motor")
+    elements = {"orders[0]": 72.0, "orders[1]": 18.0, "A[1]": 0.2, "A[0]": 0.1}
+    given = model.with_effect("torque_ripple", **elements)
+    assert given == model.with_effect("torque_ripple", orders=[72.0, 18.0], A=[0.1, 0.2])
+    with pytest.raises(ModelError, match=r"orders: found the elements \[1\]; allowed: all from 0 on"):
+        model.with_effect("torque_ripple", **{"orders[1]": 18.0})
+
+
+def test_words_and_lists_are_written_as_they_are_read():
+    grid = {"over": ["speed", "load"], "knots": [-1.0, 1.0], "knots_2": [0.0, 1.0, 2.0], "values": [0.0] * 6}
+    model = Model.load("dc_motor").with_effect("learned_force", **grid)
+    assert model.to_dict()["effects"]["learned_force"] == {**grid, "jump": 0.0}
+    assert Model.from_dict(model.to_dict()) == model
+
+
+def test_the_temperature_is_an_input_where_an_effect_asks_for_it():
+    model = Model.load("dc_motor").with_effect("temperature_dependent_friction")
+    assert model.inputs == ("voltage", "temperature")
+    assert model.units["temperature"] == "K"
+    assert Model.load("dc_motor").inputs == ("voltage",)

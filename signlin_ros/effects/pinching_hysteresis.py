@@ -1,0 +1,53 @@
+"""A yielding force that slips where it is small, so that its loops are pinched: loose joints, worn bearings, timber."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from typing import Any
+
+from signlin_ros.effects.base import Effect
+from signlin_ros.par import Par
+
+SLIGHT = 0.02
+"""Share of the stiffness that must be gone for loops to be pinched."""
+
+
+class PinchingHysteresis(Effect):
+    """A yielding force that slips where it is small, so that its loops are pinched: loose joints, bearings, timber.
+
+    F = -sigma z, z' = [1 - zeta exp(-(z/z_p)^2)] (v - sigma |v| z / F_c); Dahl's friction for zeta = 0.
+    [Baber and Noori 1986, ASME J. Vibration and Acoustics 108(4), without their degradation]
+    """
+
+    name = "pinching_hysteresis"
+    equation = "-sigma z, z' = [1 - zeta exp(-(z/z_p)^2)] (v - sigma |v| z / F_c)"
+    finding = (
+        "the residual {F} against the {Q} is a loop that settles at {F_c:.3g} {F_c.unit} and has lost {zeta:.2f} of its"
+        " stiffness where the {F} is small"
+    )
+    experiment = "cycle slowly between two positions, with several amplitudes"
+    states = {"z": "Q"}
+    telling = ("F_c", "zeta")
+    essential = ("zeta",)
+
+    F_c = Par("F", nominal=0.03, positive=True, doc="force once it has yielded")
+    sigma = Par("F/Q", nominal=1.0, positive=True, doc="stiffness where it does not slip")
+    zeta = Par("-", nominal=0.7, high=0.999, doc="share of the stiffness that is lost in the slip")
+    z_p = Par("Q", nominal=0.02, positive=True, doc="deflection within which it slips")
+    start = tuple(
+        {"F_c": 0.3, "sigma": sigma, "zeta": 0.8, "z_p": share * 0.3 / sigma}
+        for share, sigma in itertools.product((0.3, 0.7), (1.5, 6.0))
+    )
+
+    @classmethod
+    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        return {"dahl_presliding": {"F_c": p["F_c"], "sigma": p["sigma"]}} if p["zeta"] < SLIGHT else {}
+
+    def force(self, m: Any, x: Any, p: Any) -> Any:
+        return -p.sigma * x.own.z
+
+    def rates(self, m: Any, x: Any, p: Any) -> dict[str, Any]:
+        v, z = x.velocity, x.own.z
+        stays = 1 - p.zeta * m.exp(-((z / p.z_p) ** 2))
+        return {"z": stays * (v - p.sigma * m.abs(v) * z / p.F_c)}

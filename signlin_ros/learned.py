@@ -1,0 +1,159 @@
+"""The curve that a model's records would teach it: inverse dynamics, then `signlin_ros.learning`, then the effect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.comparison import compare, compare_efforts
+from signlin_ros.diagnosis.data import as_list
+from signlin_ros.diagnosis.inverse import Efforts
+from signlin_ros.diagnosis.search import held_out
+from signlin_ros.effects.learned_force import OVER
+from signlin_ros.errors import InputError
+from signlin_ros.learning import Learned, learn
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+Array = NDArray[np.float64]
+DIGITS = 6
+"""Significant digits of what is written into a model."""
+
+
+def learn_missing(
+    model: Model,
+    data: ModelData | Sequence[ModelData],
+    over: str,
+    shape: str = "free",
+    cutoff: float | None = None,
+) -> Learned:
+    """Learn the force that a model lacks on records, as a curve over one coordinate or two.
+
+    The missing force is the effort that the measured motion takes by the model, less the measured one, both behind the
+    same zero-phase low-pass (`signlin_ros.diagnosis.inverse`); where the machine stands it is not known.
+
+    Parameters
+    ----------
+    over : ``speed``, ``position``, ``load``, or two of them: ``speed, load``.
+    shape : one of `signlin_ros.learning.SHAPES`.
+    cutoff : of the low-pass in Hz; by default a tenth of the sampling rate, or less.
+
+    Raises
+    ------
+    InputError
+        The effort or a coordinate is not known from these records.
+    """
+    over = ", ".join(word.strip() for word in over.split(","))
+    if over not in OVER:
+        raise InputError(f"over: found {over!r}; allowed: {'; '.join(OVER)}")
+    efforts = compare_efforts(model, data, cutoff)
+    if efforts is None:
+        raise InputError("the effort and the motion are not both known from these records, or they are too short")
+    coordinates = {word: _along(efforts, model, word) for word in over.split(", ")}
+    force = efforts.computed(model) - efforts.measured
+    return learn(coordinates, force, efforts.moving(model).astype(float), shape=shape)
+
+
+def with_learned(model: Model, learned: Learned, key: str | None = None) -> Model:
+    """Return a model with what was learned as its effect `learned_force`."""
+    parameters = {name: _rounded(value) for name, value in learned.parameters().items()}
+    return model.with_effect("learned_force", key, **parameters)
+
+
+def _rounded(value: object) -> object:
+    if isinstance(value, list):
+        return [_rounded(one) for one in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def _along(efforts: Efforts, model: Model, word: str) -> Array:
+    """Return a coordinate (K,) at the samples of the efforts."""
+    if word == "load":
+        if model.plant.motion_is_imposed():
+            raise InputError(f"over: load: the plant {model.plant.name} is moved, nothing drives it")
+        return efforts.measured
+    name = {"speed": model.plant.velocity, "position": model.plant.position}[word]
+    found = efforts.along(model, name)
+    if found is None:
+        raise InputError(f"over: {word}: the {name} is neither measured nor a state of the model")
+    return found
+
+
+def add_learned(
+    model: Model,
+    data: ModelData | Sequence[ModelData],
+    validation: ModelData | Sequence[ModelData] | None = None,
+    over: str = "speed",
+) -> tuple[Model, dict[str, Any]]:
+    """Return the model with a learned force, and before and after in the form of ``schemas/diagnose.json``.
+
+    Without validation the last third of every record is held out. The base parameters stay as they are.
+    """
+    known, unseen = (as_list(data), as_list(validation)) if validation is not None else held_out(as_list(data))
+    learned = learn_missing(model, known, over)
+    new = with_learned(model, learned)
+    runs = [[compare(one, part).to_json() for part in (known, unseen)] for one in (model, new)]
+    rungs: list[dict[str, Any]] = [
+        {"effects": effects, "estimation": _scores(seen), "validation": _scores(other)}
+        for effects, (seen, other) in zip(([], ["learned_force"]), runs, strict=True)
+    ]
+    entry = _entry(new, learned, *(rung["validation"] for rung in rungs))
+    return new, {
+        "verdict": "missing" if entry["status"] == "confirmed" else "unexplained",
+        "sentence": f"Learned: {entry['why']}. Beyond what the records visited it goes straight on.",
+        "base": {"parameters": {}, "validation": rungs[0]["validation"]},
+        "ranking": [entry],
+        "ladder": rungs,
+        "parameters": {f"learned_force.{n}": p for n, p in entry["parameters"].items()},
+        "model": new.to_yaml(),
+        "range": _range(learned),
+        "noise": {n: c["noise"] for n, c in runs[0][0]["channels"].items()},
+        "experiments": [],
+        "notes": list(dict.fromkeys(note for run in runs[0] for note in run["notes"])),
+    }
+
+
+def _entry(new: Model, learned: Learned, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
+    """Return what there is to say of the effect; before and after: SCORES on unseen data."""
+    better = learned.explained > 0 and all(_error(after[n]) < _error(before[n]) for n in before if n != "score")
+    unit, where = new.plant.force_unit, learned.over.replace(", ", " and the ")
+    told = (
+        f"a curve over the {where} takes {100 * max(learned.explained, 0.0):.0f} % of the square of the missing force"
+        f" on blocks that it has not seen: {learned.before:.3g} {unit} become {learned.unseen:.3g} {unit} (RMS)"
+    )
+    return {
+        "effect": "learned_force",
+        "status": "confirmed" if better else "rejected",
+        "parameters": _estimates(new, unit),
+        "validation": after,
+        "indistinguishable_from": [],
+        "why": told if better else f"{told}, and the motion on unseen data is not predicted better",
+    }
+
+
+def _scores(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the windowed scores of a comparison as the contract's SCORES."""
+    scores = {name: channel["windowed"] for name, channel in content["channels"].items() if channel["windowed"]}
+    return {**scores, "score": "windowed"}
+
+
+def _error(score: Mapping[str, Any]) -> float:
+    return np.inf if score["rmse"] is None else float(score["rmse"])
+
+
+def _estimates(model: Model, unit: str) -> dict[str, dict[str, Any]]:
+    """Return the values and the jump as the contract's PARAMETERS; knots are chosen, not estimated."""
+    given = model.effects["learned_force"].parameters
+    shown = {n: v for n, v in given.items() if n.startswith("values[") or (n == "jump" and v)}
+    return {n: {"value": v, "std": None, "unit": unit, "note": ""} for n, v in shown.items()}
+
+
+def _range(learned: Learned) -> dict[str, list[float]]:
+    names = learned.over.split(", ")
+    return {n: [float(k[0]), float(k[-1])] for n, k in zip(names, learned.knots, strict=True)}
+
+
+__all__ = ["add_learned", "learn_missing", "with_learned"]
