@@ -13,6 +13,8 @@ class Criteria:
     certainty: float = 3.5
     """Standard errors by which an effect lowers the unseen error: one in some twenty effects lowers it by 2 by chance,
     and each step chooses the best of them."""
+    least: float = 2.0
+    """Standard errors by which it lowers it on unseen data by themselves, where known and unseen data together tell."""
     share: float = 0.05
     """Least part of the squared error beyond the sensors' noise that one effect takes away,"""
     each: float = 0.02

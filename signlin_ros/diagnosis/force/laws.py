@@ -158,11 +158,22 @@ class Law:
         return found
 
     def _raw(self, piece: Piece, shape: Shape) -> Array:
-        names, p = self.model.trace.parameters, self.model.p.copy()
+        model = self._structured(tuple((n, v) for n, v in shape if n in self.structural))
+        names, p = model.trace.parameters, model.p.copy()
         for n, value in shape:
-            p[names.index(f"{KEY}.{n}")] = value
-        tape = columns_of(self.model.structure, KEY, self.parts)
-        return mass(self.model, p) * evaluated(self.model, tape, piece, self._states(piece, shape), p).T
+            if n not in self.structural:
+                p[names.index(f"{KEY}.{n}")] = value
+        tape = columns_of(model.structure, KEY, self.parts)
+        return mass(model, p) * evaluated(model, tape, piece, self._states(piece, shape), p).T
+
+    @functools.cached_property
+    def structural(self) -> frozenset[str]:
+        """Parameters that change the equations."""
+        return frozenset(n for n, p in self.effect.pars().items() if p.structural and not p.words and p.elements is None)
+
+    def _structured(self, values: Shape) -> Model:
+        """Return the model with the law's structural parameters at these values."""
+        return self.model.with_parameters({f"{KEY}.{n}": v for n, v in values}) if values else self.model
 
     @property
     def model_has_own(self) -> bool:
@@ -266,7 +277,7 @@ def grid(law: Law, scale: Scale) -> list[Shape]:
     """Return the shapes that are tried: those of the effect's own starts, each once; waves are scanned for."""
     if law.effect.periodic or isinstance(law, Ripple):
         return []
-    if not law.parts.shape:
+    if not (law.parts.shape or law.structural):
         return [_reference(law, {})]
     ways = WAYS if law.model_has_own else WAYS[:1]
     scales = [replace(scale, travel=scale.travel * way) for way in ways]
@@ -280,7 +291,7 @@ def _reference(law: Law, start: Mapping[str, float]) -> Shape:
     if group:
         unit = values[group[0]] or 1.0
         values |= {n: values[n] / unit for n in group}
-    names = (*law.parts.group[:1], *law.parts.shape)
+    names = (*law.parts.group[:1], *law.parts.shape, *sorted(law.structural))
     return tuple((n, float(f"{values[n]:.12g}")) for n in names)
 
 
