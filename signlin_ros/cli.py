@@ -435,10 +435,9 @@ def _diagnosed(
     effect: str | None = None,
 ) -> Report:
     mapping = _pairs(signals, "--signal", "NAME=COLUMN")
-    from concurrent.futures import ThreadPoolExecutor
-
     from signlin_ros import console
-    from signlin_ros.diagnosis import load_records, verdict
+    from signlin_ros.diagnosis import diagnose as page
+    from signlin_ros.diagnosis import load_records
     from signlin_ros.files import write_text
     from signlin_ros.guard import check_files
     from signlin_ros.model import SUFFIXES, Model
@@ -448,9 +447,8 @@ def _diagnosed(
     loaded, records = load_records(original, (*data, *validation), mapping)
     first, second = records[: len(data)], records[len(data) :] or None
     _progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
-    with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as executor:
-        arguments = (*([effect] if effect else []), loaded, first, second)
-        result = getattr(verdict, verb)(*arguments, jobs=executor, progress=_stage)
+    arguments = (*([effect] if effect else []), loaded, first, second)
+    result = getattr(page, verb)(*arguments, jobs=jobs or os.cpu_count() or 1, progress=_stage)
     result = _with_notes(_as_written(result, original, output), records)
     if output is not None:
         try:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.comparison import compare, compare_efforts
 from signlin_ros.diagnosis.data import as_list
 from signlin_ros.diagnosis.inverse import Efforts
-from signlin_ros.diagnosis.search import held_out
+from signlin_ros.diagnosis.motion.prepare import held_out
 from signlin_ros.effects.learned_force import OVER
 from signlin_ros.errors import InputError
 from signlin_ros.learning import Learned, learn

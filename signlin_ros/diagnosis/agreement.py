@@ -154,7 +154,9 @@ def _beyond(
     if other.white and not now.white:
         return True
     surely = g.certainty >= criteria.certainty and g.share >= criteria.share
-    return surely and (set(other.effects) - set(now.effects) <= _unseen(force) or _falls(force, now, other, criteria, left))
+    return surely and (
+        set(other.effects) - set(now.effects) <= _unseen(force) or _falls(force, now, other, criteria, left)
+    )
 
 
 def _unseen(force: Testimony | None) -> set[str]:
@@ -162,17 +164,13 @@ def _unseen(force: Testimony | None) -> set[str]:
     return {n for n in EFFECTS if force is None or n not in force.search.r.laws}
 
 
-def _falls(
-    force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]
-) -> bool:
+def _falls(force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]) -> bool:
     """Tell whether a model leaves surely less force than another one."""
     a, b = force_left(force, before, left), force_left(force, after, left)
     return a is None or b is None or mean_certainty(a, b) >= criteria.certainty
 
 
-def _raises(
-    force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]
-) -> bool:
+def _raises(force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]) -> bool:
     """Tell whether a model leaves more force than another one, beyond doubt, and so that it shows."""
     a, b = force_left(force, before, left), force_left(force, after, left)
     if a is None or b is None or force is None:
@@ -201,7 +199,7 @@ def _in_family(motion: Motion, found: Fitted, force: Testimony, tried: list[Fitt
     for name in found.effects:
         law = force.search.r.laws[name]
         kin = [n for n, x in force.search.r.laws.items() if x.effect.family and x.effect.family == law.effect.family]
-        richer = [n for n in kin if n != name and n not in found.effects and n in _single(force) ]
+        richer = [n for n in kin if n != name and n not in found.effects and n in _single(force)]
         options = []
         for other in richer:
             rest = tuple(n if n != name else other for n in found.effects)

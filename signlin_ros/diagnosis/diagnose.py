@@ -60,7 +60,13 @@ def refine(
 ) -> Diagnosis:
     """Add effects until nothing confirmed is missing; the last of the notes says why it stopped. See `diagnose`."""
     found = diagnose(
-        model, data, validation, jobs=jobs, progress=progress, cancelled=cancelled, criteria=replace(criteria, most=MOST)
+        model,
+        data,
+        validation,
+        jobs=jobs,
+        progress=progress,
+        cancelled=cancelled,
+        criteria=replace(criteria, most=MOST),
     )
     added = len(found.ladder[-1].effects)
     end = "nothing else that is listed lowers the error on unseen data beyond doubt"

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.diagnosis.evidence import Evidence, Explanation
 from signlin_ros.diagnosis.results import Diagnosis, Rung
-from signlin_ros.diagnosis.varying import along_a_wave, unit_of
-from signlin_ros.errors import InputError
 from signlin_ros.plotting import BARE, EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, styled
 
 Array = NDArray[np.float64]
@@ -81,33 +79,6 @@ def _rungs(ax: Any, rungs: Sequence[Rung], name: str, unit: str) -> None:
 
 
 # -------------------------------------------------------------------- what varies along the way
-
-
-def along_the_way(d: Diagnosis) -> Any:
-    """What varies with the position: by how much it is more or less than its mean in every part of a wave, ± 2 standard
-    errors, and the wave that is told. Raises `InputError` where nothing does.
-    """
-    f = d.findings
-    if f is None or f.varying is None:
-        raise InputError("nothing was found to vary along the way")
-    found, unit = f.varying, f.problem.shown(f.problem.base.plant.position_unit)
-    place, size, error = along_a_wave(f.problem, f.final.ranked.fit, found)
-    fine = np.linspace(0.0, 1.0, 200)
-    with styled(7.0, 2.8) as figure:
-        ax = figure.subplots()
-        bars, label = {"fmt": "o", "ms": 4, "lw": 1.0, "color": MEASURED}, "found in each part, ± 2 standard errors"
-        ax.errorbar(place, size, 2 * error, label=label, **bars)
-        wave = found.amplitude * np.sin(2 * np.pi * fine + found.phase)
-        ax.plot(fine, wave, color=PROPOSAL, label="the wave that is told")
-        ax.axhline(0.0, color=NOISE, lw=0.7)
-        ax.set_xlim(0.0, 1.0)
-        ax.set_xlabel(f"part of a wave ({2 * np.pi / found.order:.3g} {unit}), from where the position is 0")
-        ax.set_ylabel(f"{found.what}, more or less\n[{unit_of(f.problem, found.what)}]")
-        legend_above(figure, ax, 2)
-    return figure
-
-
-# -------------------------------------------------------------------- before and after
 
 
 def before_and_after(before: Comparison, after: Comparison, free_run: bool, stretch: int | None = None) -> Any:

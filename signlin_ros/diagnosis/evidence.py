@@ -1,43 +1,51 @@
-"""What unseen data show of a named effect: what the motion lacks without it, over the coordinate that matters.
-
-See `signlin_ros.diagnosis.onestep` for how it is computed, `signlin_ros.diagnosis.coordinates` for the coordinate.
-"""
+"""What unseen data show of a named effect: the force that is missing without it, over the coordinate that matters."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
-from signlin_ros.diagnosis.coordinates import Place, place_of
+from signlin_ros.diagnosis.agreement import changes_effort
 from signlin_ros.diagnosis.curves import Band, band, memory
-from signlin_ros.diagnosis.findings import Findings
-from signlin_ros.diagnosis.onestep import Motion, Target, lacking, motion_of, smoothed, target, target_at
-from signlin_ros.diagnosis.parameters import added_parameters
-from signlin_ros.diagnosis.rank import Ranked
-from signlin_ros.diagnosis.refusals import plausible
+from signlin_ros.diagnosis.force.record import missing_force
+from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
+from signlin_ros.diagnosis.told import Findings
+from signlin_ros.diagnosis.words import belongs
+from signlin_ros.effects import find_effect
+from signlin_ros.trace import resolve_unit
 
 Array = NDArray[np.float64]
 
-QUIET, QUIET_OVER_TIME = 1.5, 0.3
-"""The filter is just so long that no more noise is left than this multiple of what the effect does (RMS), where means
-are shown, and where every sample counts;"""
-WIDTHS = (1, 3, 5, 9, 17, 33, 65)
-SLOWEST = 0.1
-"""where means are shown it is no longer than so many seconds."""
 ENOUGH = 60
 """Samples below which nothing is shown of a direction of motion."""
-PARTS = 30
-"""Into so many parts of time something is divided that is shown for each unit of something else."""
+BINS = 30
+"""Bins by which is told over which coordinate a force is a curve."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A coordinate: x (N,), and the direction of motion ``side`` (N,); ``single``: shown over time, as it is."""
+
+    name: str
+    unit: str
+    x: Array
+    side: Array
+    single: bool
+    dense: bool
+
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        return f"{self.name} [{self.unit}]"
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What the motion lacks without an effect, ``measured`` (N,), and what the effect makes of it, ``computed`` (N,).
+    """What is missing without an effect, ``measured`` (N,), and what the effect makes of it, ``computed`` (N,).
 
     All other parameters are those of the fit with ``effects``; an empty ``effect`` is none at all. ``found`` and
     ``curve`` are the means of both over the coordinate, one for each direction of motion that is told apart.
@@ -57,118 +65,116 @@ class Explanation:
 class Evidence:
     """The evidence for one effect, beside its nearest rival on the same data.
 
-    ``quantity`` and ``unit`` of what is lacking; ``place``: the coordinate, with x (N,); ``window`` of the filter in s;
+    ``quantity`` and ``unit`` of what is lacking; ``place``: the coordinate; ``cutoff`` of the low-pass in Hz;
     ``sources`` of the data.
     """
 
     quantity: str
     unit: str
     place: Place
-    window: float
+    cutoff: float
     sources: tuple[str, ...]
     named: Explanation
     rival: Explanation | None
 
 
-def evidence(f: Findings, effect: str, within: Ranked | None = None) -> Evidence | None:
-    """Return the evidence for an effect of the proposal (or of ``within``); None where nothing can be shown of it."""
-    ranked = within or f.final.ranked
-    motion = motion_of(f.unseen, ranked, effect)
-    goal = target(motion) if motion else None
-    if motion is None or goal is None:
+def evidence(f: Findings, effect: str, within: Fitted | None = None) -> Evidence | None:
+    """Return the evidence for an effect of the proposal (or of ``within``); None where no force shows it."""
+    fitted, force = within or f.judgement.final, f.agreed.force
+    if force is None or changes_effort(find_effect(effect, "effects")):
         return None
-    measured, computed = lacking(motion, goal)
-    width = _width(measured, computed, motion.step)
-    place = place_of(motion, goal, width, smoothed(computed, 1))
-    if place.single:
-        width = _width(measured, computed, motion.step, QUIET_OVER_TIME)
-    quantity, unit = ("missing resistance", "Ohm") if place.per is not None else (goal.quantity, goal.unit)
-    named = _explanation(f, ranked, effect, place, measured, computed, width)
+    measured, computed = _lacking(f, fitted, effect)
+    place = _place(f, computed)
+    named = _explanation(f, fitted, effect, place, measured, computed)
     if named is None:
         return None
-    rival = _rival(f, ranked, effect, goal, place, width)
-    place = replace(place, x=place.x[place.inside], side=place.side[place.inside])
+    plant = f.problem.base.plant
+    unit = f.problem.shown(resolve_unit("F", plant))
     sources = tuple(dict.fromkeys(s.source for s in f.unseen.segments))
-    return Evidence(quantity, unit, place, width * motion.step, sources, named, rival)
+    cutoff = force.search.r.unseen.pieces[0].cutoff
+    quantity = "missing torque" if unit == "N·m" else "missing force"
+    return Evidence(quantity, unit, place, cutoff, sources, named, _rival(f, fitted, effect, place))
 
 
-def _width(measured: Sequence[Array], computed: Sequence[Array], step: float, quiet: float = QUIET) -> int:
-    """Return the length of the filter in samples."""
-    noise = [m - c for m, c in zip(measured, computed, strict=True)]
-    best = WIDTHS[0]
-    for best in WIDTHS:
-        left, does = (float(np.nanstd(smoothed(parts, best))) for parts in (noise, computed))
-        if left <= quiet * does or (quiet == QUIET and 2 * best * step > SLOWEST):
-            break
-    return best
+def nearest(f: Findings) -> Fitted | None:
+    """Return the best single effect that was fitted out, named or not."""
+    single = [one for one in f.agreed.tried if len(one.effects) == 1]
+    return min(single, key=lambda one: one.level, default=None)
 
 
-def nearest_rival(f: Findings, ranked: Ranked, effect: str) -> tuple[Ranked, str] | None:
-    """Return the best other effect in place of one, with all others kept, as fitted; None if none was tried.
+def _lacking(f: Findings, fitted: Fitted, effect: str) -> tuple[Array, Array]:
+    """Return the force (N,) that is missing without an effect, and what the effect makes of it, on unseen data."""
+    force = f.agreed.force
+    assert force is not None  # noqa: S101  asked before
+    less = fitted.model
+    for key in [k for k, use in less.effects.items() if use.type == effect and k not in f.problem.base.effects]:
+        less = less.without_effect(key)
+    parts = force.search.r.unseen.pieces
+    without, with_it = (np.concatenate([p.seen(missing_force(m, p)) for p in parts]) for m in (less, fitted.model))
+    return without, without - with_it
 
-    What was refused, or fits only with parameters that it cannot have, is no rival; what raises the error on unseen
-    data is one only where nothing else is.
-    """
-    others = set(ranked.effects) - {effect}
-    options = [s.ranked for s in f.singles] if not others else list(f.pairs)
-    raising = {s.ranked.effects for s in f.singles if s.gain <= 0}
-    fitting = [
-        (r, (set(r.effects) - others).pop())
-        for r in options
-        if set(r.effects) > others and len(r.effects) == len(ranked.effects) and effect not in r.effects
+
+def _place(f: Findings, computed: Array) -> Place:
+    """Return the coordinate over which a force is most nearly a curve, for each direction of motion."""
+    force, plant = f.agreed.force, f.problem.base.plant
+    assert force is not None  # noqa: S101  asked before
+    parts = force.search.r.unseen.pieces
+    velocity, position = (
+        np.concatenate([p.values[n][p.kept] for p in parts]) for n in (plant.velocity, plant.position)
+    )
+    side = np.sign(velocity)
+    shares = {n: _unexplained(x, side, computed) for n, x in ((plant.velocity, velocity), (plant.position, position))}
+    best = min(shares, key=shares.__getitem__)
+    if shares[best] > 0.5:
+        ends = np.cumsum([0.0, *(float(p.t[-1]) for p in parts)])
+        t = np.concatenate([p.t[p.kept] + end for p, end in zip(parts, ends, strict=False)])
+        return Place("time", "s", t, np.zeros(t.size), True, False)
+    x = velocity if best == plant.velocity else position
+    unit = f.problem.shown(f.problem.units.get(best) or resolve_unit("Q/s" if best == plant.velocity else "Q", plant))
+    return Place(best, unit, x, side, False, best == plant.velocity)
+
+
+def _unexplained(x: Array, side: Array, values: Array) -> float:
+    """Return the part of the variance of values (N,) that is no curve over x (N,), for each direction of motion."""
+    edges = np.quantile(x, np.linspace(0, 1, BINS + 1)[1:-1])
+    index = np.searchsorted(edges, x) + BINS * (side > 0)
+    count = np.bincount(index, minlength=2 * BINS)
+    mean = np.bincount(index, values, 2 * BINS) / np.maximum(count, 1)
+    return float(np.var(values - mean[index]) / max(float(np.var(values)), 1e-300))
+
+
+def _rival(f: Findings, fitted: Fitted, effect: str, place: Place) -> Explanation | None:
+    """Return the explanation of the best other effect in place of one; where there is none, what is left without it."""
+    rest = set(fitted.effects) - {effect}
+    options = [
+        one
+        for one in f.agreed.tried
+        if rest < set(one.effects) and len(one.effects) == len(fitted.effects) and effect not in one.effects
     ]
-    rivals = [(r, other) for r, other in fitting if other not in f.declined and plausible(f.problem, r)]
-    return min(rivals, key=lambda rival: (rival[0].effects in raising, rival[0].evidence), default=None)
-
-
-def _rival(f: Findings, ranked: Ranked, effect: str, goal: Target, place: Place, width: int) -> Explanation | None:
-    """Return the nearest rival's explanation; where there is no rival, what is left if nothing takes the place."""
-    found = nearest_rival(f, ranked, effect)
-    if found is None:
-        others = set(ranked.effects) - {effect}
-        rest = next((s.ranked for s in (*f.steps, *f.singles) if set(s.ranked.effects) == others), None)
-        found = (rest, "") if rest else None
-    motion = motion_of(f.unseen, *found) if found else None
-    if found is None or motion is None:
+    best = min(options, key=lambda one: one.level, default=None)
+    if best is None:
         return None
-    return _explanation(f, *found, place, *lacking(motion, _same(motion, goal)), width)
-
-
-def _same(motion: Motion, goal: Target) -> Target:
-    """Return the target for another model: the inertia may have been fitted anew."""
-    return goal if goal.kind == "sensor" else target_at(motion, goal.name)
+    (other,) = set(best.effects) - rest
+    if changes_effort(find_effect(other, "effects")):
+        return None
+    return _explanation(f, best, other, place, *_lacking(f, best, other))
 
 
 def _explanation(
-    f: Findings,
-    ranked: Ranked,
-    effect: str,
-    place: Place,
-    measured: Sequence[Array],
-    computed: Sequence[Array],
-    width: int,
+    f: Findings, fitted: Fitted, effect: str, place: Place, measured: Array, computed: Array
 ) -> Explanation | None:
-    """Return what the motion lacks and what an effect makes of it; None where the record has too little of it."""
-    a, b = (_for_each_unit(smoothed(parts, width), place)[place.inside] for parts in (measured, computed))
-    x, side = place.x[place.inside], place.side[place.inside]
-    good = np.isfinite(a) & np.isfinite(b)
-    parts = [own for s in np.unique(side) if np.count_nonzero(own := good & (side == s)) >= ENOUGH]
-    if not parts:
+    """Return what is missing and what an effect makes of it; None where the record has too little of it."""
+    sides = [place.side == s for s in np.unique(place.side) if np.count_nonzero(place.side == s) >= ENOUGH]
+    if not sides:
         return None
-    block = max(memory(a[good] - b[good]), 2 * width)
-    found, curve = (
-        tuple(band(x[own], values[own], block, dense_at_zero=place.dense) for own in parts) for values in (a, b)
-    )
-    parameters = added_parameters(f, ranked, effect) if effect else {}
-    return Explanation(effect, ranked.effects, a, b, found, curve, parameters)
+    block = max(memory(measured - computed), 2)
+    found, curve = (_bands(place, values, sides, block) for values in (measured, computed))
+    own = {n.partition(".")[2]: p for n, p in fitted.parameters.items() if belongs(fitted, n, effect)}
+    return Explanation(effect, fitted.effects, measured, computed, found, curve, own)
 
 
-def _for_each_unit(values: Array, place: Place) -> Array:
-    """Return what is lacking (N,) for each unit of what ``place`` says, e.g. a resistance: minus voltage per ampere."""
-    if place.per is None:
-        return values
-    mean = uniform_filter1d(np.nan_to_num(place.per) ** 2, max(1, values.size // PARTS), mode="nearest")
-    return np.asarray(-values * place.per / np.maximum(mean, 1e-12 * mean.max()))
+def _bands(place: Place, values: Array, sides: Sequence[NDArray[np.bool_]], block: int) -> tuple[Band, ...]:
+    return tuple(band(place.x[s], values[s], block, dense_at_zero=place.dense) for s in sides)
 
 
-__all__ = ["Evidence", "Explanation", "evidence", "nearest_rival"]
+__all__ = ["Evidence", "Explanation", "Place", "evidence", "nearest"]

@@ -125,7 +125,9 @@ class Judgement:
     def _without(self) -> dict[str, Fitted]:
         motion, names = self.agreed.motion, self.final.effects
         rest = {e: tuple(n for n in names if n != e) for e in names}
-        return {e: motion.fitted(others, self.final.model) if others else self.agreed.base for e, others in rest.items()}
+        return {
+            e: motion.fitted(others, self.final.model) if others else self.agreed.base for e, others in rest.items()
+        }
 
     def without(self, effect: str) -> Fitted:
         """Return the best fit without one effect of the proposal: what removing it costs."""

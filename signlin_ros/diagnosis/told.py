@@ -114,7 +114,9 @@ def _scores(problem: Problem, squares: Array) -> Scores:
     spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
     fit = np.where(spread > 0, 100.0 * (1.0 - rmse / np.maximum(spread, 1e-300)), np.nan)
     rows = zip(problem.channels, rmse.tolist(), fit.tolist(), problem.noise.tolist(), strict=True)
-    return Scores("windowed", {n: Score(e, f if np.isfinite(f) else None, e / s if s > 0 else None) for n, e, f, s in rows})
+    return Scores(
+        "windowed", {n: Score(e, f if np.isfinite(f) else None, e / s if s > 0 else None) for n, e, f, s in rows}
+    )
 
 
 # -------------------------------------------------------------------- ranking
@@ -163,7 +165,7 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
 
 
 def _named(j: Judgement, effect: str, ties: tuple[str, ...], asked: str) -> Entry:
-    own = {n.partition(".")[2]: p for n, p in j.final.parameters.items() if words._belongs(j.final, n, effect)}
+    own = {n.partition(".")[2]: p for n, p in j.final.parameters.items() if words.belongs(j.final, n, effect)}
     plain = [t for t in ties if not _richer(t, effect)]
     status = "ambiguous" if plain else "confirmed"
     refused = bool(asked) and j.agreed.motion.refused(j.agreed.base, j.final) != ""
@@ -185,10 +187,12 @@ def _other(j: Judgement, name: str, f: Fitted | None, tied: str) -> Entry:
     effect, tie = find_effect(name, "effects"), (tied,) if tied else ()
     if f is None:
         return _by_force(j, name, tie)
-    own = {n.partition(".")[2]: p for n, p in f.parameters.items() if words._belongs(f, n, name)}
+    own = {n.partition(".")[2]: p for n, p in f.parameters.items() if words.belongs(f, n, name)}
     scores = _both(j, f.known_squares, f.unseen_squares)[1]
     if tied and not _richer(name, tied):
-        return Entry(name, "ambiguous", own, scores, tie, f"as good on unseen data as {tied.replace('_', ' ')}", f.level)
+        return Entry(
+            name, "ambiguous", own, scores, tie, f"as good on unseen data as {tied.replace('_', ' ')}", f.level
+        )
     why = words.why_not(j, f)
     status = "not_excited" if effect.only_beyond and j.agreed.motion.refused(j.agreed.base, f) else "rejected"
     if tied:

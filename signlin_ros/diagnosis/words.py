@@ -71,7 +71,8 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
         first, last = (float(np.sqrt(np.nanmean(f.unseen_squares[:, k]))) for f in (before, after))
         if last < (1 - j.criteria.alike) * first:
             unit = motion.problem.shown(motion.problem.units.get(name, ""))
-            parts.append(f"the error of {name} over {j.horizon:.3g} s from {_digits(first)} to {_digits(last)} {unit}".rstrip())
+            what = f"the error of {name} over {j.horizon:.3g} s from {_digits(first)} to {_digits(last)} {unit}"
+            parts.append(what.rstrip())
     return f"on unseen data {joined(parts)}" if parts else "unseen data hardly show it"
 
 
@@ -89,7 +90,8 @@ def remainder(j: Judgement) -> str:
 
 def _left_over(j: Judgement) -> str:
     if j.percent is not None:
-        return f": the force that is left is {_digits(j.percent)} % of the effort, the sensors' noise {_digits(j.noise_percent)} %"
+        left, noise = _digits(j.percent), _digits(j.noise_percent)
+        return f": the force that is left is {left} % of the effort, the sensors' noise {noise} %"
     return ": the residual is noise" if j.final.white else ""
 
 
@@ -103,7 +105,7 @@ def _digits(x: float) -> str:
 def shown(j: Judgement, f: Fitted, effect: str) -> str:
     """Return what a record shows of an effect, as a sentence with the values of its fit."""
     cls, plant = find_effect(effect, "effects"), f.model.plant
-    own = {n: p for n, p in f.parameters.items() if _belongs(f, n, effect)}
+    own = {n: p for n, p in f.parameters.items() if belongs(f, n, effect)}
     if issubclass(cls, SensorEffect):
         (name, p), *_ = own.items()
         return cls.shown_on(name.partition(".")[2], Shown(p.value, p.unit, p.std))
@@ -127,7 +129,8 @@ def _unit(f: Fitted, name: str) -> str:
     return units.get(name, "")
 
 
-def _belongs(f: Fitted, name: str, effect: str) -> bool:
+def belongs(f: Fitted, name: str, effect: str) -> bool:
+    """Tell whether a parameter of a fit is one of an effect."""
     key = name.partition(".")[0]
     return key == effect or (key in f.model.effects and f.model.effects[key].type == effect)
 
@@ -152,4 +155,4 @@ def why_not(j: Judgement, f: Fitted) -> str:
     return "the witnesses differ on it"
 
 
-__all__ = ["falls", "listed", "remainder", "sentence", "shown", "why_named", "why_not"]
+__all__ = ["belongs", "falls", "listed", "remainder", "sentence", "shown", "why_named", "why_not"]

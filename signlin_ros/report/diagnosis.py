@@ -9,10 +9,10 @@ from pathlib import Path
 from signlin_ros.diagnosis import diagnosis_pictures as drawn
 from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import Comparison, compare
-from signlin_ros.diagnosis.evidence import Evidence, evidence
-from signlin_ros.diagnosis.parameters import estimates, given
+from signlin_ros.diagnosis.evidence import Evidence, evidence, nearest
+from signlin_ros.diagnosis.motion.prepare import held_out
+from signlin_ros.diagnosis.proposal import given
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Scores
-from signlin_ros.diagnosis.search import held_out
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -97,12 +97,9 @@ def _compared(
 # -------------------------------------------------------------------- evidence
 
 
-ALONG = "What goes with the position and the motion in what the proposal leaves, and the wave that the verdict tells."
-
-
 def _shown(d: Diagnosis) -> list[Block]:
     """Return what speaks for each named effect; where there is none, for the best of those that were tried."""
-    blocks = drawing("along_the_way", drawn.along_the_way, ALONG, d)
+    blocks: list[Block] = []
     for entry in d.missing:
         likeness = "" if entry.status in ("confirmed", "ambiguous") else ": a likeness, not the cause"
         name = entry.effect.replace("_", " ").capitalize()
@@ -127,22 +124,23 @@ def _evidence(d: Diagnosis, entry: Entry) -> list[Block]:
 
 def _nearest(d: Diagnosis) -> list[Block]:
     """Return the picture of the best effect that did not make it."""
-    if d.findings is None or not d.findings.singles:
+    best = nearest(d.findings) if d.findings else None
+    found = evidence(d.findings, best.effects[0], best) if best else None
+    if best is None or found is None:
         return []
-    best = d.findings.singles[0].ranked
-    found = evidence(d.findings, best.label, best)
-    text = f"The nearest of the listed effects is {best.label.replace('_', ' ')}; it does not explain the residual."
-    return [Text(text), _picture(found, best.label)] if found else []
+    name = best.effects[0]
+    text = f"The nearest of the listed effects is {name.replace('_', ' ')}; it does not explain the residual."
+    return [Text(text), _picture(found, name)]
 
 
 def _picture(e: Evidence, effect: str) -> Picture:
     place = e.place.name.split(" [", maxsplit=1)[0]
     name, source = effect.replace("_", " "), names_of(e.sources)
     caption = (
-        f"Left: what the measured motion lacks without {name} over {place}, and, in blue, the same computed from the"
-        f" motion of the model with it. {_second(e)}"
+        f"Left: the force that the measured motion takes beyond the model without {name}, over {place}; in blue, the"
+        f" same computed with it. {_second(e)}"
         + ("" if e.place.single else "Right: what each curve leaves of the means; around zero if it is right. ")
-        + f"{_fits(e)}Data: {source}, which the fit never saw; filter of {1e3 * e.window:.3g} ms on both."
+        + f"{_fits(e)}Data: {source}, which the fit never saw; low-pass of {e.cutoff:.3g} Hz on both."
     )
     return Picture(f"evidence_{effect}", drawn.evidence_picture(e), caption, f"missing force over {place}, {name}")
 
@@ -170,9 +168,10 @@ def _ladder(d: Diagnosis) -> list[Block]:
         " noise: no model can be better."
     )
     rows = []
-    for rung in d.ladder:
+    named = [(drawn.words(rung.effects) or "base model, refitted", rung) for rung in d.ladder]
+    for name, rung in [*([("model as given", d.given)] if d.given else []), *named]:
         own = _rows(d, rung.estimation, rung.validation)
-        labels = [drawn.words(rung.effects) or "base model, refitted", *[""] * (len(own) - 1)]
+        labels = [name, *[""] * (len(own) - 1)]
         rows += [[label, *row] for label, row in zip(labels, own, strict=True)]
     head = ["model", "channel", "unit", "data of the fit", "unseen data", "over noise", "fit"]
     table = Table(head, rows, right=(3, 4, 5, 6))
@@ -238,10 +237,9 @@ def _still(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> l
 
 
 def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
-    held = estimates(d.findings.final.ranked.fit, base.frozen, d.findings) if base and d.findings else {}
-    columns = [{**held, **fitted} for fitted in (d.base, d.parameters)]
+    columns = [d.base, d.parameters]
     rows = []
-    for name in dict.fromkeys([*held, *d.parameters, *d.base]):
+    for name in dict.fromkeys([*d.parameters, *d.base]):
         before, after = (column.get(name) for column in columns)
         known = after or before
         shown = [_given(base, name, known) if known else "-", *(str(e) if e else "-" for e in (before, after))]

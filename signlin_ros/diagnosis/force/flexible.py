@@ -6,8 +6,6 @@ Recht, Advances in Neural Information Processing Systems 20, 2007]; ridge regres
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter

@@ -109,7 +109,9 @@ def columns_of(structure: Structure, key: str, parts: Parts) -> Tape:
     quiet = [(p[n], parts.neutral) for n in parts.levels] + [(p[n], 0.0) for n in parts.turning[:1]]
 
     def at(e: ca.SX, values: list[tuple[ca.SX, float]]) -> ca.SX:
-        return ca.substitute(e, ca.vertcat(*(s for s, _ in values)), ca.vertcat(*(v for _, v in values))) if values else e
+        return (
+            ca.substitute(e, ca.vertcat(*(s for s, _ in values)), ca.vertcat(*(v for _, v in values))) if values else e
+        )
 
     sign = -1.0 if parts.neutral else 1.0
     rows = [sign * at(ca.jacobian(e, p[n]), quiet) for n in parts.levels]
@@ -169,7 +171,9 @@ class Law:
     @functools.cached_property
     def structural(self) -> frozenset[str]:
         """Parameters that change the equations."""
-        return frozenset(n for n, p in self.effect.pars().items() if p.structural and not p.words and p.elements is None)
+        return frozenset(
+            n for n, p in self.effect.pars().items() if p.structural and not p.words and p.elements is None
+        )
 
     def _structured(self, values: Shape) -> Model:
         """Return the model with the law's structural parameters at these values."""

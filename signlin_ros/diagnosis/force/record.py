@@ -361,4 +361,14 @@ def evaluated(model: Model, tape: Tape, piece: Piece, x: Array, p: Array) -> Arr
     return np.broadcast_to(result, (len(result), piece.t.size))
 
 
-__all__ = ["Piece", "best_cutoff", "inertia", "low_pass", "missing_force", "piece", "sensor_noise", "slope", "states_of"]
+__all__ = [
+    "Piece",
+    "best_cutoff",
+    "inertia",
+    "low_pass",
+    "missing_force",
+    "piece",
+    "sensor_noise",
+    "slope",
+    "states_of",
+]

@@ -155,8 +155,19 @@ class Search:
         """Return a fit whose shapes lie between the points of the grid, by what is left of the fitted data."""
         for step in STEPS:
             for j, (name, shape) in enumerate(f.members):
+                f = self._restructured(f, j)
                 for n in self._movable(name, shape):
                     f = self._moved(f, j, n, self._step_of(name, n, shape, step))
+        return f
+
+    def _restructured(self, f: Fit, j: int) -> Fit:
+        """Return a fit with another value of a parameter that changes the equations, if that leaves less."""
+        name, shape = f.members[j]
+        structural = self.r.laws[name].structural
+        for n, value in shape:
+            others = {v for s in self.shapes[name] for k, v in s if k == n and v != value} if n in structural else ()
+            tried = [self.r.fitted(_put(f.members, j, n, v)) for v in others]
+            f = min([f, *tried], key=lambda g: g.trained)
         return f
 
     def _movable(self, name: str, shape: Shape) -> list[str]:
@@ -234,7 +245,9 @@ class Search:
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
         if self.level(f, name) < self.r.criteria.coefficient or not law.effect.plausible(values):
             return False
-        return all(self.worth(f, g, law.free(dict(f.members)[name])) for g in (self.without(f, name), *self._simpler(f, name)))
+        return all(
+            self.worth(f, g, law.free(dict(f.members)[name])) for g in (self.without(f, name), *self._simpler(f, name))
+        )
 
     def worth(self, f: Fit, reference: Fit, free: int) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error."""
@@ -276,6 +289,11 @@ class Search:
             if len(names) == len(rest) + 1 and names >= rest and name not in names and self.alike(f, other)
         ]
         return tuple(sorted(found))
+
+
+def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:
+    name, shape = members[j]
+    return (*members[:j], (name, tuple((k, value if k == n else v) for k, v in shape)), *members[j + 1 :])
 
 
 def _with(members: Sequence[Member], j: int, n: str, factor: float, par: Par) -> tuple[Member, ...]:

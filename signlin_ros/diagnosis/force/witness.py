@@ -60,7 +60,7 @@ def testify(
     first = _in_band(model, known, unseen, rotary, criteria, cutoff)
     step = first.search.r.known.pieces[0].step
     wide = min(criteria.wider * cutoff, 0.12 / step)
-    if first.effects and not first.structure or wide < 1.2 * cutoff:
+    if (first.effects and not first.structure) or wide < 1.2 * cutoff:
         return first
     second = _in_band(model, known, unseen, rotary, criteria, wide)
     better = (second.effects and not second.structure) or (

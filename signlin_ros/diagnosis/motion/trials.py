@@ -12,6 +12,7 @@ from signlin_ros.effects import EFFECTS, find_effect, load_entry_points
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model
+from signlin_ros.par import nominal_values
 
 LATE = (1.5, 5.0)
 """Delays of a sensor that a fit starts from, in samples."""
@@ -49,6 +50,8 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
     effect = find_effect(name, "effect")
     if any(use.type == name for use in problem.base.effects.values()) and not effect.periodic:
         return []
+    if not (asked or effect.proposed):
+        return []
     if issubclass(effect, SensorEffect):
         return _of_sensors(problem, name)
     plant = problem.base.plant
@@ -80,6 +83,8 @@ def _key(model: Model, name: str) -> str:
 
 
 def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
+    if any(par.elements is not None for par in effect.pars().values()):
+        return [nominal_values(effect.pars())]
     starts = effect.starts(problem.scale)
     if effect.periodic:
         scanned = [dict(zip(effect.periodic, one, strict=True)) for one in periodic_starts(problem, problem.base)]
@@ -92,7 +97,7 @@ def completed(problem: Problem, effect: type[Effect], values: Mapping[str, float
     pars, spring = effect.pars(), problem.base._has_spring
     kept = {n: v for n, v in values.items() if not (pars[n].free_standing and spring)}
     kept |= {n: v for n, v in effect.held.items() if v is not None}
-    return {n: pars[n].nearest(v) for n, v in kept.items()}
+    return {n: v if isinstance(v, list) or pars[n].words else pars[n].nearest(v) for n, v in kept.items()}
 
 
 def rescanned(problem: Problem, trial: Trial, before: Fit) -> Trial:
