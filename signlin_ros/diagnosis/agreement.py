@@ -126,7 +126,7 @@ def _chosen(
     criteria: Criteria,
     left: dict[int, Array],
 ) -> tuple[Fitted, str]:
-    """Return the model to stand for, of what force (``first``) and motion (``second``) arrived at, and why they differ."""
+    """Return the model to stand for, of what force (``first``) and motion (``second``) arrived at, and why not both."""
     base = motion.base
     if not first:
         if second.effects and _raises(force, base, second, criteria, left):

@@ -8,7 +8,7 @@ from dataclasses import replace
 from signlin_ros.diagnosis.agreement import Agreed, agree
 from signlin_ros.diagnosis.case import Case, case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.force.witness import Testimony, testify
+from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.judgement import judge
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.results import Diagnosis
@@ -122,7 +122,7 @@ def _force(prepared: Case, criteria: Criteria, progress: Progress | None) -> Tes
         progress("missing force", 0.0)
     if not all(prepared.parts) or not _seen(prepared):
         return None
-    return testify(prepared.model, *prepared.parts, prepared.rotary, criteria)
+    return hear(prepared.model, *prepared.parts, prepared.rotary, criteria)
 
 
 def _seen(prepared: Case) -> bool:

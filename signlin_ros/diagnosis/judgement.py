@@ -143,8 +143,7 @@ def judge(case: Case, agreed: Agreed, criteria: Criteria, only: str | None = Non
     final = agreed.final
     names, motion = final.effects, agreed.motion
     steps = [agreed.base]
-    for k in range(1, len(names)):
-        steps.append(motion.fitted(names[:k], final.model))
+    steps += [motion.fitted(names[:k], final.model) for k in range(1, len(names))]
     if names:
         steps.append(final)
     return Judgement(case, agreed, criteria, final, tuple(steps))

@@ -194,7 +194,7 @@ class Law:
 
     def parameters(self, shape: Shape, coefficients: Array) -> dict[str, float]:
         """Return the effect's parameters for a shape and the coefficients (columns) of its columns."""
-        values = {n: u for n, u in self.model.effects[KEY].parameters.items()} | dict(shape)
+        values = {**self.model.effects[KEY].parameters, **dict(shape)}
         c = list(coefficients)
         for n in self.parts.levels:
             level = c.pop(0)

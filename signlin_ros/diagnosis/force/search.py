@@ -238,8 +238,8 @@ class Search:
         return bool(f.members) and bool(np.any((moved > c.bent) & (moved > before + 1.0) & carried & (spread < 0.5)))
 
     def needed(self, f: Fit, name: str) -> bool:
-        """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part of
-        the unseen error: of what is left without it, and with a simpler law of its family in its place.
+        """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part
+        of the unseen error: of what is left without it, and with a simpler law of its family in its place.
         """
         law = self.r.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])

@@ -48,7 +48,7 @@ class Testimony:
         return self.search.r.percent(fit or self.fit)
 
 
-def testify(
+def hear(
     model: Model,
     known: Sequence[ModelData],
     unseen: Sequence[ModelData],
@@ -112,4 +112,4 @@ def scale_of(model: Model, pieces: Sequence[Piece]) -> Scale:
     )
 
 
-__all__ = ["Testimony", "scale_of", "testify"]
+__all__ = ["Testimony", "hear", "scale_of"]
