@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.data import arriving
+from signlin_ros.diagnosis.data import arriving, cut
 from signlin_ros.diagnosis.fit import Candidate, Fit, follow_records, seen_late
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment, linear_base
 from signlin_ros.diagnosis.results import Scores
@@ -84,14 +84,17 @@ def _windowed(problem: Problem, f: Fit, s: Segment, E: Array, X: Array) -> Array
     lags = seen_late(problem, f.candidate, f.candidate.p(f.theta))[:, 0]
     steady, names = problem.levels[1].values[-1:], problem.levels[1].names
     candidate, theta, delay = _in_time(f)
-    u, early = (_delayed(problem, s, delay), s.early if problem.scale.imposed else 0.0) if delay else (s.u, s.early)
+    u, early = s.u, s.early
+    if delay:
+        u, early = _delayed(problem, s, delay), s.early if problem.scale.imposed else 0.0
     free = Gains(np.inf, names, np.zeros_like(steady), np.ones((0, steady.shape[2])))
     for first, last in windows(s.t, problem.base.update_period)[1:]:
         if s.t[first] - s.t[0] < delay:
             continue
         part = slice(first, last + 1)
         start = dict(zip(candidate.model.states, X[first], strict=True))
-        window = Segment(s.t[part], u[part], s.y[part], start, "", False, early)  # from nothing but what was before
+        # from nothing but what was before
+        window = Segment(s.t[part], u[part], s.y[part], start, "", False, cut(early, part))
         run = follow_records(problem, candidate, theta, free, False, (window,))
         if run:
             errors[first + 1 : last + 1] = run[0][0][1:]
@@ -117,6 +120,8 @@ def _delayed(problem: Problem, s: Segment, delay: float) -> Array:
     t, late = s.t, delay - s.early
     if problem.scale.imposed:
         return s.u[np.maximum(np.searchsorted(t + late, t, side="right") - 1, 0)]
+    if isinstance(late, np.ndarray):
+        late = np.append(late, late[-1])
     return arriving(np.append(t, 2 * t[-1] - t[-2]), np.vstack([s.u, s.u[-1:]]), late)
 
 

@@ -50,7 +50,7 @@ def better_hold(problem: Problem, options: Sequence[Ranked], filter: Filter, eac
     """Return the ``input_hold`` with which some option explains the records clearly better than any does as they were
     taken, empty if there is none, and by how much evidence. ``filter``: the colour in which that of theirs was found.
     """
-    present, white = problem.segments[0].early / problem.scale.step, Filter(np.zeros_like(filter.rho))
+    present, white = float(np.median(problem.segments[0].early)) / problem.scale.step, Filter(np.zeros_like(filter.rho))
     colours = [white, filter] if filter.rho.any() else [white]
     starts = [_Look(r.evidence, present, r, white, (r.low,) if r.fit is r.low else (r.low, r.fit)) for r in options]
     ways = [steps for steps in GRID if abs(steps - present) > 0.1]
@@ -83,7 +83,11 @@ def _sharper(problem: Problem, best: _Look, each: Each) -> str | float:
 def _refitted(problem: Problem, look: _Look, early: float, filter: Filter, steps: int) -> _Look:
     """Return a set of effects with another timing, fitted on from where it is at each of its gains."""
     r, shift = look.option, early * problem.scale.step
-    moved = replace(problem, segments=tuple(replace(s, early=shift) for s in problem.segments))
+    usual = (s.early - np.median(s.early) for s in problem.segments)
+    moved = replace(
+        problem,
+        segments=tuple(replace(s, early=shift + own) for s, own in zip(problem.segments, usual, strict=True)),
+    )
     low = problem.levels[-1]
     tried = (fit(moved, f.candidate, f.gains, f.theta, steps, filter if f.gains is low else None) for f in look.fits)
     fits = tuple(f for f in tried if f)

@@ -14,6 +14,7 @@ converted      a unit other than the model's was converted
 assumed        what the file did not say was taken as said here (a unit, an order, a missing input as 0)
 mapped         a column was made from others, as the mapping says
 clock          where the time comes from: an epoch, a clock time, sec and nanosec, a sampling time
+unit_of_time   the time states no unit, and its steps would be long for s: a question
 gap            steps of the time that are much longer than the others
 uneven         steps of the time that differ
 held           a channel with stamps of its own was held from sample to sample
@@ -41,6 +42,7 @@ KINDS = (
     "assumed",
     "mapped",
     "clock",
+    "unit_of_time",
     "gap",
     "uneven",
     "held",

@@ -115,7 +115,9 @@ def test_the_nodes_topics_are_known(bag: Callable[[Messages], Path]) -> None:
     data = read_for_model(bag(run()), motor())
     # The first input comes 1 ms after the first state.
     np.testing.assert_array_equal(data.t, np.arange(1, 20) / 200)
-    np.testing.assert_array_equal(data.u[:, 0], np.arange(19) // 4)
+    assert data.acts is not None
+    np.testing.assert_array_equal(data.u[:, 0], np.arange(1, 20) // 4)
+    np.testing.assert_allclose(data.acts[3::4], data.t[3::4] + 1e-3)
     np.testing.assert_array_equal(data.measured["speed"], 10.0 * np.arange(1, 20))
     assert data.x0 is not None
     np.testing.assert_array_equal(data.x0, [0.1, 10.0])
