@@ -104,7 +104,7 @@ def acting(commands: Mapping[str, Series], t: Array) -> tuple[Array | None, dict
     acts = t.copy()
     alone = within & (count[near.clip(0, t.size - 1)] == 1)
     acts[near[alone]] = switches[alone]
-    ends = np.append(acts[1:], t[-1] + steps[-1])
+    ends = np.append(acts[1:], max(t[-1], acts[-1]))
     inside = np.searchsorted(switches, ends, side="left") - np.searchsorted(switches, acts, side="right")
     rows = {}
     for name, one in commands.items():
