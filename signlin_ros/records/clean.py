@@ -27,7 +27,7 @@ import numpy.typing as npt
 from signlin_ros.errors import RecordError
 
 from .grammar import is_formula, split_unit, words
-from .header import TIME_KEYS, Heading, clock
+from .header import TIME_KEYS, Heading, clock, heading
 from .notes import Note
 from .runs import runs_of
 from .sparse import sparse
@@ -243,7 +243,8 @@ def _signals(table: Table, used: Collection[str]) -> dict[str, Signal]:
     signals = {}
     for head, column in zip(table.headings, table.columns, strict=True):
         if head.label not in used:
-            key = head.label if head.suffix or names.count(head.name) > 1 else head.name
+            own = head.suffix and heading(head.label).name == head.name
+            key = head.label if own or names.count(head.name) > 1 else head.name
             signals[key] = Signal(column, head.unit, head.label, head.number)
     return signals
 

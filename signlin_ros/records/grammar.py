@@ -155,7 +155,8 @@ def words(spec: str) -> list[str]:
     body, _ = split_unit(spec)
     quoted = re.findall(r"[\"'`]([^\"'`]+)[\"'`]", body)
     found = [match[0].rstrip("./") for match in _WORD.finditer(re.sub(r"[\"'`][^\"'`]*[\"'`]", " ", body))]
-    parts = [part for word in found if "/" in word for part in word.split("/") if part[:1].isalpha()]
+    divided = [word for word in found if "/" in word and not (word.startswith("/") and "." in word)]
+    parts = [part for word in divided for part in word.split("/") if part[:1].isalpha()]
     return quoted + [word for word in (*found, *parts) if word not in FUNCTIONS]
 
 
