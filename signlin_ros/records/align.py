@@ -104,6 +104,9 @@ def acting(commands: Mapping[str, Series], t: Array) -> tuple[Array | None, dict
     acts = t.copy()
     alone = within & (count[near.clip(0, t.size - 1)] == 1)
     acts[near[alone]] = switches[alone]
+    same = np.abs(acts - t) <= SAME * float(np.median(steps))
+    if not same[0]:
+        acts[0] = min(acts[0], t[0])  # nothing else can hold what is in force until the first row acts
     ends = np.append(acts[1:], max(t[-1], acts[-1]))
     inside = np.searchsorted(switches, ends, side="left") - np.searchsorted(switches, acts, side="right")
     rows = {}
@@ -113,7 +116,6 @@ def acting(commands: Mapping[str, Series], t: Array) -> tuple[Array | None, dict
             values[0] = np.nan
         several = (inside > 0) & np.isfinite(values)
         rows[name] = np.where(several, _mean(one, acts, ends), values) if several.any() else values
-    same = np.abs(acts - t) <= SAME * float(np.median(steps))
     acts[same] = t[same]
     return (None if same.all() else acts), rows
 
@@ -135,7 +137,8 @@ def _mean(one: Series, begins: Array, ends: Array) -> Array:
         index = np.maximum(np.searchsorted(one.t, at, side="right") - 1, 0)
         return np.asarray(total[index] + one.values[index] * (at - one.t[index]))
 
-    return (integral(ends) - integral(begins)) / (ends - begins)
+    lengths = np.where(ends > begins, ends - begins, 1.0)
+    return (integral(ends) - integral(begins)) / lengths
 
 
 def hold(series: Series, t: Array) -> Array:
