@@ -179,6 +179,9 @@ def _named_apart(table: Table) -> Table:
     first: dict[str, int] = {}
     kept, headings, notes = [], [], []
     for i, head in enumerate(table.headings):
+        if not head.label and i == 0 and np.array_equal(table.columns[0], np.arange(table.rows.number.size)):
+            notes.append(Note("the first column counts the rows and is left out", "left_out"))
+            continue
         if not head.label:
             raise RecordError(f"{table.source}: column {head.number or i + 1} has values but no name")
         before = first.setdefault(head.label, i)

@@ -21,7 +21,7 @@ from signlin_ros.errors import RecordError
 
 from .clean import Keep, Table
 from .header import Heading, heading
-from .layout import MISSING, Layout, is_number, labelled, layout, shortened
+from .layout import MISSING, Layout, is_number, labelled, layout, opened, shortened
 from .notes import Note
 from .stamps import directions, times_of_day
 from .table import Rows
@@ -225,10 +225,9 @@ def _rows(shape: Layout) -> list[list[str]]:
 
 def _check_quotes(shape: Layout) -> None:
     """Refuse a quote that opens a cell and is not closed on its line."""
-    opens = re.compile(rf'(?:^|{re.escape(shape.separator)})\s*"')
     for i, line in enumerate(shape.body):
-        if line.count('"') % 2 and opens.search(line):
-            at = line[: opens.search(line).start() + 1].count(shape.separator)  # type: ignore[union-attr]
+        at = opened(line, shape.separator) if '"' in line else None
+        if at is not None:
             label = shape.header[at] if at < len(shape.header) else f"{at + 1}"
             place = f"row {i + 1} (line {shape.numbers[i]}), column {label!r}"
             raise RecordError(f"{shape.source}: {place}: a quote is opened and not closed: {shortened(line)!r}")
@@ -266,6 +265,9 @@ def _column(
     bad, cell = next((i, cell) for i, cell in given if not _reads(cell, comma))
     other = "comma" if comma and "." in cell else "point" if not comma and text.points and "," in cell else ""
     hint = f"; other numbers have a decimal {other}" if other else ""
+    words = sorted(set(found))
+    if keep is True and len(words) <= 4 and not any(map(is_number, words)):
+        hint = f"; it holds {', '.join(map(repr, words))}: directions are known as F/R, forward/reverse, +/-, CW/CCW"
     where = f"{text.shape.source}: {text.rows.name(bad)}, column {head.label!r}"
     raise RecordError(f"{where}: {cell!r} is not a number{hint}")
 

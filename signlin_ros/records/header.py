@@ -14,7 +14,7 @@ from signlin_ros.names import TIME
 _BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*(?:\([^()]*\)[^()]*)?)\))")
 _AFTER = re.compile(r"(?P<name>[^/,]*[^/, ]) ?(?:, ?|/ ?(?=\(?[^/]+(?:/[^/]+)?\)?\Z))\(?(?P<unit>[^,()]+)\)?\Z")
 _FURTHER = "elapsed elapsed_time time_stamp datetime date_time date/time clock uptime ros_time tout rel_time stime utc"
-_FURTHER += " sec secs seconds millis micros zeit date"
+_FURTHER += " x_value sec secs seconds millis micros zeit date"
 _TIMES = (*TIME, *_FURTHER.split())
 _TIME = re.compile(rf"(?:__|%)?(?P<name>{'|'.join(_TIMES)})(?:\(\))?(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
 _TIME_UNITS = {"millis": "ms", "micros": "us", "sec": "s", "secs": "s", "seconds": "s"}

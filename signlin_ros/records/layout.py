@@ -24,7 +24,7 @@ from .notes import Note
 
 Integers = npt.NDArray[np.int64]
 
-SEPARATORS = ("\t", ";", ",", " ")
+SEPARATORS = ("\t", ";", ",", "|", " ")
 """A blank stands for any run of white space."""
 MISSING = frozenset(
     {"", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)"}
@@ -127,7 +127,7 @@ def _separator(lines: Sequence[str]) -> tuple[str, int]:
     looked = lines if len(lines) <= 2 * LOOKED_AT else [*lines[:LOOKED_AT], *lines[-LOOKED_AT:]]
     best, chosen = (-1.0, 0), (",", 1)
     for mark in SEPARATORS:
-        rows = [cells(line, mark) for line in looked if _even_quotes(line)]
+        rows = [cells(line, mark) for line in looked if opened(line, mark) is None]
         rows = [row for row in rows if sum(map(is_value, row)) > len(row) / 4] or rows
         width = Counter(_width(row) for row in rows).most_common(1)[0][0] if rows else 1
         same = [row for row in rows if _width(row) == width]
@@ -144,14 +144,18 @@ def _width(row: Sequence[str]) -> int:
     return len(row)
 
 
-def _even_quotes(line: str) -> bool:
-    return line.count('"') % 2 == 0
+def opened(line: str, separator: str) -> int | None:
+    """The cell, from 0, of a line that opens a quote and does not close it; None where there is none."""
+    if line.count('"') % 2 == 0:
+        return None
+    found = re.search(rf'(?:^|{re.escape(separator)})\s*"', line)
+    return None if found is None else line[: found.start() + 1].count(separator)
 
 
 def _first_row(lines: Sequence[str], kept: Sequence[int], separator: str, width: int) -> int | None:
     """The place in `kept` of the first row of values; None where no line is one."""
     for k, i in enumerate(kept):
-        row = cells(lines[i], separator) if _even_quotes(lines[i]) else []
+        row = cells(lines[i], separator) if opened(lines[i], separator) is None else []
         there = [cell for cell in row if cell.lower() not in MISSING]
         values = sum(map(is_value, there))
         if (

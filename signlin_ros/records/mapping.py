@@ -16,6 +16,7 @@ from signlin_ros.errors import ModelError, RecordError
 from .align import align, named
 from .formulas import made
 from .header import TIME_KEYS, heading
+from .inputs import with_inputs
 from .notes import Note, as_notes
 from .slope import held_slope, slope
 from .table import Record, Signal, frozen
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 ALIASES = ("position", "velocity", "effort")
-LONGEST_HOLD = 5
-"""So many missing samples of an input in a row are filled with the value before them; more are refused."""
 LARGEST = 1e15
 """Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
 _DEFAULT_TOPIC = re.compile(r"(?P<topic>(?:/\w+)*/(?P<role>state|input))\.data\[(?P<index>\d+)\]\Z")
@@ -136,7 +135,7 @@ def for_model(
     notes += [
         Note(f"{name} holds no sample", "missing", name) for name in names if name in chosen and name not in measured
     ]
-    record, u, measured = _with_inputs(record, model, converted, measured, notes)
+    record, u, measured = with_inputs(record, model, converted, measured, notes)
     return ModelData(
         t=record.t,
         u=u,
@@ -400,55 +399,6 @@ def _check_kinds(record: Record, chosen: Mapping[str, str], kinds: Mapping[str, 
     if len(first) > 1:
         stated = " but ".join(f"{name} is in {record.signals[chosen[name]].unit!r}" for name in first.values())
         raise RecordError(f"{record.source}: {stated}: either all is linear (m, N) or all is rotary (rad, N·m)")
-
-
-def _with_inputs(
-    record: Record, model: Model, values: Mapping[str, Array], measured: dict[str, Array], notes: list[Note]
-) -> tuple[Record, Array, dict[str, Array]]:
-    """The inputs u (T, m), in a bag from the first message of all of them on."""
-    columns = [values.get(name, np.zeros(record.t.shape)) for name in model.inputs]
-    start = max((_leading(column) for column in columns), default=0) if record.series else 0
-    if start > record.t.size - 2:
-        raise RecordError(f"{record.source}: the first message of an input comes after the measurements have ended")
-    if start:
-        late = record.t[start] - record.t[0]
-        notes.append(Note(f"starts with the inputs' first message, {late:.4g} s after the others'", "started"))
-        acts = None if record.acts is None else record.acts[start:]
-        record = replace(record, t=record.t[start:], signals=_cut(record.signals, start), acts=acts)
-        measured = {name: frozen(column[start:]) for name, column in measured.items()}
-        columns = [column[start:] for column in columns]
-    filled = [_inputs_filled(record, name, column, notes) for name, column in zip(model.inputs, columns, strict=True)]
-    u = np.stack(filled, axis=1) if filled else np.empty((record.t.size, 0))
-    return record, frozen(u), measured
-
-
-def _cut(signals: Mapping[str, Signal], start: int) -> dict[str, Signal]:
-    return {name: replace(signal, values=signal.values[start:]) for name, signal in signals.items()}
-
-
-def _leading(values: Array) -> int:
-    """How many NaN stand at the front."""
-    there = np.flatnonzero(~np.isnan(values))
-    return int(there[0]) if there.size else int(values.size)
-
-
-def _inputs_filled(record: Record, name: str, values: Array, notes: list[Note]) -> Array:
-    """The values with up to `LONGEST_HOLD` NaN in a row replaced by the value before them."""
-    missing = np.isnan(values)
-    if not missing.any():
-        return values
-    index = np.arange(values.size)
-    last = np.maximum.accumulate(np.where(missing, -1, index))
-    age = index - last
-    bad = (last < 0) | (age > LONGEST_HOLD)
-    if bad.any():
-        first = int(last[np.argmax(bad)]) + 1
-        why = "before its first value" if first == 0 else f"more than {LONGEST_HOLD} times in a row"
-        raise RecordError(f"{record.source}: {record.where(first)}: the input {name!r} is missing {why}")
-    place = record.where(int(np.argmax(missing)))
-    said = f"input {name}: {int(missing.sum())} missing samples hold the value before them, the first at {place}"
-    notes.append(Note(said, "filled", name))
-    return values[last]
 
 
 def _first_state(measured: Mapping[str, Array], states: tuple[str, ...]) -> Array | None:

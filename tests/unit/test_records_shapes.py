@@ -76,6 +76,14 @@ def shapes() -> Iterator[tuple[str, str]]:
     yield "epoch ns", stamped(lambda t: f"{1766147454000000001 + round(1e9 * t)}", "%time")
     yield "millis()", stamped(lambda t: f"{round(1000 * t)}", "millis()")
     yield "sec, nsec", stamped(lambda t: f"{1766147454 + int(t + 0.5)},{round((t + 0.5) % 1 * 1e9)}", "secs,nsecs")
+    yield "bars", with_header("|".join(NAMES), lines("|"))
+    yield "rows counted", with_header("," + plain, [f"{i},{line}" for i, line in enumerate(lines())])
+    yield "marks of inches", with_header(plain + ",note", [f'{line},5" wheel' for line in lines()])
+    yield (
+        "LabVIEW",
+        "LabVIEW Measurement\t\nSeparator\tTab\n***End***\t\n\nX_Value\t"
+        + with_header("\t".join([*NAMES[1:], "Comment"]), [line + "\t" for line in lines("\t")]),
+    )
     yield "not available", with_header(plain, lines()).replace(lines()[5], lines()[5].rsplit(",", 1)[0] + ",#N/A")
 
 
@@ -173,6 +181,17 @@ def test_columns_with_clocks_of_their_own_are_held_from_their_stamps(tmp_path: P
     switched = np.flatnonzero(np.diff(data.u[:, 0])) + 1
     np.testing.assert_allclose(data.acts[switched] - data.t[switched], 0.003)
     np.testing.assert_allclose(data.u[switched, 0], ROWS[5::5, 1][: len(switched)])
+
+
+def test_a_command_that_is_logged_when_it_is_given_is_held(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    body = [
+        line if i % 6 == 0 else ",,".join([line.split(",")[0], line.split(",", 2)[2]]) for i, line in enumerate(lines())
+    ]
+    path.write_text(with_header(",".join(NAMES), body))
+    data = read_for_model(path, MOTOR)
+    np.testing.assert_allclose(data.u[:, 0], np.repeat(ROWS[::6, 1], 6))
+    assert [note.kind for note in data.notes] == ["held"]
 
 
 @pytest.mark.parametrize(
