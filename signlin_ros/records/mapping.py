@@ -354,10 +354,20 @@ def _converted(
         if unit and units.kind(wanted.split(" or ")[0]) == "linear":
             kinds[name] = units.kind(unit)
     _check_kinds(record, chosen, kinds)
+    notes += _assumed(record, model, chosen)
     if "rotary" in kinds.values():
         notes.append(Note("the record is rotary (rad, N·m): so are the model's parameters", "assumed"))
         unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}
     return values, unit_of
+
+
+def _assumed(record: Record, model: Model, chosen: Mapping[str, str]) -> list[Note]:
+    """What is said of columns without a unit beside others that have one."""
+    silent = [n for n, key in chosen.items() if not record.signals[key].unit and model.units[n] not in ("", "-", "1")]
+    if len(silent) == len(chosen):
+        return []
+    said = "no unit is stated for {} beside others that have one: taken in {}"
+    return [Note(said.format(name, model.units[name]), "assumed", name) for name in silent]
 
 
 def _how(record: Record, name: str, key: str, wanted: str) -> tuple[str, tuple[float, str]]:

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from .notes import Note
+from .notes import Note, as_notes
 from .table import Record, Series
 
 Array = npt.NDArray[np.float64]
@@ -34,10 +34,11 @@ def sparse(record: Record) -> Record:
         return record
     series = {}
     for name, signal in record.signals.items():
-        kept = there[name]
-        series[name] = Series(record.t[kept], signal.values[kept], signal.unit, signal.label)
+        rows = there[name]
+        series[name] = Series(record.t[rows], signal.values[rows], signal.unit, signal.label)
     said = "columns have values in rows of their own: each is taken with a clock of its own, as in a bag"
-    return replace(record, series=series, notes=(*record.notes, Note(said, "format")))
+    kept = (note for note in as_notes(record.notes) if note.kind not in ("uneven", "gap"))  # of the rows of all
+    return replace(record, series=series, notes=(*kept, Note(said, "format")))
 
 
 def _apart(a: npt.NDArray[np.bool_], b: npt.NDArray[np.bool_]) -> bool:
