@@ -83,9 +83,11 @@ def tidy(text: str) -> str:
 
 
 def clock(headings: Sequence[Heading]) -> Heading | None:
-    """The time column among the headings: the first of ``t``, ``time``, ``timestamp``, ``stamp``, ..."""
+    """The time column among the headings: the first of ``t``, ``time``, ``timestamp``, ``stamp``, ...; last ``T``, which
+    may be a torque.
+    """
     times = [head for head in headings if head.time is not None]
-    return min(times, key=lambda head: head.time or (99, ""), default=None)
+    return min(times, key=lambda head: (head.name == "T", (head.time or (99, ""))[0]), default=None)
 
 
 def pair(headings: Sequence[Heading]) -> tuple[Heading, Heading, float] | None:

@@ -14,8 +14,9 @@ from signlin_ros import units
 from signlin_ros.errors import ModelError, RecordError
 
 from .align import align, named
+from .converted import converted
 from .formulas import made
-from .header import TIME_KEYS, heading
+from .header import TIME_KEYS
 from .inputs import with_inputs
 from .notes import Note, as_notes
 from .slope import held_slope, slope
@@ -27,8 +28,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 ALIASES = ("position", "velocity", "effort")
-LARGEST = 1e15
-"""Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
 _DEFAULT_TOPIC = re.compile(r"(?P<topic>(?:/\w+)*/(?P<role>state|input))\.data\[(?P<index>\d+)\]\Z")
 
 
@@ -116,26 +115,26 @@ def for_model(
     derived = _velocity_of(model, chosen)
     _check_inputs(record, model, {*chosen, *derived}, require, notes)
     record = _aligned(record, model, chosen, base)
-    converted, unit_of = _converted(record, model, chosen, notes)
+    values, unit_of = converted(record, model, chosen, notes)
     for name, position in derived.items():
-        converted[name], noise = slope(record.t, converted[position])
+        values[name], noise = slope(record.t, values[position])
         unit_of[name] = {"rad": "rad/s"}.get(unit_of[position], model.units[name])
         smoothed = f", smoothed by as much as its noise, {noise:.2g} {unit_of[position]}" if noise else ""
-        efforts = [converted[n] for n in model.outputs if n in converted and n not in model.states]
-        held = held_slope(record.t, converted[position], converted[name], efforts[0]) if efforts else None
+        efforts = [values[n] for n in model.outputs if n in values and n not in model.states]
+        held = held_slope(record.t, values[position], values[name], efforts[0]) if efforts else None
         if held is not None:
-            converted[name] = held
+            values[name] = held
             said = f"{name} is the difference of {position} from sample to sample: it was held in between"
             notes.append(Note(said, "derived", name))
             continue
         notes.append(Note(f"{name} is the derivative of a spline through {position}{smoothed}", "derived", name))
     names = _unique(model.states, model.outputs)
-    measured = {name: frozen(converted[name]) for name in names if name in chosen}
+    measured = {name: frozen(values[name]) for name in names if name in chosen}
     measured = {name: values for name, values in measured.items() if not np.isnan(values).all()}
     notes += [
         Note(f"{name} holds no sample", "missing", name) for name in names if name in chosen and name not in measured
     ]
-    record, u, measured = with_inputs(record, model, converted, measured, notes)
+    record, u, measured = with_inputs(record, model, values, measured, notes)
     return ModelData(
         t=record.t,
         u=u,
@@ -335,80 +334,6 @@ def _aligned(record: Record, model: Model, chosen: Mapping[str, str], base: str 
     }
     signals, notes = {**one.signals, **others}, (*kept, *one.notes)
     return replace(record, t=one.t, signals=signals, notes=notes, alignment=one.notes, acts=one.acts, rows=None)
-
-
-def _converted(
-    record: Record, model: Model, chosen: Mapping[str, str], notes: list[Note]
-) -> tuple[dict[str, Array], dict[str, str]]:
-    """The chosen columns in the model's units, and the units: name -> (T,), name -> unit."""
-    values: dict[str, Array] = {}
-    unit_of: dict[str, str] = dict(model.units)
-    kinds: dict[str, str] = {}
-    for name, key in chosen.items():
-        signal, wanted = record.signals[key], model.units[name]
-        unit, how = _how(record, name, key, wanted)
-        values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
-        if how[0] != 1.0:
-            notes.append(Note(f"{name} is converted from {unit} to {how[1]}", "converted", name))
-        _check_size(record, name, signal, values[name])
-        if unit and units.kind(wanted.split(" or ")[0]) == "linear":
-            kinds[name] = units.kind(unit)
-    _check_kinds(record, chosen, kinds)
-    notes += _assumed(record, model, chosen)
-    if "rotary" in kinds.values():
-        notes.append(Note("the record is rotary (rad, N·m): so are the model's parameters", "assumed"))
-        unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}
-    return values, unit_of
-
-
-def _assumed(record: Record, model: Model, chosen: Mapping[str, str]) -> list[Note]:
-    """What is said of columns without a unit beside others that have one."""
-    silent = [n for n, key in chosen.items() if not record.signals[key].unit and model.units[n] not in ("", "-", "1")]
-    if len(silent) == len(chosen):
-        return []
-    said = "no unit is stated for {} beside others that have one: taken in {}"
-    return [Note(said.format(name, model.units[name]), "assumed", name) for name in silent]
-
-
-def _how(record: Record, name: str, key: str, wanted: str) -> tuple[str, tuple[float, str]]:
-    """The unit of a column, and how to bring it to the one that is wanted: see `signlin_ros.units.conversion`."""
-    signal = record.signals[key]
-    label = signal.label or key
-    how = units.conversion(signal.unit, wanted)
-    if how is not None:
-        return signal.unit, how
-    if len(signal.unit) == 1 and heading(label).suffix:  # one letter at the end of a name is a unit where it fits
-        return "", (1.0, wanted)
-    known = f"in {signal.unit!r}" + ("" if units.parse(signal.unit) is not None else ", which is no unit that is known")
-    raise RecordError(
-        f"{record.source}: {name} is {known} (column {label!r}), the model in {wanted!r}; say what it is: "
-        f"--signal '{name} = {_quoted(label)} [UNIT]', or --signal '{name} = FACTOR * {_quoted(label)}'"
-    )
-
-
-def _quoted(label: str) -> str:
-    """A column's name as a formula takes it."""
-    bare = heading(label).name
-    return bare if re.fullmatch(r"[\w./\[\]]+", bare) else f'"{bare}"'
-
-
-def _check_size(record: Record, name: str, signal: Signal, values: Array) -> None:
-    """Refuse what no sensor says."""
-    large = np.flatnonzero(np.abs(values) > LARGEST)
-    if large.size:
-        where = f"{record.source}: {record.where(int(large[0]))}, column {signal.label or name!r}"
-        allowed = f"up to {LARGEST:g} in size; leave the cell empty where a sample is missing"
-        raise RecordError(f"{where}: {signal.values[large[0]]:g} is no measurement; allowed: {allowed}")
-
-
-def _check_kinds(record: Record, chosen: Mapping[str, str], kinds: Mapping[str, str]) -> None:
-    """Refuse a record that mixes newtons and radians."""
-    first: dict[str, str] = {}
-    for name, kind in kinds.items():
-        first.setdefault(kind, name)
-    if len(first) > 1:
-        stated = " but ".join(f"{name} is in {record.signals[chosen[name]].unit!r}" for name in first.values())
-        raise RecordError(f"{record.source}: {stated}: either all is linear (m, N) or all is rotary (rad, N·m)")
 
 
 def _first_state(measured: Mapping[str, Array], states: tuple[str, ...]) -> Array | None:

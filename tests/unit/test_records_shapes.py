@@ -76,6 +76,7 @@ def shapes() -> Iterator[tuple[str, str]]:
     yield "epoch ns", stamped(lambda t: f"{1766147454000000001 + round(1e9 * t)}", "%time")
     yield "millis()", stamped(lambda t: f"{round(1000 * t)}", "millis()")
     yield "sec, nsec", stamped(lambda t: f"{1766147454 + int(t + 0.5)},{round((t + 0.5) % 1 * 1e9)}", "secs,nsecs")
+    yield "a torque beside", with_header("T," + plain, [f"0.5,{line}" for line in lines()])
     yield "bars", with_header("|".join(NAMES), lines("|"))
     yield "rows counted", with_header("," + plain, [f"{i},{line}" for i, line in enumerate(lines())])
     yield "marks of inches", with_header(plain + ",note", [f'{line},5" wheel' for line in lines()])
