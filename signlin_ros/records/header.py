@@ -83,8 +83,8 @@ def tidy(text: str) -> str:
 
 
 def clock(headings: Sequence[Heading]) -> Heading | None:
-    """The time column among the headings: the first of ``t``, ``time``, ``timestamp``, ``stamp``, ...; last ``T``, which
-    may be a torque.
+    """The time column among the headings: the first of ``t``, ``time``, ``timestamp``, ``stamp``, ...; last ``T``,
+    which may be a torque.
     """
     times = [head for head in headings if head.time is not None]
     return min(times, key=lambda head: (head.name == "T", (head.time or (99, ""))[0]), default=None)
