@@ -238,7 +238,8 @@ def _check_widths(shape: Layout, where: Rows, rows: list[list[str]]) -> None:
         if len(row) != len(shape.header):
             raise RecordError(
                 f"{shape.source}: {where.name(i)} has {len(row)} cells, the header {len(shape.header)} columns "
-                f"({shortened(', '.join(shape.header), 120)}); the line is {shortened(shape.body[i], 120)!r}"
+                f"({shortened(', '.join(shape.header), 120)}); the line is {shortened(shape.body[i], 120)!r}; "
+                + ("the header must name every cell, divided alike" if i == 0 else "mend or delete the line")
             )
 
 
