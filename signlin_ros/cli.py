@@ -73,13 +73,47 @@ def _json_option(function: Callable[..., Report]) -> Callable[..., None]:
     return click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")(run)
 
 
-_signal_option = click.option(
+_one_signal = click.option(
     "--signal",
     "signals",
     multiple=True,
     metavar="NAME=COLUMN",
-    help="The column of DATA (or /topic.field[...]) that holds a signal of the model. Repeatable.",
+    help="The column of DATA (or /topic.field[...]) that holds a signal of the model, or a formula of columns:"
+    " 'speed = meas [rpm]', 'speed = -0.105 * meas', 'voltage = sign(dir) * pwm', 't = time [ms]'. Repeatable.",
 )
+_dt_option = click.option(
+    "--dt",
+    type=float,
+    metavar="SECONDS",
+    callback=lambda ctx, parameter, value: _step(ctx, value),
+    expose_value=False,
+    help="DATA has no time: its rows are so many s apart.",
+)
+
+
+def _step(ctx: click.Context, value: float | None) -> None:
+    """Keep --dt with the signals, as what the time is."""
+    if value is None:
+        return
+    if not (math.isfinite(value) and value > 0.0):
+        raise click.BadParameter(f"{value!r} is not a time in s", param_hint="--dt")
+    ctx.meta["signlin.dt"] = value
+
+
+def _signal_option(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --signal and --dt, which every verb that reads DATA takes."""
+    return _one_signal(_dt_option(function))
+
+
+def _mapping(signals: Sequence[str]) -> dict[str, str]:
+    """What --signal and --dt say of DATA: name -> column or formula; ``t`` -> the s from row to row."""
+    found = _pairs(signals, "--signal", "NAME=COLUMN")
+    step = click.get_current_context().meta.get("signlin.dt")
+    if step is None:
+        return found
+    if "t" in found:
+        raise InputError(f"--dt {step:g} and --signal t={found['t']} both say what the time is; give one")
+    return {**found, "t": repr(step)}
 
 
 def _note(text: str) -> None:
@@ -240,7 +274,7 @@ def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals
     Inputs are held between samples. OUT has t, the inputs, the states and the outputs under their plain
     names, at DATA's times: true values, not what the model's sensors show.
     """
-    mapping = _pairs(signals, "--signal", "NAME=COLUMN")
+    mapping = _mapping(signals)
     from signlin_ros import console
     from signlin_ros.guard import check_files
     from signlin_ros.model import Model
@@ -252,7 +286,7 @@ def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals
     record = read_for_model(data, loaded, mapping)
     _progress(f"simulating {len(record)} samples (the first run of a kind compiles for some seconds) ...")
     start = None if record.x0 is None else loaded.true_states(record.x0)
-    result = run(loaded, record.t, record.u, start, kind=kind, rtol=rtol)
+    result = run(loaded, record.t, record.u, start, kind=kind, rtol=rtol, acts=record.acts)
     write_record(console.trajectory_record(loaded, result, data), output, model=loaded)
     for note in record.notes:
         _note(f"note: {note}")
@@ -286,7 +320,7 @@ def compare(
     the horizon, each from what was measured before it, and the effort computed from the measured motion. Then
     what is missing from the equations, and the situations that hold more of the error than of the time.
     """
-    mapping = _pairs(signals, "--signal", "NAME=COLUMN")
+    mapping = _mapping(signals)
     from signlin_ros import console
     from signlin_ros.diagnosis.comparison import compare as run
     from signlin_ros.diagnosis.data import load_records
@@ -393,18 +427,18 @@ def _learned(
 ) -> Report:
     if report is not None:
         raise InputError("--report: add learned_force draws none; use signlin compare NEW.yaml DATA --report OUT.html")
-    mapping = _pairs(signals, "--signal", "NAME=COLUMN")
+    mapping = _mapping(signals)
     from signlin_ros import console
-    from signlin_ros.diagnosis import load_records
+    from signlin_ros.diagnosis.data import load_sides
     from signlin_ros.guard import check_files
     from signlin_ros.learned import add_learned
     from signlin_ros.model import SUFFIXES, Model
 
     original = Model.load(model)
     check_files(original, data, validation, output, SUFFIXES)
-    loaded, records = load_records(original, (*data, *validation), mapping)
-    _progress(f"{effect}: {sum(map(len, records))} samples ...")
-    new, content = add_learned(loaded, records[: len(data)], records[len(data) :] or None, over)
+    loaded, first, second = load_sides(original, data, validation, mapping)
+    _progress(f"{effect}: {sum(map(len, [*first, *(second or ())]))} samples ...")
+    new, content = add_learned(loaded, first, second, over)
     new = new.with_options(with_position=original.with_position)
     new.save(output)
     text = new.placed_in(Path(output).parent).to_yaml()
@@ -434,18 +468,18 @@ def _diagnosed(
     output: str | None = None,
     effect: str | None = None,
 ) -> Report:
-    mapping = _pairs(signals, "--signal", "NAME=COLUMN")
+    mapping = _mapping(signals)
     from signlin_ros import console
     from signlin_ros.diagnosis import diagnose as page
-    from signlin_ros.diagnosis import load_records
+    from signlin_ros.diagnosis.data import load_sides
     from signlin_ros.files import write_text
     from signlin_ros.guard import check_files
     from signlin_ros.model import SUFFIXES, Model
 
     original = Model.load(model)
     check_files(original, data, validation, output, SUFFIXES, report)
-    loaded, records = load_records(original, (*data, *validation), mapping)
-    first, second = records[: len(data)], records[len(data) :] or None
+    loaded, first, second = load_sides(original, data, validation, mapping)
+    records = [*first, *(second or ())]
     _progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
     arguments = (*([effect] if effect else []), loaded, first, second)
     result = getattr(page, verb)(*arguments, jobs=jobs or os.cpu_count() or 1, progress=_stage)

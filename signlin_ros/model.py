@@ -536,10 +536,13 @@ def _number_table(low: float, positive: bool = False) -> Callable[[Any, str], di
 
 
 def _signals(value: Any, where: str) -> dict[str, str]:
-    table = _table(value, where)
+    table = dict(_table(value, where))
     for name, item in table.items():
-        if not isinstance(item, str) or not item.strip():
-            raise ModelError(f"{where}.{name}: found {item!r}; allowed: a column's name or /topic.field[...]")
+        if isinstance(item, (int, float)) and not isinstance(item, bool) and (name in TIME or item == int(item) > 0):
+            table[name] = str(int(item)) if name not in TIME else repr(float(item))
+        elif not isinstance(item, str) or not item.strip():
+            allowed = "a column's name, a formula of columns, or /topic.field[...]; for t also the s from row to row"
+            raise ModelError(f"{where}.{name}: found {item!r}; allowed: {allowed}")
     return table
 
 

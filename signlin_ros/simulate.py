@@ -62,9 +62,11 @@ def simulate(
     x0: ArrayLike | None = None,
     kind: str = "exact",
     rtol: float = 1e-6,
+    acts: ArrayLike | None = None,
 ) -> Trajectory:
     """Simulate at times t (T,) with inputs u (T, m) held from each time to the next, or as ``input_hold`` says.
 
+    Where the inputs have a clock of their own, ``acts`` (T,) says from when each row does.
     x0 (n,) is the state at t[0], the model's ``initial_state`` by default. An input delay shifts the inputs; before
     its first sample an input has that sample's value. Raises `InputError` for bad arguments, `SimulationError` when
     the run diverges, saying when.
@@ -77,7 +79,7 @@ def simulate(
     X = np.empty((times.size, start.size))
     extra = model.outputs != model.states
     Y = np.empty((times.size, len(model.outputs) if extra else 0))
-    breaks = times + model.delay
+    breaks = _acting(times, acts) + model.delay
     breaks[1:] -= model.early * np.diff(times)
     breaks[0] = times[0]
     run = {"exact": _run_exact, "smooth": _run_smooth, "piecewise": _run_piecewise}[kind]
@@ -86,6 +88,16 @@ def simulate(
         raise SimulationError(f"{model.source}: the {kind} simulation stops at t = {when:.6g} s: {_WHY[status]}")
     y = Y if extra else X
     return Trajectory(times, inputs, X, y, model.states, model.inputs, model.outputs, events)
+
+
+def _acting(times: Array, acts: ArrayLike | None) -> Array:
+    """Return from when each row of the inputs acts (T,)."""
+    if acts is None:
+        return times
+    found = np.asarray(acts, dtype=float)
+    if found.shape != times.shape or not np.isfinite(found).all() or (np.diff(found) < 0).any():
+        raise InputError(f"acts (T,) must be times that do not decrease, one for each of {times.size} rows")
+    return found
 
 
 def _checked(model: Model, t: ArrayLike, u: ArrayLike, x0: ArrayLike | None) -> tuple[Array, Array, Array]:

@@ -1,17 +1,20 @@
-"""Units as columns state them: parsed to a scale and a dimension, and converted.
+"""Units as columns state them: read, checked for their dimension, and converted.
 
-A unit is a product of known symbols with SI prefixes: ``mm/s``, ``N·m``, ``N*mm``, ``rad s^-1``, ``m/s²``.
-The angle is kept as a dimension of its own, so that ``Hz`` is not taken for ``rad/s``. A translational model
-unit accepts its rotary counterpart (m and rad, m/s and rad/s, N and N·m), because the mass-spring-damper
-plants stand for both kinds of drive.
+What is not SI is looked up with Pint [https://pint.readthedocs.io], which is loaded only then. A unit is a product of
+symbols with powers: ``mm/s``, ``N·m``, ``oz-in``, ``rad s^-1``, ``deg per s``, ``m/s²``. The angle is kept as a
+dimension of its own, so that ``Hz`` is not taken for ``rad/s``. What may mean several things (``lb``: a mass or a
+force; ``ms``: milliseconds or m/s) means the one whose dimension fits. A translational model unit accepts its rotary
+counterpart (m and rad, m/s and rad/s, N and N·m), because the mass-spring-damper plants stand for both kinds of drive.
 """
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from itertools import product
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,72 +24,160 @@ if TYPE_CHECKING:
 
 Dimension = tuple[int, int, int, int, int, int]
 """Exponents of metre, kilogram, second, ampere, kelvin, radian."""
+Reading = tuple[float, Dimension]
+"""What a unit may mean: its size in SI units, and its dimension."""
 
-_M: Dimension = (1, 0, 0, 0, 0, 0)
-_KG: Dimension = (0, 1, 0, 0, 0, 0)
-_S: Dimension = (0, 0, 1, 0, 0, 0)
-_A: Dimension = (0, 0, 0, 1, 0, 0)
-_K: Dimension = (0, 0, 0, 0, 1, 0)
-_RAD: Dimension = (0, 0, 0, 0, 0, 1)
+_BASES = ("meter", "kilogram", "second", "ampere", "kelvin", "radian")
 _ONE: Dimension = (0, 0, 0, 0, 0, 0)
+_M: Dimension = (1, 0, 0, 0, 0, 0)
+_RAD: Dimension = (0, 0, 0, 0, 0, 1)
 _N: Dimension = (1, 1, -2, 0, 0, 0)
 _NM: Dimension = (2, 1, -2, 0, 0, 0)
-_W: Dimension = (2, 1, -3, 0, 0, 0)
-_V: Dimension = (2, 1, -3, -1, 0, 0)
+_G0 = 9.80665
+"""A weight in N over its mass in kg: standard gravity, by which forces are stated in lb, oz, kg or g."""
 
-# Symbols that take a prefix, and symbols that take none.
-_PREFIXED: dict[str, tuple[float, Dimension]] = {
-    "m": (1.0, _M),
-    "g": (1e-3, _KG),
-    "s": (1.0, _S),
-    "A": (1.0, _A),
-    "K": (1.0, _K),
-    "rad": (1.0, _RAD),
-    "N": (1.0, _N),
-    "Nm": (1.0, _NM),
-    "J": (1.0, _NM),
-    "W": (1.0, _W),
-    "V": (1.0, _V),
-    "Hz": (1.0, (0, 0, -1, 0, 0, 0)),
-    "Ohm": (1.0, (2, 1, -3, -2, 0, 0)),
-    "H": (1.0, (2, 1, -2, -2, 0, 0)),
-    "Pa": (1.0, (-1, 1, -2, 0, 0, 0)),
-    "Wb": (1.0, (2, 1, -2, -1, 0, 0)),
-    "T": (1.0, (0, 1, -2, -1, 0, 0)),
+_SI: dict[str, Dimension] = {
+    "1": _ONE,
+    "-": _ONE,
+    "m": _M,
+    "kg": (0, 1, 0, 0, 0, 0),
+    "s": (0, 0, 1, 0, 0, 0),
+    "A": (0, 0, 0, 1, 0, 0),
+    "K": (0, 0, 0, 0, 1, 0),
+    "rad": _RAD,
+    "N": _N,
+    "Nm": _NM,
+    "J": _NM,
+    "W": (2, 1, -3, 0, 0, 0),
+    "V": (2, 1, -3, -1, 0, 0),
+    "Hz": (0, 0, -1, 0, 0, 0),
+    "Ohm": (2, 1, -3, -2, 0, 0),
+    "H": (2, 1, -2, -2, 0, 0),
+    "Pa": (-1, 1, -2, 0, 0, 0),
+    "Wb": (2, 1, -2, -1, 0, 0),
+    "T": (0, 1, -2, -1, 0, 0),
 }
-_PLAIN: dict[str, tuple[float, Dimension]] = {
-    "1": (1.0, _ONE),
-    "-": (1.0, _ONE),
-    "%": (0.01, _ONE),
-    "sec": (1.0, _S),
-    "second": (1.0, _S),
-    "seconds": (1.0, _S),
-    "min": (60.0, _S),
-    "h": (3600.0, _S),
-    "deg": (math.pi / 180, _RAD),
-    "°": (math.pi / 180, _RAD),
-    "rev": (2 * math.pi, _RAD),
-    "turn": (2 * math.pi, _RAD),
-    "rpm": (math.pi / 30, (0, 0, -1, 0, 0, 1)),
-    "RPM": (math.pi / 30, (0, 0, -1, 0, 0, 1)),
-    "kgf": (9.80665, _N),
-    "bar": (1e5, (-1, 1, -2, 0, 0, 0)),
-    "Ω": (1.0, (2, 1, -3, -2, 0, 0)),
+"""Coherent SI units, for which nothing is loaded."""
+
+_OWN: dict[str, tuple[str, ...]] = {
+    "c": (),
+    "C": (),
+    "F": (),
+    "G": (),
+    "a": (),
+    "b": (),
+    "d": (),
+    "e": (),
+    "u": (),
+    "l": (),
+    "amps": ("A",),
+    "volt": ("V",),
+    "ohms": ("Ohm",),
+    "ω": (),
+    "sec": ("s",),
+    "secs": ("s",),
+    "second": ("s",),
+    "seconds": ("s",),
+    "radian": ("rad",),
+    "radians": ("rad",),
+    "metre": ("m",),
+    "meter": ("m",),
+    "newton": ("N",),
+    "ms": ("millisecond", "m/s"),
+    "mms": ("mm/s",),
+    "cms": ("cm/s",),
+    "mps": ("m/s",),
+    "mmps": ("mm/s",),
+    "mps2": ("m/s2",),
+    "kmh": ("km/hour",),
+    "ips": ("inch/s",),
+    "fps": ("ft/s",),
+    "rads": ("rad/s", "rad"),
+    "radps": ("rad/s",),
+    "rad2": ("rad^2",),
+    "mrad": ("milliradian",),
+    "urad": ("microradian",),
+    "deg": ("degree",),
+    "degs": ("degree/s", "degree"),
+    "degps": ("degree/s",),
+    "dps": ("degree/s",),
+    "mdps": ("0.001 degree/s",),
+    "kdps": ("1000 degree/s",),
+    "rev": ("turn",),
+    "revs": ("turn", "turn/s"),
+    "r": ("turn",),
+    "U": ("turn",),
+    "rot": ("turn",),
+    "rotation": ("turn",),
+    "rotations": ("turn",),
+    "cyc": ("turn",),
+    "rpm": ("turn/minute",),
+    "rps": ("turn/s",),
+    "krpm": ("1000 turn/minute",),
+    "mil": ("0.001 inch",),
+    "mils": ("0.001 inch",),
+    "micron": ("micrometer",),
+    "microns": ("micrometer",),
+    "lbs": ("lb",),
+    "#": (),
+    "klb": ("1000 lb",),
+    "kips": ("kip",),
+    "ozf": ("ounce_force",),
+    "kp": ("kgf",),
+    "nm": ("nanometer", "Nm"),
+    "Nm": ("Nm",),
+    "Nmm": ("0.001 Nm",),
+    "Ncm": ("0.01 Nm",),
+    "mNm": ("0.001 Nm",),
+    "uNm": ("1e-6 Nm",),
+    "cNm": ("0.01 Nm",),
+    "kNm": ("1000 Nm",),
+    "ozin": ("oz*inch",),
+    "inoz": ("oz*inch",),
+    "lbin": ("lb*inch",),
+    "inlb": ("lb*inch",),
+    "lbfin": ("lbf*inch",),
+    "lbft": ("lb*ft",),
+    "ftlb": ("lb*ft",),
+    "ftlbs": ("lb*ft",),
+    "lbfft": ("lbf*ft",),
+    "ftlbf": ("lbf*ft",),
+    "kgcm": ("kg*cm",),
+    "kgfcm": ("kgf*cm",),
+    "kgm": ("kg*m",),
+    "gcm": ("g*cm",),
+    "gfcm": ("gf*cm",),
+    "h": ("hour",),
+    "min": ("minute",),
+    "mins": ("minute",),
+    "us": ("microsecond",),
+    "usec": ("microsecond",),
+    "msec": ("millisecond",),
+    "nsec": ("nanosecond",),
+    "nanosec": ("nanosecond",),
+    "millis": ("millisecond",),
+    "micros": ("microsecond",),
+    "nanos": ("nanosecond",),
+    "arms": ("A",),
+    "apk": ("A",),
+    "vrms": ("V",),
+    "vdc": ("V",),
+    "adc": ("A",),
+    "ma": ("mA",),
+    "mv": ("mV",),
+    "ua": ("uA",),
+    "ka": ("kA",),
+    "kv": ("kV",),
+    "pct": ("%",),
+    "percent": ("%",),
+    "°": ("degree",),
+    "degree": ("degree",),
+    "degrees": ("degree",),
+    '"': ("inch",),
 }
-_PREFIXES = {
-    "n": 1e-9,
-    "u": 1e-6,
-    "µ": 1e-6,
-    "μ": 1e-6,
-    "m": 1e-3,
-    "c": 1e-2,
-    "d": 0.1,
-    "k": 1e3,
-    "M": 1e6,
-    "G": 1e9,
-}
-_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
-_FACTOR = re.compile(r"(?P<symbol>[^\d^-]+|1|-)\^?(?P<power>-?\d+)?\Z")
+"""What Pint does not know, reads as something else (``Nm``: per kilogram; ``amps``: a velocity), or what is written in
+other letters; looked up as it is written, then in small letters. Nothing: no unit, whatever Pint would make of it.
+"""
 
 _ROTARY: dict[Dimension, Dimension] = {
     _M: _RAD,
@@ -94,53 +185,104 @@ _ROTARY: dict[Dimension, Dimension] = {
     (1, 0, -2, 0, 0, 0): (0, 0, -2, 0, 0, 1),
     _N: _NM,
 }
+_ROTARY_NAMES: dict[Dimension, str] = dict(zip(_ROTARY, ("rad", "rad/s", "rad/s^2", "N·m"), strict=True))
+
+_SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻μ", "0123456789-µ")
+_FACTOR = re.compile(
+    r"(?P<number>\d+(?:\.\d*)?(?:e-?\d+)?(?![\d.]))?(?P<symbol>[^\d^*/]*?)\^?\(?(?P<power>[-+]?\d+)?\)?\Z"
+)
+_MARKS = re.compile(r"\s*([/*·⋅×]|(?<!\d)\.|(?<=[A-Za-z])-(?=[A-Za-z])|\s)\s*")
 
 
-@lru_cache(maxsize=256)
-def parse(unit: str) -> tuple[float, Dimension] | None:
-    """The scale to SI and the dimension of a unit; None where it is not known (``[0/1]``, ``[degC]``)."""
-    text = unit.strip().translate(_SUPERSCRIPTS)
-    if text in _PLAIN:
-        return _PLAIN[text]
-    scale, dimension, sign = 1.0, list(_ONE), 1
-    for token in re.split(r"([/*·⋅×.\s]+)", text):
-        separator = token.strip("*·⋅×. \t") if not re.search(r"[^/*·⋅×.\s]", token) else None
-        if separator is not None:
-            if separator not in ("", "/"):
-                return None
-            sign = -1 if separator == "/" else sign
+@lru_cache(maxsize=512)
+def readings(unit: str) -> tuple[Reading, ...]:
+    """What a unit may mean, the likeliest first; nothing where it is not known: ``[0/1]``, ``[degC]``, ``[counts]``."""
+    if re.fullmatch(r"[\d.]+", unit.strip()) and unit.strip() != "1":
+        return ()
+    text = unit.strip().translate(_SUPERSCRIPTS).replace("Ω", "Ohm").replace("Ω", "Ohm")
+    text = re.sub(r"[\s_]+per[\s_]+", "/", text).replace("**", "^")
+    whole = tuple(_symbol(text)) if text else ()
+    if whole or "_" not in text:
+        return whole or tuple(_products(text))
+    return (*_products(text.replace("_", "/")), *_products(text.replace("_", "*")))
+
+
+def parse(unit: str) -> Reading | None:
+    """The size in SI units and the dimension of what a unit most likely means; None where it is not known."""
+    return next(iter(readings(unit)), None)
+
+
+def _products(text: str) -> Iterator[Reading]:
+    """Read a product of symbols; what follows a ``/`` is divided by, brackets or not."""
+    parts = _MARKS.split(re.sub(r"/\s*\(([^()]*)\)", r"/\1", text))
+    factors: list[list[Reading]] = []
+    sign = 1
+    for i, part in enumerate(parts):
+        if i % 2:
+            sign = -1 if part == "/" else sign
             continue
-        factor = _factor(token)
-        if factor is None:
-            return None
-        scale *= factor[0] ** sign
-        dimension = [a + sign * b for a, b in zip(dimension, factor[1], strict=True)]
-    return (scale, _dimension(dimension)) if text else None
+        found = [(scale**sign, _times(dimension, sign)) for scale, dimension in _factor(part) if scale]
+        if not found:
+            return
+        factors.append(found)
+    for chosen in product(*factors):
+        m, kg, s, a, k, rad = (sum(exponents) for exponents in zip(*(one[1] for one in chosen), strict=True))
+        yield math.prod(one[0] for one in chosen), (m, kg, s, a, k, rad)
 
 
-def _factor(token: str) -> tuple[float, Dimension] | None:
-    """One symbol with an optional prefix and power: ``mm``, ``s2``, ``s^-1``."""
+def _factor(token: str) -> list[Reading]:
+    """One symbol with an optional number before it and power behind it: ``mm``, ``s2``, ``s^-1``, ``1000 ft``."""
     match = _FACTOR.match(token)
-    base = _symbol(match["symbol"]) if match else None
-    if match is None or base is None:
+    if match is None or not token:
+        return []
+    number, power = float(match["number"] or 1), int(match["power"] or 1)
+    symbol = match["symbol"] or ("1" if match["number"] else "")
+    return [(number * scale**power, _times(dimension, power)) for scale, dimension in _symbol(symbol)]
+
+
+def _symbol(symbol: str) -> Iterator[Reading]:
+    """All that a single symbol may mean: as it is written, then in small letters."""
+    if symbol in _SI:
+        yield 1.0, _SI[symbol]
+        return
+    for key in dict.fromkeys((symbol, symbol.lower())):
+        for text in _OWN.get(key, ()):
+            yield from readings(text) if text.lower() != symbol.lower() else _known(text)
+        if key not in _OWN:
+            yield from _known(key)
+
+
+def _known(symbol: str) -> tuple[Reading, ...]:
+    found = (1.0, _SI[symbol]) if symbol in _SI else _pint(symbol)
+    return () if found is None else (found,)
+
+
+@lru_cache(maxsize=512)
+def _pint(symbol: str) -> Reading | None:
+    """What Pint knows of a symbol, if it is made of lengths, masses, times, currents, temperatures and angles."""
+    if not re.fullmatch(r"[^\W\d]+|%", symbol):
         return None
-    power = int(match["power"] or 1)
-    return base[0] ** power, _dimension([power * b for b in base[1]])
-
-
-def _symbol(symbol: str) -> tuple[float, Dimension] | None:
-    for table in (_PLAIN, _PREFIXED):
-        if symbol in table:
-            return table[symbol]
-    prefix, rest = _PREFIXES.get(symbol[:1]), symbol[1:]
-    if prefix is None or rest not in _PREFIXED:
+    registry = _registry()
+    try:
+        scale, base = registry.get_base_units(registry.parse_units("percent" if symbol == "%" else symbol))
+    except Exception:  # noqa: BLE001 - Pint raises nearly anything on what is no unit
         return None
-    scale, dimension = _PREFIXED[rest]
-    return prefix * scale, dimension
+    exponents = dict(base._units)
+    if not exponents.keys() <= set(_BASES) or ("kelvin" in exponents and not symbol.endswith(("K", "kelvin"))):
+        return None
+    whole = tuple(round(float(exponents.get(name, 0))) for name in _BASES)
+    return float(scale), whole  # type: ignore[return-value]
 
 
-def _dimension(exponents: list[int]) -> Dimension:
-    m, kg, s, a, k, rad = exponents
+@lru_cache(maxsize=1)
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _times(dimension: Dimension, power: int) -> Dimension:
+    m, kg, s, a, k, rad = (power * one for one in dimension)
     return (m, kg, s, a, k, rad)
 
 
@@ -164,19 +306,26 @@ def conversion(found: str, wanted: str) -> tuple[float, str] | None:
     if not found.strip() or not wanted.strip() or found.strip() == wanted.strip():
         return 1.0, wanted
     choices = [parsed for choice in wanted.split(" or ") if (parsed := parse(choice)) is not None]
-    have = parse(found)
-    if have is None:
-        return None
-    for scale, dimension in choices:
-        if dimension == have[1]:
+    pairs = [(have, choice) for have in readings(found) for choice in choices]
+    for have, (scale, dimension) in pairs:
+        if have[1] == dimension:
             return _ratio(have[0], scale), wanted
-    for scale, dimension in choices:
+    for have, (scale, dimension) in pairs:
         if _ROTARY.get(dimension) == have[1]:
             return _ratio(have[0], scale), _ROTARY_NAMES[dimension]
+    for have, (scale, dimension) in pairs:
+        force = _weight(have)
+        if force[1] == dimension:
+            return _ratio(force[0], scale), wanted
+        if _ROTARY.get(dimension) == force[1]:
+            return _ratio(force[0], scale), _ROTARY_NAMES[dimension]
     return None
 
 
-_ROTARY_NAMES: dict[Dimension, str] = dict(zip(_ROTARY, ("rad", "rad/s", "rad/s^2", "N·m"), strict=True))
+def _weight(mass: Reading) -> Reading:
+    """A mass (times a length) as the force (the torque) that it is the weight of."""
+    m, kg, s, a, k, rad = mass[1]
+    return mass[0] * _G0, (m + 1, kg, s - 2, a, k, rad)
 
 
 def rotary(unit: str) -> str:
@@ -187,12 +336,13 @@ def rotary(unit: str) -> str:
 
 def kind(unit: str) -> str:
     """``"linear"`` for m, m/s, N, ``"rotary"`` for rad, rad/s, N·m, else ``""``."""
-    parsed = parse(unit)
-    if parsed is None:
-        return ""
-    if parsed[1] in _ROTARY:
-        return "linear"
-    return "rotary" if parsed[1] in _ROTARY.values() else ""
+    for _, dimension in readings(unit):
+        for one in (dimension, _weight((1.0, dimension))[1]):
+            if one in _ROTARY:
+                return "linear"
+            if one in _ROTARY.values():
+                return "rotary"
+    return ""
 
 
 def _ratio(have: float, scale: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +26,14 @@ class Sample:
     """One moment: time since the start in s, whole state x (n,), input u (m,), and the joint's values.
 
     State and joint are as the model's sensors show them, so that what was measured is played as it was.
+    ``switch``: only the input is new; it switches between two states.
     """
 
     t: float
     x: Array
     u: Array
     joint: dict[str, float]
+    switch: bool = False
 
 
 class Playback:
@@ -70,13 +72,31 @@ class Playback:
     def round(self) -> Iterator[Sample]:
         """Yield the record's samples once, from an estimator that knows nothing yet."""
         estimator, sensors = self.estimator(), self.model.sensors
-        for i, t in enumerate(self.t.tolist()):
+        last: Sample | None = None
+        for t, i, row in self._moments():
+            u = self.data.u[row]
+            if i is None:
+                if last is not None:
+                    yield replace(last, t=t, u=u, switch=True)
+                continue
             found = {name: float(self.data.measured[name][i]) for name in self.measured}
             true = {name: sensors[name].true(value) for name, value in found.items() if not math.isnan(value)}
-            u = self.data.u[i]
             x = self.model.shown_states(estimator.update(t, true, u))
             state = dict(zip(self.model.states, x.tolist(), strict=True))
-            yield Sample(t, x, u, joint_values(self.model, state, u))
+            last = Sample(t, x, u, joint_values(self.model, state, u))
+            yield last
+
+    def _moments(self) -> Iterator[tuple[float, int | None, int]]:
+        """Yield times, the sample that was measured then (None: only the input switches), and the row of the input."""
+        rows = range(self.t.size)
+        if self.data.acts is None:
+            yield from zip(self.t.tolist(), rows, rows, strict=True)
+            return
+        acts = self.data.acts - self.data.t[0]
+        force = np.maximum(np.searchsorted(acts, self.t, side="right") - 1, 0).tolist()
+        moments: list[tuple[float, int | None, int]] = list(zip(self.t.tolist(), rows, force, strict=True))
+        moments += [(float(acts[k]), None, k) for k in rows if acts[k] > 0.0 and acts[k] != self.t[k]]
+        yield from sorted(moments, key=lambda moment: moment[0])
 
     def estimator(self) -> StateEstimator:
         """Return a new estimator of the whole state from what the record holds."""
@@ -98,7 +118,7 @@ class Playback:
         start = 0.0
         while True:
             for sample in self.round():
-                yield Sample(start + sample.t, sample.x, sample.u, sample.joint)
+                yield replace(sample, t=start + sample.t)
             if not loop:
                 return
             start += self.duration

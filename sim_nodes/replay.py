@@ -92,6 +92,8 @@ class ReplayNode(ModelNode):
             stamp = round((self.playback.clock_start + sample.t) * NANO)
             self._clock_out.publish(ClockMessage(clock=convert.stamp_of(stamp)))
         self._inputs.publish(convert.vector(sample.u, "input"))
+        if sample.switch:
+            return
         self._states.publish(convert.vector(sample.x, "state"))
         self._joint_states.publish(convert.joint_state(self.options["joint_name"], sample.joint, stamp))
 

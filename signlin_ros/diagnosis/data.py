@@ -13,10 +13,12 @@ from scipy.signal import savgol_filter
 
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
-from signlin_ros.records import ModelData, read_for_model
+from signlin_ros.records import ModelData, read_runs
 
 Array = NDArray[np.float64]
 PathName = str | os.PathLike[str]
+Early = float | Array
+"""By how many s the rows of an input precede their samples: all alike, or each (T,); negative where they follow."""
 
 HOLE = 5.0
 """A step of more than this many median steps is a gap: what drove the model in it is not known."""
@@ -35,7 +37,8 @@ class Stretch:
     """Samples without a gap: t (T,) s, u (T, m), y (T, channels) true values with NaN for missing samples.
 
     ``source`` names the record, ``record`` counts them from 0; ``first`` is where the stretch begins in it.
-    ``known``: states (T,) that are imposed, ``early``: by how many s the input precedes its sample; see `driving`.
+    ``known``: states (T,) that are imposed, ``early``: by how many s the input precedes its sample, one number or (T,);
+    see `driving`.
     """
 
     t: Array
@@ -45,7 +48,7 @@ class Stretch:
     record: int
     first: int
     known: Mapping[str, Array] = field(default_factory=dict)
-    early: float = 0.0
+    early: Early = 0.0
 
     @property
     def step(self) -> float:
@@ -56,17 +59,31 @@ class Stretch:
 def load_records(
     model: Model, paths: PathName | Sequence[PathName], signals: Mapping[str, str] | None = None
 ) -> tuple[Model, list[ModelData]]:
-    """Read one record or several for a model.
+    """Read one record or several for a model; a file in which the time begins anew holds several.
 
     A motor whose position is recorded gets it as a state, so that it is compared too.
     """
-    paths = [paths] if isinstance(paths, (str, os.PathLike)) else paths
+    wider, data, _ = load_sides(model, [paths] if isinstance(paths, (str, os.PathLike)) else paths, (), signals)
+    return wider, data
+
+
+def load_sides(
+    model: Model,
+    known: Sequence[PathName],
+    unseen: Sequence[PathName],
+    signals: Mapping[str, str] | None = None,
+) -> tuple[Model, list[ModelData], list[ModelData] | None]:
+    """Read records to fit to and records for validation (None if there are none), as `load_records` does."""
     optional = model.plant.position_optional and model.plant.position not in model.states
     wider = model.with_options(with_position=True) if optional else model
-    data = [read_for_model(path, wider, signals) for path in paths]
-    if optional and not all(model.plant.position in d.measured for d in data):
-        return model, [read_for_model(path, model, signals) for path in paths]
-    return wider, data
+
+    def read(model: Model) -> list[list[ModelData]]:
+        return [[run for path in paths for run in read_runs(path, model, signals)] for paths in (known, unseen)]
+
+    first, second = read(wider)
+    if optional and not all(model.plant.position in d.measured for d in (*first, *second)):
+        wider, (first, second) = model, read(model)
+    return wider, first, second or None
 
 
 def unit_asked(step: float) -> str:
@@ -96,9 +113,9 @@ def measured_channels(model: Model, data: Sequence[ModelData]) -> tuple[str, ...
     return found
 
 
-def driving(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], float]:
+def driving(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], Early]:
     """Return the inputs (T, m) of a record without gaps, the states (T,) that they impose, and by how many s the inputs
-    precede their samples.
+    precede their samples: as the model's ``input_hold`` says, and each by what its own stamp does.
 
     A velocity that is imposed runs away from a displacement that was measured too, if its sensor has an offset: the
     slow part of the difference is taken out of it, but not what is proportional to it. That tells whether the velocity
@@ -109,7 +126,7 @@ def driving(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], f
     plant, t, u = model.plant, record.t, record.u
     step = float(np.median(np.diff(t)))
     if not plant.motion_is_imposed() or plant.position not in record.measured:
-        return u, {}, model.early * step
+        return u, {}, _early(model, record)
     x = corrected(model, record, plant.position)
     there = np.isfinite(x)
     if np.count_nonzero(there) < DRIFT:
@@ -125,20 +142,45 @@ def driving(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], f
     return u, {plant.position: apart[0] + travelled(t, u[:, j], early)}, early
 
 
-def travelled(t: Array, velocity: Array, early: float = 0.0) -> Array:
+def _early(model: Model, record: ModelData) -> Early:
+    step = float(np.median(np.diff(record.t)))
+    if record.acts is None or model.plant.motion_is_imposed():
+        return model.early * step
+    return model.early * step + record.t - record.acts
+
+
+def travelled(t: Array, velocity: Array, early: Early = 0.0) -> Array:
     """Return how far (T,) a velocity (T,) that is held, from ``early`` s before its sample on, has led since the first
     one.
     """
     steps = np.diff(t)
+    early = early[1 : t.size] if isinstance(early, np.ndarray) else early
     return np.concatenate([[0.0], np.cumsum(velocity[:-1] * steps + np.diff(velocity) * np.minimum(early, steps))])
 
 
-def arriving(t: Array, u: Array, delay: float) -> Array:
-    """Return the means of a held input u (T, m) between samples (T - 1, m), as they arrive ``delay`` s later."""
+def arriving(t: Array, u: Array, delay: Early) -> Array:
+    """Return the means of a held input u (T, m) between samples (T - 1, m), as they arrive ``delay`` s later, all alike
+    or each row (T,).
+    """
+    if isinstance(delay, np.ndarray):
+        return _arriving_apart(t, u, t + delay)
     late = t - delay
     beyond = u[0] * np.minimum(late - t[0], 0.0)[:, None] + u[-1] * np.maximum(late - t[-1], 0.0)[:, None]
     at = np.column_stack([np.interp(late, t, travelled(t, column)) for column in u.T]) + beyond
     return np.asarray(np.diff(at, axis=0) / np.diff(t)[:, None])
+
+
+def _arriving_apart(t: Array, u: Array, acts: Array) -> Array:
+    """Return the means (T - 1, m) between samples of an input whose rows u (T, m) act from ``acts`` (T,) on."""
+    total = np.concatenate([np.zeros((1, u.shape[1])), np.cumsum(u[:-1] * np.diff(acts)[:, None], axis=0)])
+    index = np.maximum(np.searchsorted(acts, t, side="right") - 1, 0)
+    until = total[index] + u[index] * (t - acts[index])[:, None]
+    return np.asarray(np.diff(until, axis=0) / np.diff(t)[:, None])
+
+
+def cut(early: Early, part: slice) -> Early:
+    """Return what belongs to a part of a record."""
+    return early[part] if isinstance(early, np.ndarray) else early
 
 
 def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Stretch], list[str]]:
@@ -214,10 +256,12 @@ def corrected(model: Model, record: ModelData, name: str) -> Array:
 
 __all__ = [
     "SHORTEST",
+    "Early",
     "Stretch",
     "arriving",
     "as_list",
     "corrected",
+    "cut",
     "driving",
     "gaps",
     "load_records",

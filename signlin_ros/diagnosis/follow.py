@@ -514,7 +514,7 @@ def follow(
     x0: Array,
     p: Array,
     scale: Array,
-    delay: float,
+    delay: float | Array,
     ringing: float,
     lags: Array,
     belief: Array,
@@ -531,7 +531,8 @@ def follow(
     m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is the switching
     surface (-1), whether derivatives are wanted, least number of substeps between samples, index of the first state
     that is an effect's own, where dF/dx begins, columns w for sensitivities.
-    ``u`` (T, m) held from ``delay`` s after its sample on (before it, if negative), ``ringing``: the largest product of
+    ``u`` (T, m) held from ``delay`` s after its sample on (before it, if negative; one number, or one for every row),
+    ``ringing``: the largest product of
     a substep and the fastest rate of the states that ring, ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny):
     those of the first G samples, the last one for all others. X (T, n) gets the state before the correction, if it is
     not empty. ``lags`` (ny, 4): by how much every channel is seen late in s, the state that it shows, the index of its
@@ -543,10 +544,11 @@ def follow(
     Returns how many samples were followed before the run left all bounds.
     """
     # Numba compiles one loop for arrays that may be written to and another for those that may not: these may not.
+    late = np.full(t.size, delay) if np.ndim(delay) == 0 else np.array(delay[: t.size])  # type: ignore[index]
     views = [array.view() for array in (t, u, y)]
     for view in views:
         view.flags.writeable = False
-    rest = (gains, x0, p, scale, delay, ringing, lags, belief, noise, E, D, X)
+    rest = (gains, x0, p, scale, late, ringing, lags, belief, noise, E, D, X)
     return int(_allocated(code, sizes, *views, *rest))
 
 
@@ -588,7 +590,7 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
     for k in range(total):
         for i in range(n):
             z[i] = x[i]
-        while active + 1 < total and t[active + 1] + delay <= t[k]:
+        while active + 1 < total and t[active + 1] + delay[active + 1] <= t[k]:
             if with_s and i_delay >= 0:
                 _slope(head, sizes, z, out, mode, s)
                 for i in range(n):
@@ -659,8 +661,8 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
         begin = t[k]
         while True:
             end = t[k + 1]
-            if active + 1 < total and t[active + 1] + delay < end - 1e-12:
-                end = t[active + 1] + delay
+            if active + 1 < total and t[active + 1] + delay[active + 1] < end - 1e-12:
+                end = t[active + 1] + delay[active + 1]
             if mode == 0 or late:
                 _linearized(code, sizes, z, out, mode, s)
             _kept(sizes, out, kept)

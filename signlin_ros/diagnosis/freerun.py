@@ -87,7 +87,7 @@ def _states(tracker: Tracker, x0: Array) -> Array:
         run = tracker.run(x0)
         if run.stopped is None:
             return run.state
-    return simulate(tracker.model, tracker.t, tracker.u, x0).x
+    return simulate(tracker.model, tracker.t, tracker.u, x0, acts=tracker.acts).x
 
 
 def _cost(tracker: Tracker, shown: Array) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.diagnosis.data import corrected, driving, measured_channels, measured_parts, travelled
+from signlin_ros.diagnosis.data import Early, corrected, cut, driving, measured_channels, measured_parts, travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import gains_along, kalman_gains
 from signlin_ros.diagnosis.missing import per_force
@@ -70,7 +70,7 @@ class Segment:
     start: dict[str, float]
     source: str
     whole: bool = True
-    early: float = 0.0
+    early: Early = 0.0
     inner: bool = False
     before: Segment | None = None
     doubt: dict[str, float] = field(default_factory=dict)
@@ -372,7 +372,7 @@ def _stretch(problem: Problem, s: Segment, part: slice) -> Segment:
     """Return a stretch of a record, from where that had led."""
     t, u, y = s.t[part], s.u[part], s.y[part]
     start = _start(problem.base, problem.channels, t, y) | _led_to(problem, s, part.start)
-    return Segment(t, u, y, start, s.source, False, s.early)
+    return Segment(t, u, y, start, s.source, False, cut(s.early, part))
 
 
 def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
@@ -380,7 +380,8 @@ def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
 
     What acts at some positions only is elsewhere in every stretch if each starts from the same.
     """
-    plant, t, early = problem.base.plant, s.t[: at + 1], 0.0
+    plant, t = problem.base.plant, s.t[: at + 1]
+    early: Early = 0.0
     if plant.motion_is_imposed():
         velocity, early = s.u[: at + 1, problem.base.inputs.index(plant.velocity)], s.early
     elif plant.velocity in problem.channels and plant.position not in problem.channels:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.diagnosis.data import Stretch
+from signlin_ros.diagnosis.data import Early, Stretch
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.follow import NONE_LATE, follow
 from signlin_ros.model import Model
@@ -53,12 +53,19 @@ class Tracker:
         y: Array,
         channels: tuple[str, ...],
         scale: Array,
-        early: float = 0.0,
+        early: Early = 0.0,
     ) -> None:
         self.model, self.channels, self.scale, self.early = model, channels, scale, early
         self.t, self.u, self.y = (np.ascontiguousarray(a, dtype=float) for a in (t, u, y))
         self._equations = equations(model.structure, channels, ())
         self._p = np.concatenate([model.p, neutral_sensors(len(channels))])
+
+    @property
+    def acts(self) -> Array | None:
+        """From when each row of the input acts (T,), but for what the model says; None: from its sample on."""
+        if not isinstance(self.early, np.ndarray):
+            return None
+        return np.asarray(self.t - self.early + self.model.early * float(np.median(np.diff(self.t))))
 
     def run(self, x0: Array, gains: Array | None = None) -> Run:
         """Follow from x0 (n,); ``gains`` (G, n, channels) of the first G samples, the last for all others."""
@@ -143,7 +150,7 @@ def measured_states(model: Model, stretch: Stretch, channels: tuple[str, ...]) -
     return found
 
 
-def driven(model: Model, t: Array, u: Array, values: Mapping[str, Array], early: float = 0.0) -> Array:
+def driven(model: Model, t: Array, u: Array, values: Mapping[str, Array], early: Early = 0.0) -> Array:
     """Return the states (T, n) where ``values`` (T,) impose some of them: the model carries the others.
 
     A state that the model cannot carry (it diverges) stays at its initial value.

@@ -3,24 +3,29 @@
     record = read_record("run.csv")                          any columns
     data = record.for_model(model)                           inputs (T, m), measurements, initial state, in
     the model's terms data = read_for_model("bag/", model, {"voltage": "/cmd.data[0]"})
+    runs = read_runs("run.csv", model, {"t": "0.01"})        one for each run in the file
 
 Nothing is repaired silently: `Record.notes` and `ModelData.notes` say what was done, and what cannot be
 repaired is refused with the row named (`clean` has the table of faults).
 """
 
-from .files import read_for_model, read_record
+from .files import read_for_model, read_record, read_records, read_runs
 from .mapping import ModelData
+from .notes import Note
 from .table import Record, Rows, Series, Signal
 from .write import SUFFIXES, write_record
 
 __all__ = [
     "SUFFIXES",
     "ModelData",
+    "Note",
     "Record",
     "Rows",
     "Series",
     "Signal",
     "read_for_model",
     "read_record",
+    "read_records",
+    "read_runs",
     "write_record",
 ]

@@ -8,12 +8,12 @@ counts at its header's stamp, any other at the time when it was received, as in 
 
 from __future__ import annotations
 
-import re
+import sqlite3
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +21,12 @@ import numpy.typing as npt
 from signlin_ros.errors import RecordError
 
 from .align import align, looks_held, named
+from .bag_clock import BACK, clocks, restarts, seconds
+from .bag_topics import Arrays, Fields, Joints, Numbers, Part, Topic
 from .clean import renamed
+from .grammar import words
 from .header import TIME_KEYS
+from .notes import Note
 from .table import Record, Series
 
 Array = npt.NDArray[np.float64]
@@ -33,12 +37,6 @@ TIME_TOPIC = "/record_time"
 it.
 """
 STORAGE = (".mcap", ".db3")
-FIELDS = ("position", "velocity", "effort")
-_ABSOLUTE = 100_000_000_000_000_000
-"""A bag that starts later than this (ns, 3 years) counts from its first stamp: its clock is the calendar's.
-"""
-_CLOCKS_AGREE = 10_000_000_000
-"""Header stamps further than this (ns) from the time of reception come from another clock."""
 _SCALARS = {f"std_msgs/msg/{kind}" for kind in ("Bool", "Float32", "Float64")} | {
     f"std_msgs/msg/{sign}Int{bits}" for sign in ("", "U") for bits in (8, 16, 32, 64)
 }
@@ -46,165 +44,9 @@ _ARRAYS = {f"{kind}MultiArray" for kind in _SCALARS}
 _JOINTS = "sensor_msgs/msg/JointState"
 
 
-@dataclass(frozen=True)
-class Part:
-    """One quantity of a topic: its whole path, its values, the messages that hold it (None: all), and other
-    spellings.
-
-    `key` is the name that it has in the record if no other signal wants the same.
-    """
-
-    label: str
-    values: Array
-    index: Integers | None = None
-    key: str = ""
-    names: tuple[str, ...] = ()
-
-
-class Topic(Protocol):
-    """Collects the messages of one topic."""
-
-    def add(self, message: Any) -> None:
-        """Take the next message."""
-
-    def parts(self) -> list[Part]:
-        """All quantities of the topic; raises RecordError where the messages do not fit together."""
-        ...
-
-
-@dataclass
-class Numbers:
-    """A std_msgs number: ``/speed`` is the signal ``speed``."""
-
-    topic: str
-    values: list[float] = field(default_factory=list)
-
-    def add(self, message: Any) -> None:
-        """Take the next message."""
-        self.values.append(float(message.data))
-
-    def parts(self) -> list[Part]:
-        """All quantities of the topic."""
-        return [Part(f"{self.topic}.data", np.array(self.values), key=self.topic.strip("/"), names=(self.topic,))]
-
-
-@dataclass
-class Arrays:
-    """A std_msgs array: ``/state.data[0]``, and by name where its first dimension's label lists names:
-    ``current,speed``.
-    """
-
-    topic: str
-    values: list[Array] = field(default_factory=list)
-    label: str = ""
-
-    def add(self, message: Any) -> None:
-        """Take the next message."""
-        if not self.values and message.layout.dim:
-            self.label = message.layout.dim[0].label
-        self.values.append(message.data)
-
-    def parts(self) -> list[Part]:
-        """All quantities of the topic."""
-        sizes = np.array([len(values) for values in self.values])
-        if np.any(sizes != sizes[0]):
-            i = int(np.argmax(sizes != sizes[0]))
-            raise RecordError(f"{self.topic}: message {i + 1} has {sizes[i]} values, the first has {sizes[0]}")
-        table = np.array(self.values, dtype=np.float64)
-        keys = self._keys(int(sizes[0]))
-        whole = (f"{self.topic}.data", self.topic) if sizes[0] == 1 else ()
-        return [Part(f"{self.topic}.data[{i}]", table[:, i], key=key, names=whole) for i, key in enumerate(keys)]
-
-    def _keys(self, size: int) -> list[str]:
-        names = [name.strip() for name in self.label.split(",")]
-        return names if len(names) == size == len(set(names)) and all(names) else [""] * size
-
-
-@dataclass
-class Joints:
-    """A JointState: ``/joint_states.velocity[wheel]``. Messages may differ in their joints."""
-
-    topic: str
-    count: int = 0
-    groups: dict[tuple[str, ...], tuple[list[int], list[list[Array]]]] = field(default_factory=dict)
-
-    def add(self, message: Any) -> None:
-        """Take the next message."""
-        index, values = self.groups.setdefault(tuple(message.name), ([], []))
-        index.append(self.count)
-        values.append([getattr(message, name) for name in FIELDS])
-        self.count += 1
-
-    def parts(self) -> list[Part]:
-        """All quantities of the topic."""
-        gathered: dict[tuple[str, str], list[tuple[Integers, Array]]] = {}
-        for joints, (index, rows) in self.groups.items():
-            for k, name in enumerate(FIELDS):
-                table = self._table(name, joints, index, [row[k] for row in rows])
-                for j, joint in enumerate(joints):
-                    gathered.setdefault((joint, name), []).append((np.array(index), table[:, j]))
-        single = len({joint for joint, _ in gathered}) == 1
-        parts = []
-        for (joint, name), pieces in gathered.items():
-            index_, values = (np.concatenate([piece[k] for piece in pieces]) for k in (0, 1))
-            names = (name, f"{self.topic}.{name}") if single else ()
-            if not np.isnan(values).all():
-                order = np.argsort(index_, kind="stable")
-                parts.append(Part(f"{self.topic}.{name}[{joint}]", values[order], index_[order], names=names))
-        return parts
-
-    def _table(self, name: str, joints: tuple[str, ...], index: list[int], rows: list[Array]) -> Array:
-        """Values (N, joints); NaN where a message leaves the field empty."""
-        empty = np.full(len(joints), np.nan)
-        for i, row in zip(index, rows, strict=True):
-            if len(row) not in (0, len(joints)):
-                raise RecordError(
-                    f"{self.topic}: message {i + 1} has {len(joints)} joints but {len(row)} values of {name}"
-                )
-        return np.array([row if len(row) else empty for row in rows], dtype=np.float64).reshape(len(rows), len(joints))
-
-
-@dataclass
-class Fields:
-    """Any numeric field of any message, by its path."""
-
-    topic: str
-    paths: list[str]
-    values: list[list[float]] = field(default_factory=list)
-
-    def add(self, message: Any) -> None:
-        """Take the next message."""
-        self.values.append([self._value(message, path) for path in self.paths])
-
-    def parts(self) -> list[Part]:
-        """All quantities of the topic."""
-        table = np.array(self.values, dtype=np.float64)
-        return [Part(f"{self.topic}.{path}".rstrip("."), table[:, i]) for i, path in enumerate(self.paths)]
-
-    def _value(self, message: Any, path: str) -> float:
-        value = message
-        for name, index in re.findall(r"([^.\[\]]+)|\[(\d+)\]", path):
-            below = _below(value, name, index)
-            if below is None:
-                place = f"message {len(self.values) + 1} has no {name or f'[{index}]'!r}"
-                raise RecordError(f"{self.topic}.{path}: {place}{_inside(value)}")
-            value = below
-        if not isinstance(value, (bool, int, float, np.number)):
-            whole = f"{self.topic}.{path}".rstrip(".")
-            raise RecordError(f"{whole} is no number{_inside(value)}")
-        return float(value)
-
-
-def _below(value: Any, name: str, index: str) -> Any:
-    """The field `name` or the element `index` of a message's part, None if it has none."""
-    if name:
-        return getattr(value, name, None)
-    return value[int(index)] if isinstance(value, (list, np.ndarray)) and int(index) < len(value) else None
-
-
-def read(path: Path, source: str, signals: Mapping[str, str], wanted: Iterable[str], base: str | None) -> Record:
+def read(path: Path, source: str, signals: Mapping[str, str], wanted: Iterable[str], base: str | None) -> list[Record]:
     """Read a bag; each signal keeps its own stamps in `Record.series` and is put on one time base in
-    `Record.signals`.
+    `Record.signals`. One record, or one for each run where a clock begins anew.
 
     Raises
     ------
@@ -214,29 +56,52 @@ def read(path: Path, source: str, signals: Mapping[str, str], wanted: Iterable[s
     mapped = {key: spec for key, spec in signals.items() if key not in TIME_KEYS}
     specs = [*mapped.values(), *wanted]
     bag = _collect(path, source, specs)
-    asked = {found[0] for spec in specs if (found := _split(spec, bag.types)) is not None}
-    series, notes = _series(bag, asked)
+    asked = {found[0] for spec in specs for word in (spec, *words(spec)) if (found := _split(word, bag.types))}
+    cuts, notes = restarts(bag.stamps("received"), bag.stamps("header"), bag.stamps("order"))
+    bag.notes += notes
+    ends = [*cuts, bag.count]
+    for key in signals.keys() & TIME_KEYS:
+        bag.notes.append(Note(f"a bag has its own clock: t = {signals[key]} is not used", "clock", "t"))
+    records = []
+    for number, (first, last) in enumerate(zip([0, *cuts], ends, strict=True)):
+        name = f"{source}, run {number + 1} of {len(ends)}" if cuts else source
+        record = _record(bag, name, asked, (first, last), base)
+        records.append(renamed(record, mapped))
+    return records
+
+
+def _record(bag: _Bag, source: str, asked: Collection[str], part: tuple[int, int], base: str | None) -> Record:
+    """The record of the messages from `part[0]` to before `part[1]`, counted over all topics."""
+    series, notes = _series(bag, asked, part)
     if not series:
         raise RecordError(f"{source}: no topic holds numbers (std_msgs, JointState); {_listing(bag.types)}")
     held = {name for name, one in series.items() if looks_held(one)}
     try:
-        t, aligned, more = align(series, held, base and named(series, base))
+        one = align(series, held, base and named(series, base))
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from None
-    record = Record(t, aligned, source, (*bag.notes, *notes, *more), series=series, alignment=tuple(more))
-    return renamed(record, mapped)
+    said = (*bag.notes, *notes, *one.notes)
+    return Record(one.t, one.signals, source, said, series=series, alignment=one.notes, acts=one.acts)
 
 
 @dataclass
 class _Bag:
-    """What was collected: the type of every topic; messages and stamps (ns) of those that were read."""
+    """What was collected: the type of every topic; messages and stamps (ns) of those that were read, and their places
+    among all that were.
+    """
 
     source: str
     types: dict[str, str]
     topics: dict[str, Topic] = field(default_factory=dict)
     received: dict[str, list[int]] = field(default_factory=dict)
     header: dict[str, list[int]] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
+    order: dict[str, list[int]] = field(default_factory=dict)
+    notes: list[Note] = field(default_factory=list)
+    count: int = 0
+
+    def stamps(self, which: str) -> dict[str, Integers]:
+        """``received``, ``header`` or ``order`` of every topic's messages (N,)."""
+        return {topic: np.array(ns, dtype=np.int64) for topic, ns in getattr(self, which).items()}
 
 
 def _collect(path: Path, source: str, specs: list[str]) -> _Bag:
@@ -249,14 +114,14 @@ def _collect(path: Path, source: str, specs: list[str]) -> _Bag:
         with AnyReader(paths, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             bag = _Bag(source, {connection.topic: connection.msgtype for connection in reader.connections})
             bag.topics = _topics(bag.types, specs)
-            _read_messages(bag, reader)
+            _read_messages(bag, reader, paths)
     except RecordError as error:
         raise RecordError(f"{source}: {error}") from None
     except Exception as error:  # a damaged file fails in many ways
         reason = str(error) or type(error).__name__
         raise RecordError(f"{source}: not a readable rosbag2 recording ({reason})") from error
     if paths != [path]:
-        bag.notes.append(f"no metadata.yaml: read from {', '.join(part.name for part in paths)}")
+        bag.notes.append(Note(f"no metadata.yaml: read from {', '.join(part.name for part in paths)}", "format"))
     return bag
 
 
@@ -281,7 +146,8 @@ def _topics(types: Mapping[str, str], specs: Iterable[str]) -> dict[str, Topic]:
             topics[topic] = Arrays(topic)
         elif kind == _JOINTS:
             topics[topic] = Joints(topic)
-    for topic, path in filter(None, (_split(spec, types) for spec in specs)):
+    every = [word for spec in specs for word in (spec, *words(spec))]
+    for topic, path in filter(None, (_split(spec, types) for spec in every)):
         other = topics.setdefault(topic, Fields(topic, []))
         if isinstance(other, Fields) and path not in other.paths:
             other.paths.append(path)
@@ -299,61 +165,110 @@ def _split(spec: str, topics: Iterable[str]) -> tuple[str, str] | None:
     return None
 
 
-def _read_messages(bag: _Bag, reader: Any) -> None:
+def _read_messages(bag: _Bag, reader: Any, paths: list[Path]) -> None:
     connections = [connection for connection in reader.connections if connection.topic in bag.topics]
     for name in bag.topics:
-        bag.received[name], bag.header[name] = [], []
-    for connection, stamp, raw in reader.messages(connections) if connections else ():
-        message = reader.deserialize(raw, connection.msgtype)
-        bag.topics[connection.topic].add(message)
-        bag.received[connection.topic].append(stamp)
+        bag.received[name], bag.header[name], bag.order[name] = [], [], []
+    for topic, kind, stamp, raw in _messages(reader, connections, paths):
+        message = reader.deserialize(raw, kind)
+        bag.topics[topic].add(message)
+        bag.received[topic].append(stamp)
+        bag.order[topic].append(bag.count)
+        bag.count += 1
         header = getattr(message, "header", None)
         if header is not None:
-            bag.header[connection.topic].append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec)
+            bag.header[topic].append(header.stamp.sec * 1_000_000_000 + header.stamp.nanosec)
 
 
-def _series(bag: _Bag, asked: Iterable[str]) -> tuple[dict[str, Series], list[str]]:
+def _messages(reader: Any, connections: list[Any], paths: list[Path]) -> Iterator[tuple[str, str, int, bytes]]:
+    """Topic, type, stamp and content of all messages; in the order in which they were written, where their stamps go
+    back in it: a reader would sort the runs into each other.
+    """
+    kinds = {connection.topic: connection.msgtype for connection in connections}
+    written = _as_written(paths) if kinds else None
+    if written is not None:
+        yield from ((topic, kinds[topic], stamp, raw) for topic, stamp, raw in written if topic in kinds)
+        return
+    for connection, stamp, raw in reader.messages(connections) if connections else ():
+        yield connection.topic, connection.msgtype, stamp, raw
+
+
+def _as_written(paths: list[Path]) -> Iterator[tuple[str, int, bytes]] | None:
+    """Topic, stamp and content in the order of writing, from a bag of one SQLite file in which stamps go back; else
+    None.
+    """
+    files = [file for path in paths for file in ([path] if path.is_file() else sorted(path.glob("*")))]
+    stores = [file for file in files if file.suffix in STORAGE]
+    if len(stores) != 1 or stores[0].suffix != ".db3":
+        return None
+    connection = sqlite3.connect(f"{stores[0].resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+    stamps = np.array(connection.execute("SELECT timestamp FROM messages ORDER BY id").fetchall(), dtype=np.int64)
+    if not np.any(np.diff(stamps[:, 0] if stamps.size else stamps) < -BACK):
+        connection.close()
+        return None
+    what = "SELECT topics.name, timestamp, data FROM messages JOIN topics ON topics.id = topic_id ORDER BY messages.id"
+    return iter(connection.execute(what))
+
+
+def _series(bag: _Bag, asked: Collection[str], part: tuple[int, int]) -> tuple[dict[str, Series], list[Note]]:
     """All signals by name. A topic with a fault is left out with a note unless it was asked for."""
-    stamps, notes = _clocks(bag)
+    stamps, notes = clocks(bag.stamps("received"), bag.stamps("header"))
+    places = {topic: tuple(np.searchsorted(order, part).tolist()) for topic, order in bag.stamps("order").items()}
+    stamps = {topic: ns[slice(*places[topic])] for topic, ns in stamps.items()}
     stamps = {topic: ns for topic, ns in stamps.items() if ns.size}
-    exact = _exact(bag, stamps.pop(TIME_TOPIC, None))
-    seconds = _seconds(stamps, exact, notes)
-    found = [pair for topic, t in seconds.items() for pair in _parts(bag, topic, t, notes, must=topic in asked)]
+    collector, times = bag.topics.get(TIME_TOPIC), stamps.pop(TIME_TOPIC, None)
+    exact = None
+    if times is not None and isinstance(collector, Numbers):
+        exact = times, np.array(collector.values)[slice(*places[TIME_TOPIC])]
+    found = [
+        pair
+        for topic, t in seconds(stamps, exact, notes).items()
+        for pair in _parts(bag, topic, t, places[topic], notes, must=topic in asked)
+    ]
     count = Counter(key for key, _ in found)
     series = {key if key and count[key] == 1 else one.label: one for key, one in found}
-    notes += [f"{topic}: no message" for topic in bag.topics if topic not in stamps and topic != TIME_TOPIC]
+    silent = [topic for topic in bag.topics if topic not in stamps and topic != TIME_TOPIC]
+    notes += [Note(f"{topic}: no message", "missing", topic) for topic in silent]
     return series, notes
 
 
-def _parts(bag: _Bag, topic: str, t: Array, notes: list[str], must: bool) -> list[tuple[str, Series]]:
+def _parts(
+    bag: _Bag, topic: str, t: Array, place: tuple[int, ...], notes: list[Note], must: bool
+) -> list[tuple[str, Series]]:
     """The series of one topic with the names that they would like."""
     try:
-        return [_one(part, t, notes) for part in bag.topics[topic].parts()]
+        return [_one(part, t, place, notes) for part in bag.topics[topic].parts() if _within(part, place)]
     except RecordError as error:
         if must:
             raise RecordError(f"{bag.source}: {error}") from None
-        notes.append(f"{error}; the topic is left out")
+        notes.append(Note(f"{error}; the topic is left out", "left_out", topic))
         return []
 
 
-def _one(part: Part, t: Array, notes: list[str]) -> tuple[str, Series]:
-    """The series of one quantity, sorted by time, repeated messages dropped."""
-    values = part.values
-    if part.index is not None:
-        t = t[part.index]
+def _within(part: Part, place: tuple[int, ...]) -> bool:
+    """Whether any message from `place[0]` to before `place[1]` has the quantity."""
+    return part.index is None or bool(np.any((part.index >= place[0]) & (part.index < place[1])))
+
+
+def _one(part: Part, t: Array, place: tuple[int, ...], notes: list[Note]) -> tuple[str, Series]:
+    """The series of one quantity in some messages, stamped t, sorted by time, repeated messages dropped."""
+    index = np.arange(part.values.size) if part.index is None else part.index
+    there = (index >= place[0]) & (index < place[1])
+    values, t = part.values[there], t[index[there] - place[0]]
     if np.isinf(values).any():
         i = int(np.argmax(np.isinf(values)))
         raise RecordError(f"{part.label}: message {i + 1}, t = {t[i]:.9g} s: {values[i]!r} is not a finite number")
     if np.any(np.diff(t) < 0):
         order = np.argsort(t, kind="stable")
-        notes.append(f"{part.label}: sorted by time, {int(np.sum(np.diff(t) < 0))} messages had come late")
+        late = int(np.sum(np.diff(t) < 0))
+        notes.append(Note(f"{part.label}: sorted by time, {late} messages had come late", "sorted", part.label))
         t, values = t[order], values[order]
     t, values = _without_repeats(part.label, t, values, notes)
     names = (*part.names, part.label.lstrip("/"), *((part.key,) if part.key else ()))
     return part.key, Series(t, values, label=part.label, names=names)
 
 
-def _without_repeats(label: str, t: Array, values: Array, notes: list[str]) -> tuple[Array, Array]:
+def _without_repeats(label: str, t: Array, values: Array, notes: list[Note]) -> tuple[Array, Array]:
     again = np.flatnonzero(np.diff(t) == 0) + 1
     if not again.size:
         return t, values
@@ -364,59 +279,9 @@ def _without_repeats(label: str, t: Array, values: Array, notes: list[str]) -> t
         raise RecordError(
             f"{label}: messages {i} and {i + 1} have the same stamp, t = {t[i]:.9g} s, but differ: {pair}"
         )
-    notes.append(f"{label}: {again.size} repeated messages dropped (same stamp, same value)")
+    notes.append(Note(f"{label}: {again.size} repeated messages dropped (same stamp, same value)", "repeated", label))
     return np.delete(t, again), np.delete(values, again)
-
-
-def _clocks(bag: _Bag) -> tuple[dict[str, Integers], list[str]]:
-    """Stamps (N,) in ns of each topic that was read: of its headers where they can be used, else of
-    reception.
-    """
-    received = {topic: np.array(stamps, dtype=np.int64) for topic, stamps in bag.received.items()}
-    headers = {topic: np.array(ns, dtype=np.int64) for topic, ns in bag.header.items() if ns}
-    empty = [topic for topic, ns in headers.items() if _unfilled(ns, received[topic])]
-    notes = [f"{topic}: header stamps of 0; times of reception are used" for topic in empty]
-    headers = {topic: ns for topic, ns in headers.items() if topic not in empty}
-    if len(headers) < sum(1 for ns in received.values() if ns.size):
-        for topic in list(headers):
-            if abs(float(np.median(headers[topic] - received[topic]))) > _CLOCKS_AGREE:
-                del headers[topic]
-                notes.append(f"{topic}: header stamps of another clock than the bag's; times of reception are used")
-    return {**received, **headers}, notes
-
-
-def _unfilled(header: Integers, received: Integers) -> bool:
-    """Tell whether header stamps (N,) in ns were left empty: 0 at another time than 0, where a simulation begins."""
-    return bool(np.any((header < 0) | ((header == 0) & (received != 0))))
-
-
-def _exact(bag: _Bag, stamps: Integers | None) -> tuple[Integers, Array] | None:
-    """The record's own times in seconds by stamp, as `write_record` left them."""
-    collector = bag.topics.get(TIME_TOPIC)
-    if stamps is None or not isinstance(collector, Numbers):
-        return None
-    return stamps, np.array(collector.values)
-
-
-def _seconds(
-    stamps: Mapping[str, Integers], exact: tuple[Integers, Array] | None, notes: list[str]
-) -> dict[str, Array]:
-    """Stamps in seconds: as written, or since the first message where the clock is the calendar's."""
-    if exact is not None and all(np.isin(ns, exact[0]).all() for ns in stamps.values()):
-        return {topic: exact[1][np.searchsorted(exact[0], ns)] for topic, ns in stamps.items()}
-    start = min((int(ns.min()) for ns in stamps.values()), default=0)
-    if start < _ABSOLUTE:
-        start = 0
-    else:
-        notes.append(f"time counts from the first message, {start / 1e9:.3f} s after 1970")
-    return {topic: (ns - start) / 1e9 for topic, ns in stamps.items()}
 
 
 def _listing(types: Mapping[str, str]) -> str:
     return "it has " + (", ".join(f"{topic} ({kind})" for topic, kind in types.items()) or "no topics")
-
-
-def _inside(value: Any) -> str:
-    """``; it has header, twist``: the fields of a message."""
-    fields = [name for name in getattr(value, "__dataclass_fields__", {}) if not name.startswith("__")]
-    return f"; it has {', '.join(fields)}" if fields else ""

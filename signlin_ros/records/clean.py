@@ -1,11 +1,13 @@
-"""From columns as they stand in a file to a `Record`: faults are repaired with a note, or refused by row.
+"""From columns as they stand in a file to records: faults are repaired with a note, or refused by row.
 
 ===========================  =================================================================
 fault                        what is done
 ===========================  =================================================================
 no time column               refused, the columns listed
 time stamp not finite        refused, row named
-stamps out of order          refused, row named; sorted with a note where the caller allows it
+a few rows came late         sorted in, with a note
+time begins anew             cut into runs, with a note
+rows in no order             refused, row named
 equal stamps                 identical rows: all but one dropped, with a note; else refused
 infinite value               refused, row and column named
 NaN, empty cell              a missing sample, kept as NaN
@@ -16,17 +18,21 @@ fewer than two rows          refused
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from signlin_ros import units
 from signlin_ros.errors import RecordError
 
-from .header import TIME_KEYS, Heading, clock
-from .table import Record, Rows, Signal, listing, nearest
+from .grammar import is_formula, split_unit, words
+from .header import TIME_KEYS, Heading, clock, heading
+from .notes import Note
+from .runs import runs_of
+from .sparse import sparse
+from .table import Record, Rows, Signal
+from .times import Times, times_of
 
 Array = npt.NDArray[np.float64]
 
@@ -37,8 +43,6 @@ UNEVEN = 0.01
 _MANY_GAPS = 0.05
 """Where more than this share of the steps is long, the record is unevenly sampled rather than full of gaps.
 """
-_LARGEST_SECONDS = 1e11
-"""A stamp without a unit beyond this is surely not in seconds: 3000 years, or milliseconds since 1970."""
 
 Keep = Callable[[Heading, Sequence[Heading]], "bool | None"]
 """What to do with a column that cannot be used: see `keeper`."""
@@ -46,15 +50,23 @@ Keep = Callable[[Heading, Sequence[Heading]], "bool | None"]
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Columns as read: a heading and (R,) values each, and where the rows stood."""
+    """Columns as read: a heading and (R,) values each, and where the rows stood.
+
+    ``named``: whether the file names them; ``runs``: rows before which its header returned; ``exact``: columns of whole
+    numbers that doubles do not hold, by label; ``step``: name and value of a sampling time in s that the file states.
+    """
 
     source: str
     headings: list[Heading]
     columns: list[Array]
     rows: Rows
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
+    named: bool = True
+    runs: tuple[int, ...] = ()
+    exact: Mapping[str, npt.NDArray[np.int64]] = field(default_factory=dict)
+    step: tuple[str, float] | None = None
 
-    def take(self, index: npt.NDArray[np.intp] | npt.NDArray[np.bool_], *notes: str) -> Table:
+    def take(self, index: npt.NDArray[np.intp] | npt.NDArray[np.bool_], *notes: Note) -> Table:
         """The rows at `index`, an index array or a mask, with further notes."""
         columns = [column[index] for column in self.columns]
         return replace(self, columns=columns, rows=self.rows.take(index), notes=(*self.notes, *notes))
@@ -67,6 +79,7 @@ def keeper(signals: Mapping[str, str] | None, wanted: Iterable[str] | None) -> K
     False (leave the column out) where `wanted` is given, else None (leave it out only if all of it is text).
     """
     asked = [*(wanted or ()), *(signals or {}).values()]
+    asked += [word for spec in asked if is_formula(spec) or split_unit(spec)[1] for word in words(spec)]
     mapped_time = not TIME_KEYS.isdisjoint(signals or {})
     other = None if wanted is None else False
 
@@ -77,26 +90,47 @@ def keeper(signals: Mapping[str, str] | None, wanted: Iterable[str] | None) -> K
     return keep
 
 
-def record_of(table: Table, signals: Mapping[str, str] | None, keep: Keep, sort: bool = False) -> Record:
-    """The record in a table; `signals` gives columns new names, and under the key ``t`` the time column.
+def records_of(table: Table, signals: Mapping[str, str] | None, keep: Keep) -> list[Record]:
+    """The runs in a table, each a record; `signals` gives columns new names, and under the key ``t`` says what the time
+    is.
 
     Raises
     ------
     RecordError
         See the table at the top of this module.
     """
-    _check_names(table)
-    at, unit = _time_column(table, signals or {})
-    table, label = _increasing(table, at, sort), table.headings[at].label
-    table = _finite(table, keep)
-    at = [head.label for head in table.headings].index(label)
-    if table.rows.number.size < 2:
+    table = _named_apart(table)
+    times = times_of(table, signals or {})
+    table = replace(table, notes=(*table.notes, *times.notes))
+    _check_stamps(table, times)
+    runs, notes = runs_of(times.t, table.runs, table.rows, table.source)
+    if sum(index.size for index in runs) < 2:
         raise RecordError(f"{table.source}: only {table.rows.number.size} row of data; at least 2 are needed")
-    t = _seconds(table, at, unit)
+    mapped = {key: spec for key, spec in (signals or {}).items() if key not in TIME_KEYS}
+    found = []
+    for number, index in enumerate(runs):
+        source = f"{table.source}, run {number + 1} of {len(runs)}" if len(runs) > 1 else table.source
+        part = replace(table.take(index, *notes), source=source)
+        found.append(renamed(_record(part, times, times.t[index], keep), mapped))
+    return found
+
+
+def _record(table: Table, times: Times, t: Array, keep: Keep) -> Record:
+    """One run as a record; its t (R,) does not decrease."""
+    table, t = _without_repeats(table, t)
+    table = _finite(table, keep)
+    if t.size < 2:
+        raise RecordError(f"{table.source}: only {t.size} row of data; at least 2 are needed")
     name = Rows.name
     notes = (*table.notes, *spacing(t, lambda i: name(table.rows, i)))
-    record = Record(t, _signals(table, at), table.source, notes, table.rows)
-    return renamed(record, {key: spec for key, spec in (signals or {}).items() if key not in TIME_KEYS})
+    return sparse(Record(t, _signals(table, times.used), table.source, notes, table.rows))
+
+
+def _check_stamps(table: Table, times: Times) -> None:
+    bad = np.flatnonzero(~np.isfinite(times.t))
+    if bad.size:
+        where, shown = table.rows.name(bad[0]), _shown(times.t[bad[0]])
+        raise RecordError(f"{table.source}: {where}: the time stamp is {shown}, not a finite number")
 
 
 def renamed(record: Record, signals: Mapping[str, str]) -> Record:
@@ -107,7 +141,8 @@ def renamed(record: Record, signals: Mapping[str, str]) -> Record:
     kept = {key: key for key in record.signals if key not in keys.values()}
     lost = [key for key in kept if key in keys]
     order = {**keys, **{key: key for key in kept if key not in keys}}
-    notes = tuple(f"column {key!r} is left out, because {key} is mapped to {signals[key]!r}" for key in lost)
+    why = "is left out, because {key} is mapped to"
+    notes = tuple(Note(f"column {key!r} {why.format(key=key)} {signals[key]!r}", "left_out", key) for key in lost)
     return replace(
         record,
         signals={name: record.signals[key] for name, key in order.items()},
@@ -116,7 +151,7 @@ def renamed(record: Record, signals: Mapping[str, str]) -> Record:
     )
 
 
-def spacing(t: Array, where: Callable[[int], str]) -> list[str]:
+def spacing(t: Array, where: Callable[[int], str]) -> list[Note]:
     """Notes on gaps and uneven steps of the increasing stamps t (T,)."""
     steps = np.diff(t)
     median = float(np.median(steps))
@@ -127,71 +162,48 @@ def spacing(t: Array, where: Callable[[int], str]) -> list[str]:
         worst = int(gaps[np.argmax(steps[gaps])])
         count = "1 gap" if gaps.size == 1 else f"{gaps.size} gaps"
         longest = f"the longest, {steps[worst]:.4g} s, after t = {t[worst]:.6g} s"
-        notes.append(
+        said = (
             f"{count} in the time stamps (steps over {GAP:g} times the median of {median:.4g} s): "
             f"the first after {where(int(gaps[0]))}, {longest}"
         )
+        notes.append(Note(said, "gap", "t"))
     regular = np.delete(steps, gaps)
     if np.ptp(regular) > UNEVEN * median:
-        notes.append(f"unevenly sampled: steps of {regular.min():.4g} to {regular.max():.4g} s, median {median:.4g} s")
+        said = f"unevenly sampled: steps of {regular.min():.4g} to {regular.max():.4g} s, median {median:.4g} s"
+        notes.append(Note(said, "uneven", "t"))
     return notes
 
 
-def _check_names(table: Table) -> None:
-    seen: dict[str, int] = {}
+def _named_apart(table: Table) -> Table:
+    """The table with a name for every column: of two that are the same one is left out, others get their number."""
+    first: dict[str, int] = {}
+    kept, headings, notes = [], [], []
     for i, head in enumerate(table.headings):
+        if not head.label and i == 0 and np.array_equal(table.columns[0], np.arange(table.rows.number.size)):
+            notes.append(Note("the first column counts the rows and is left out", "left_out"))
+            continue
         if not head.label:
-            raise RecordError(f"{table.source}: column {i + 1} has values but no name")
-        if head.label in seen:
-            places = f"columns {seen[head.label] + 1} and {i + 1}"
-            raise RecordError(f"{table.source}: two columns are called {head.label!r} ({places})")
-        seen[head.label] = i
-
-
-def _time_column(table: Table, signals: Mapping[str, str]) -> tuple[int, str]:
-    """Index and unit of the time column: the one mapped under ``t``, else ``t``, ``time``, ``timestamp`` or
-    ``stamp``.
-    """
-    labels = [head.label for head in table.headings]
-    for key in signals.keys() & TIME_KEYS:
-        spec = signals[key]
-        found = [i for i, head in enumerate(table.headings) if head.matches(spec)]
-        if len(found) != 1:
-            raise RecordError(f"{table.source}: no time column {spec!r}; {listing(labels)}{nearest(spec, labels)}")
-        return found[0], table.headings[found[0]].unit
-    best = clock(table.headings)
-    if best is None or best.time is None:
-        raise RecordError(
-            f"{table.source}: no time column (t, time, timestamp or stamp, with a unit like 't [ms]'); "
-            f"{listing(labels)}; map one with signals: {{t: COLUMN}}"
+            raise RecordError(f"{table.source}: column {head.number or i + 1} has values but no name")
+        before = first.setdefault(head.label, i)
+        if before != i and np.array_equal(table.columns[before], table.columns[i], equal_nan=True):
+            said = f"column {head.label!r} is there twice, alike: one is left out"
+            notes.append(Note(said, "repeated", head.label))
+            continue
+        number = f" (column {head.number or i + 1})" if before != i else ""
+        kept.append(i)
+        headings.append(replace(head, label=f"{head.label}{number}"))
+    twice = {head.label for i, head in zip(kept, headings, strict=True) if head.label != table.headings[i].label}
+    if twice:
+        notes.append(
+            Note(f"two columns have one name: {', '.join(map(repr, sorted(twice)))} are called so here", "format")
         )
-    return table.headings.index(best), best.time[1]
+    return replace(table, headings=headings, columns=[table.columns[i] for i in kept], notes=(*table.notes, *notes))
 
 
-def _increasing(table: Table, at: int, sort: bool) -> Table:
-    """The table with strictly increasing stamps, or a refusal that names the row."""
-    t = table.columns[at]
-    bad = np.flatnonzero(~np.isfinite(t))
-    if bad.size:
-        where = table.rows.name(bad[0])
-        raise RecordError(f"{table.source}: {where}: the time stamp is {_shown(t[bad[0]])}, not a finite number")
-    back = np.flatnonzero(np.diff(t) < 0)
-    if back.size and not sort:
-        i = int(back[0])
-        raise RecordError(
-            f"{table.source}: {table.rows.name(i + 1)}: time stamp {t[i + 1]:.9g} comes after {t[i]:.9g}; "
-            "sort the rows by time"
-        )
-    if back.size:
-        order = np.argsort(t, kind="stable")
-        table = table.take(order, f"rows sorted by time: {back.size} stamps were out of order")
-    return _without_repeats(table, at)
-
-
-def _without_repeats(table: Table, at: int) -> Table:
-    again = np.flatnonzero(np.diff(table.columns[at]) == 0) + 1
+def _without_repeats(table: Table, t: Array) -> tuple[Table, Array]:
+    again = np.flatnonzero(np.diff(t) == 0) + 1
     if not again.size:
-        return table
+        return table, t
     for head, column in zip(table.headings, table.columns, strict=True):
         now, before = column[again], column[again - 1]
         differ = (now != before) & ~(np.isnan(now) & np.isnan(before))
@@ -199,11 +211,15 @@ def _without_repeats(table: Table, at: int) -> Table:
             i = int(again[np.argmax(differ)])
             rows = f"{table.rows.name(i - 1)} and {table.rows.name(i)}"
             values = f"{head.label!r} is {_shown(column[i - 1])} and {_shown(column[i])}"
-            raise RecordError(f"{table.source}: {rows} have the same time stamp but differ: {values}")
-    keep = np.ones(table.rows.number.size, dtype=np.bool_)
+            more = f"; so do {again.size - 1} more: where the rows are evenly spaced, --dt says by how much"
+            raise RecordError(
+                f"{table.source}: {rows} have the same time stamp but differ: {values}{more if again.size > 1 else ''}"
+            )
+    keep = np.ones(t.size, dtype=np.bool_)
     keep[again] = False
     count = "1 repeated row" if again.size == 1 else f"{again.size} repeated rows"
-    return table.take(keep, f"{count} dropped (same stamp, same values), the first {table.rows.name(again[0])}")
+    said = f"{count} dropped (same stamp, same values), the first {table.rows.name(again[0])}"
+    return table.take(keep, Note(said, "repeated")), t[keep]
 
 
 def _finite(table: Table, keep: Keep) -> Table:
@@ -216,38 +232,23 @@ def _finite(table: Table, keep: Keep) -> Table:
             fault = f"{_shown(column[row])} is not a finite number"
             raise RecordError(f"{table.source}: {table.rows.name(row)}, column {head.label!r}: {fault}")
     kept = [i for i in range(len(table.columns)) if i not in infinite]
-    notes = [f"column {table.headings[i].label!r} holds infinite values and is left out" for i in infinite]
+    labels = [table.headings[i].label for i in infinite]
+    notes = [Note(f"column {label!r} holds infinite values and is left out", "left_out", label) for label in labels]
     headings, columns = [table.headings[i] for i in kept], [table.columns[i] for i in kept]
     return replace(table, headings=headings, columns=columns, notes=(*table.notes, *notes))
 
 
-def _seconds(table: Table, at: int, unit: str) -> Array:
-    t, label = table.columns[at], table.headings[at].label
-    how = units.conversion(unit, "s")
-    if how is None:
-        raise RecordError(f"{table.source}: the time column {label!r} is in {unit!r}; allowed: s, ms, us, ns, min, h")
-    if not unit and np.abs(t).max() > _LARGEST_SECONDS:
-        hint = f"state its unit, e.g. '{label} [ns]'"
-        raise RecordError(
-            f"{table.source}: the time column {label!r} reads {t[0]:.10g}, which is not in seconds; {hint}"
-        )
-    seconds = units.scaled(t, how[0])
-    if np.any(np.diff(seconds) <= 0):
-        where = table.rows.name(np.argmax(np.diff(seconds) <= 0) + 1)
-        raise RecordError(
-            f"{table.source}: {where}: the time stamp does not differ from the one before in double precision"
-        )
-    return seconds
-
-
-def _signals(table: Table, at: int) -> dict[str, Signal]:
-    """Signals keyed by their bare names, or by the whole labels where several share a name."""
+def _signals(table: Table, used: Collection[str]) -> dict[str, Signal]:
+    """Signals keyed by their bare names, or by the whole labels where several share a name or where what ends the name
+    may be a unit or none.
+    """
     names = [head.name for head in table.headings]
     signals = {}
-    for i, (head, column) in enumerate(zip(table.headings, table.columns, strict=True)):
-        if i != at:
-            key = head.name if names.count(head.name) == 1 else head.label
-            signals[key] = Signal(column, head.unit, head.label)
+    for head, column in zip(table.headings, table.columns, strict=True):
+        if head.label not in used:
+            own = head.suffix and heading(head.label).name == head.name
+            key = head.label if own or names.count(head.name) > 1 else head.name
+            signals[key] = Signal(column, head.unit, head.label, head.number)
     return signals
 
 

@@ -1,48 +1,53 @@
-"""`read_record`: which reader takes a path."""
+"""`read_record` and its kin: which reader takes a path."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from signlin_ros.errors import RecordError, suggest
 
-from .clean import keeper, record_of
+from .clean import keeper, records_of
 from .header import TIME_KEYS
 from .mapping import ALIASES, ModelData
+from .notes import Note
 from .table import Record
 
 if TYPE_CHECKING:
     from signlin_ros.model import Model
 
-TEXT = (".csv", ".txt", ".tsv", ".dat")
+TEXT = (".csv", ".txt", ".tsv", ".dat", ".log")
+PACKED = (".gz", ".zip", ".bz2", ".xz")
 BAGS = (".mcap", ".db3")
+TABLES = (".mat", ".parquet", ".mf4", ".mdf", ".tdms")
+SHORTEST = 20
+"""Runs of fewer rows are left out beside longer ones."""
 
 
-def read_record(
+def read_records(
     path: str | os.PathLike[str],
     signals: Mapping[str, str] | None = None,
     *,
     wanted: Iterable[str] | None = None,
-    sort: bool = False,
     base: str | None = None,
-) -> Record:
-    """Read a CSV or MAT file, or a rosbag2 recording (its folder, or a single .mcap or .db3 file).
+) -> list[Record]:
+    """Read a text file (also packed), MAT, Parquet, MDF or TDMS file, or a rosbag2 recording (its folder, or a single
+    .mcap or .db3 file): one record, or one for each run where the time begins anew.
 
     Parameters
     ----------
     path : the file or folder.
-    signals : new name -> column, or ``/topic.field[index]``, ``/joint_states.velocity[joint]`` in a bag. Each
-        must be there. The key ``t``
-        names the time column.
+    signals : new name -> column, or ``/topic.field[index]``, ``/joint_states.velocity[joint]`` in a bag, or a formula
+        over them (`signlin_ros.records.grammar`). Each must be there. The key ``t``
+        names the time column, or says what the time is: a formula, or the s from row to row.
     wanted : the columns that matter. Others are still read, but left out with a note, instead of the file
         being refused, if
         they hold text or infinite values. In a bag, ``/topic.field`` entries of messages that are not read by
         themselves.
-    sort : sort the rows of a file whose stamps are out of order, instead of refusing it (a bag is always
-        sorted). base : for a bag, the signal or topic whose stamps become the time base; None: the fastest
+    base : for a bag, the signal or topic whose stamps become the time base; None: the fastest
         that is not a command.
 
     Raises
@@ -58,9 +63,38 @@ def read_record(
             from . import bag
 
             return bag.read(file, source, signals, wanted or (), base)
-        return _read_file(file, source, signals, wanted, sort)
+        return _read_file(file, source, signals, wanted)
     except OSError as error:
         raise RecordError(f"{source}: cannot be read: {error.strerror or error}") from error
+
+
+def read_record(
+    path: str | os.PathLike[str],
+    signals: Mapping[str, str] | None = None,
+    *,
+    wanted: Iterable[str] | None = None,
+    base: str | None = None,
+) -> Record:
+    """As `read_records`, where one record is wanted: the longest run, with a note on the others."""
+    return _longest(read_records(path, signals, wanted=wanted, base=base), os.fspath(path))
+
+
+def read_runs(
+    path: str | os.PathLike[str],
+    model: Model,
+    signals: Mapping[str, str] | None = None,
+    *,
+    require: str = "inputs",
+    base: str | None = None,
+) -> list[ModelData]:
+    """Read a record and find the model's signals in it: `read_records` and `Record.for_model` in one.
+
+    The mappings of the model and of `signals` (which wins) are known while reading, so that any numeric field
+    of a bag can be mapped, and columns that the model does not use do no harm. Runs of fewer than `SHORTEST` rows are
+    left out beside longer ones.
+    """
+    found = _for_model(path, model, signals, base)
+    return [record.for_model(model, signals, require=require, base=base) for record in _without_short(found)]
 
 
 def read_for_model(
@@ -69,19 +103,39 @@ def read_for_model(
     signals: Mapping[str, str] | None = None,
     *,
     require: str = "inputs",
-    sort: bool = False,
     base: str | None = None,
 ) -> ModelData:
-    """Read a record and find the model's signals in it: `read_record` and `Record.for_model` in one.
+    """As `read_runs`, where one record is wanted: the longest run, with a note on the others."""
+    record = _longest(_for_model(path, model, signals, base), os.fspath(path))
+    return record.for_model(model, signals, require=require, base=base)
 
-    The mappings of the model and of `signals` (which wins) are known while reading, so that any numeric field
-    of a bag can be mapped, and columns that the model does not use do no harm.
-    """
+
+def _for_model(
+    path: str | os.PathLike[str], model: Model, signals: Mapping[str, str] | None, base: str | None
+) -> list[Record]:
     given = {**model.signals, **(signals or {})}
     time = _time(signals or {}) or _time(model.signals)
-    wanted = [*given.values(), *model.inputs, *model.states, *model.outputs, *ALIASES]
-    record = read_record(path, time, wanted=wanted, sort=sort, base=None)
-    return record.for_model(model, signals, require=require, base=base)
+    wanted = [*given.values(), *model.inputs, *model.states, *model.outputs, *ALIASES, *([base] if base else [])]
+    return read_records(path, time, wanted=wanted, base=None)
+
+
+def _longest(records: list[Record], source: str) -> Record:
+    """The longest run of a file."""
+    best = max(records, key=len)
+    if len(records) == 1:
+        return best
+    at = f"run {records.index(best) + 1} of {len(records)}"
+    said = f"{at}, the longest, is taken here; compare, diagnose, add and refine take them all"
+    return replace(best, source=source, notes=(*best.notes, Note(said, "cut")))
+
+
+def _without_short(records: list[Record]) -> list[Record]:
+    kept = [record for record in records if len(record) >= SHORTEST]
+    lost = [record for record in records if len(record) < SHORTEST]
+    if not kept or not lost:
+        return records
+    said = f"{len(lost)} of {len(records)} runs have fewer than {SHORTEST} rows and are left out"
+    return [replace(kept[0], notes=(*kept[0].notes, Note(said, "left_out"))), *kept[1:]]
 
 
 def _time(signals: Mapping[str, str]) -> dict[str, str]:
@@ -92,15 +146,20 @@ def _time(signals: Mapping[str, str]) -> dict[str, str]:
     return found
 
 
-def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list[str] | None, sort: bool) -> Record:
+def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list[str] | None) -> list[Record]:
     keep = keeper(signals, wanted)
-    if file.suffix.lower() == ".mat":
+    suffix = file.suffix.lower()
+    if suffix == ".mat":
         from . import mat
 
-        return record_of(mat.read_table(file, source, signals), signals, keep, sort)
+        return records_of(mat.read_table(file, source, signals), signals, keep)
+    if suffix in TABLES:
+        from .tables import read_table
+
+        return records_of(read_table(file, source), signals, keep)
     from . import csv
 
-    return record_of(csv.read_table(file, source, keep), signals, keep, sort)
+    return records_of(csv.read_table(file, source, keep), signals, keep)
 
 
 def _check_there(file: Path, source: str) -> None:
@@ -108,6 +167,6 @@ def _check_there(file: Path, source: str) -> None:
         folder = file.parent if file.parent.is_dir() else None
         hint = suggest(file.name, [entry.name for entry in folder.iterdir()]) if folder else ""
         raise RecordError(f"{source}: no such file or folder{hint}")
-    known = (*TEXT, ".mat", *BAGS)
+    known = (*TEXT, *PACKED, *TABLES, *BAGS)
     if file.is_file() and file.suffix.lower() not in known:
         raise RecordError(f"{source}: unknown kind {file.suffix!r}; records are {', '.join(known)} or rosbag2 folders")

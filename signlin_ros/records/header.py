@@ -1,18 +1,34 @@
 """What a column's head says: a name, a unit, a note. ``force [N] (=gtau*u)`` is ``force``, ``N``,
-``(=gtau*u)``.
+``(=gtau*u)``; ``speed_rpm`` is ``speed``, ``rpm``; ``Speed, rpm`` and ``speed/rpm`` too.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from signlin_ros import units
 from signlin_ros.names import TIME
 
-_BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))")
-_TIME = re.compile(r"(?P<name>t|time|timestamp|stamp)(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
+_BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*(?:\([^()]*\)[^()]*)?)\))")
+_AFTER = re.compile(r"(?P<name>[^/,]*[^/, ]) ?(?:, ?|/ ?(?=\(?[^/]+(?:/[^/]+)?\)?\Z))\(?(?P<unit>[^,()]+)\)?\Z")
+_FURTHER = "elapsed elapsed_time time_stamp datetime date_time date/time clock uptime ros_time tout rel_time stime utc"
+_FURTHER += " x_value sec secs seconds millis micros zeit date"
+_TIMES = (*TIME, *_FURTHER.split())
+_TIME = re.compile(rf"(?:__|%)?(?P<name>{'|'.join(_TIMES)})(?:\(\))?(?:_(?P<unit>s|sec|ms|us|ns))?\Z", re.IGNORECASE)
+_TIME_UNITS = {"millis": "ms", "micros": "us", "sec": "s", "secs": "s", "seconds": "s"}
+_PAIR = re.compile(
+    r"(?P<stem>.*?)(?P<unit>nano(?:sec|secs|seconds)|nsecs?|ns|micro(?:sec|secs|seconds)|usecs?|us)\Z", re.I
+)
+
+_SAFE = "rpm|krpm|rps|dps|degps|degs|rads|radps|rad|mrad|deg|rev|revs|turns|ms|us|ns|sec|min|mv|ma|ua|kv|volts?|amps?"
+_SAFE += (
+    "|nm|mnm|nmm|ncm|kn|mn|lbf|lb|kip|ozin|inlb|lbin|ftlb|kgcm|mm|cm|um|km|inch|mmps|mps|mms|cms|kmh|mph|ips|hz|pct"
+)
+_SAFE += "|(?:k?rad|mrad|deg|rev|turns?|m|mm|cm|um|in|ft|km)_(?:per_)?(?:s2?|sec|min|h)|rad_per_sec|n_m|vrms|arms"
+_SAFE += "|newtons?|meters?|metres?|degrees|radians|milliamps|millivolts|celsius|percent|kg|g"
+_SUFFIX = re.compile(rf"(?P<name>.*?[^_])_(?:in_)?(?P<unit>{_SAFE}|[vanmsVANms])\Z", re.IGNORECASE)
 
 TIME_KEYS = frozenset(TIME)
 """Keys that `signals` may map to a file's time column; they are no signals of a model."""
@@ -20,11 +36,17 @@ TIME_KEYS = frozenset(TIME)
 
 @dataclass(frozen=True)
 class Heading:
-    """A column's head taken apart: `label` is the whole text, `name` what is left without unit and note."""
+    """A column's head taken apart: `label` is the whole text, `name` what is left without unit and note.
+
+    `suffix`: the unit is the end of the name (``speed_rpm``), so that it may be none (``q_m``); `number`: the column's
+    place in the file, from 1, 0 where it has none.
+    """
 
     label: str
     name: str
     unit: str = ""
+    suffix: bool = False
+    number: int = 0
 
     @property
     def time(self) -> tuple[int, str] | None:
@@ -32,7 +54,8 @@ class Heading:
         match = _TIME.match(self.name)
         if match is None:
             return None
-        return TIME.index(match["name"].lower()), self.unit or match["unit"] or ""
+        name = match["name"].lower()
+        return _TIMES.index(name), self.unit or match["unit"] or _TIME_UNITS.get(name, "")
 
     def whole(self, spec: str) -> bool:
         """Whether `spec` is the whole text; white space does not count."""
@@ -42,9 +65,16 @@ class Heading:
         """Whether `spec` is the text without its note, or without note and unit."""
         return _squeezed(spec) in (_squeezed(self.name), _squeezed(f"{self.name}[{self.unit}]"))
 
+    def loose(self, spec: str) -> bool:
+        """Whether `spec` is the text or the name if large letters count as small ones, or its number: ``#6``, ``6``."""
+        small = _squeezed(spec).lower()
+        if self.number and small in (f"#{self.number}", f"{self.number}"):
+            return True
+        return small in (_squeezed(self.label).lower(), _squeezed(self.name).lower())
+
     def matches(self, spec: str) -> bool:
         """Whether the user may call this column `spec`."""
-        return self.whole(spec) or self.bare(spec)
+        return self.whole(spec) or self.bare(spec) or self.loose(spec)
 
 
 def tidy(text: str) -> str:
@@ -53,29 +83,60 @@ def tidy(text: str) -> str:
 
 
 def clock(headings: Sequence[Heading]) -> Heading | None:
-    """The time column among the headings: the first of ``t``, ``time``, ``timestamp``, ``stamp``."""
+    """The time column among the headings: the first of ``t``, ``time``, ``timestamp``, ``stamp``, ...; last ``T``,
+    which may be a torque.
+    """
     times = [head for head in headings if head.time is not None]
-    return min(times, key=lambda head: head.time or (9, ""), default=None)
+    return min(times, key=lambda head: (head.name == "T", (head.time or (99, ""))[0]), default=None)
+
+
+def pair(headings: Sequence[Heading]) -> tuple[Heading, Heading, float] | None:
+    """Columns of whole seconds and of what is beyond them, and how many s one of the latter is."""
+    names = {head.name.lower().strip(): head for head in headings}
+    for name, head in names.items():
+        match = _PAIR.match(name)
+        if match is None:
+            continue
+        for whole in ("sec", "secs", "seconds", "s"):
+            found = names.get(match["stem"] + whole)
+            if found is not None and found is not head:
+                return found, head, 1e-9 if match["unit"][0] == "n" else 1e-6
+    return None
 
 
 def _squeezed(text: str) -> str:
     return "".join(text.split())
 
 
-def heading(text: str) -> Heading:
+def heading(text: str, number: int = 0) -> Heading:
     """Take a header cell apart.
 
     Square brackets hold a unit where white space precedes them or the unit is known: ``q [0/1]`` and
     ``q[rad]`` have one,
     ``data[0]`` and ``velocity[wheel]`` have none. Round brackets hold a unit only where it is known:
-    ``voltage (V)``.
+    ``voltage (V)``; so does what stands behind a comma or a ``/``, and the end of the name: ``speed_rpm``.
     """
-    label = tidy(text)
+    return replace(_taken_apart(tidy(text)), number=number)
+
+
+def _taken_apart(label: str) -> Heading:
+    topic = label.startswith("/")
     for match in _BRACKETS.finditer(label):
         square, unit = match["square"] is not None, (match["square"] or match["round"] or "").strip()
-        known = units.parse(unit) is not None and unit != "1"
         spaced = square and bool(match["gap"]) and not unit.isdigit()
-        if match.start() and (known or spaced or (square and not unit)):
-            return Heading(label, label[: match.start()], unit)
+        if topic and not match["gap"]:
+            continue
+        if match.start() and (spaced or (square and not unit) or _known(unit)):
+            return Heading(label, label[: match.start()].rstrip(" /"), unit)
+    after = None if topic else _AFTER.match(label)
+    if after is not None and _known(after["unit"].strip()):
+        return Heading(label, after["name"], after["unit"].strip())
     name = re.sub(r"\s+\(.*\Z", "", label) or label
+    suffix = None if topic else _SUFFIX.match(name)
+    if suffix is not None and not _TIME.match(name):
+        return Heading(label, suffix["name"], suffix["unit"], suffix=True)
     return Heading(label, name)
+
+
+def _known(unit: str) -> bool:
+    return unit not in ("", "1") and units.parse(unit) is not None

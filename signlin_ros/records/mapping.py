@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,11 @@ from signlin_ros import units
 from signlin_ros.errors import ModelError, RecordError
 
 from .align import align, named
+from .converted import converted
+from .formulas import made
 from .header import TIME_KEYS
+from .inputs import with_inputs
+from .notes import Note, as_notes
 from .slope import held_slope, slope
 from .table import Record, Signal, frozen
 
@@ -24,10 +28,6 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 ALIASES = ("position", "velocity", "effort")
-LONGEST_HOLD = 5
-"""So many missing samples of an input in a row are filled with the value before them; more are refused."""
-LARGEST = 1e15
-"""Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
 _DEFAULT_TOPIC = re.compile(r"(?P<topic>(?:/\w+)*/(?P<role>state|input))\.data\[(?P<index>\d+)\]\Z")
 
 
@@ -45,7 +45,8 @@ class ModelData:
     inputs, states : the model's names.
     units : name -> unit of the inputs and measurements; rotary (rad, N·m) where a rotary record drives a
         translational model. unused : columns of the record that the model has no use for. notes : what was
-        done to the data, one sentence each.
+        done to the data, one sentence each. acts : (T,) s, from when each row of u acts, where the inputs have a
+        clock of their own; None: from its own sample on.
     """
 
     t: Array
@@ -57,7 +58,11 @@ class ModelData:
     units: dict[str, str]
     source: str = "record"
     unused: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note | str, ...] = ()
+    acts: Array | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "notes", as_notes(self.notes))
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -74,7 +79,8 @@ class ModelData:
         cut = slice(start, stop)
         measured = {name: frozen(values[cut]) for name, values in self.measured.items()}
         t, u = frozen(self.t[cut]), frozen(self.u[cut])
-        return replace(self, t=t, u=u, measured=measured, x0=_first_state(measured, self.states))
+        acts = None if self.acts is None else frozen(self.acts[cut])
+        return replace(self, t=t, u=u, measured=measured, x0=_first_state(measured, self.states), acts=acts)
 
 
 def for_model(
@@ -104,27 +110,31 @@ def for_model(
     """
     if require not in ("inputs", "none"):
         raise RecordError(f"require must be 'inputs' or 'none', not {require!r}")
-    chosen, notes = _chosen(record, model, signals or {})
+    _check_clock(record)
+    record, chosen, notes = _chosen(record, model, signals or {})
     derived = _velocity_of(model, chosen)
     _check_inputs(record, model, {*chosen, *derived}, require, notes)
     record = _aligned(record, model, chosen, base)
-    converted, unit_of = _converted(record, model, chosen, notes)
+    values, unit_of = converted(record, model, chosen, notes)
     for name, position in derived.items():
-        converted[name], noise = slope(record.t, converted[position])
+        values[name], noise = slope(record.t, values[position])
         unit_of[name] = {"rad": "rad/s"}.get(unit_of[position], model.units[name])
         smoothed = f", smoothed by as much as its noise, {noise:.2g} {unit_of[position]}" if noise else ""
-        efforts = [converted[n] for n in model.outputs if n in converted and n not in model.states]
-        held = held_slope(record.t, converted[position], converted[name], efforts[0]) if efforts else None
+        efforts = [values[n] for n in model.outputs if n in values and n not in model.states]
+        held = held_slope(record.t, values[position], values[name], efforts[0]) if efforts else None
         if held is not None:
-            converted[name] = held
-            notes.append(f"{name} is the difference of {position} from sample to sample: it was held in between")
+            values[name] = held
+            said = f"{name} is the difference of {position} from sample to sample: it was held in between"
+            notes.append(Note(said, "derived", name))
             continue
-        notes.append(f"{name} is the derivative of a spline through {position}{smoothed}")
+        notes.append(Note(f"{name} is the derivative of a spline through {position}{smoothed}", "derived", name))
     names = _unique(model.states, model.outputs)
-    measured = {name: frozen(converted[name]) for name in names if name in chosen}
+    measured = {name: frozen(values[name]) for name in names if name in chosen}
     measured = {name: values for name, values in measured.items() if not np.isnan(values).all()}
-    notes += [f"{name} holds no sample" for name in names if name in chosen and name not in measured]
-    record, u, measured = _with_inputs(record, model, converted, measured, notes)
+    notes += [
+        Note(f"{name} holds no sample", "missing", name) for name in names if name in chosen and name not in measured
+    ]
+    record, u, measured = with_inputs(record, model, values, measured, notes)
     return ModelData(
         t=record.t,
         u=u,
@@ -136,32 +146,39 @@ def for_model(
         source=record.source,
         unused=tuple(name for name in record.signals if name not in chosen.values()),
         notes=(*record.notes, *notes),
+        acts=None if record.acts is None else frozen(record.acts),
     )
+
+
+def _check_clock(record: Record) -> None:
+    """Refuse a time of which nobody knows the unit."""
+    for note in record.notes:
+        if isinstance(note, Note) and note.kind == "unit_of_time":
+            raise RecordError(f"{record.source}: {note}")
 
 
 def _unique(*groups: tuple[str, ...]) -> list[str]:
     return list(dict.fromkeys(name for group in groups for name in group))
 
 
-def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[dict[str, str], list[str]]:
-    """Model name -> key in the record, and notes."""
+def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[Record, dict[str, str], list[Note]]:
+    """The record with what the mappings make of its columns; model name -> key in it; notes."""
     names = _unique(model.inputs, model.states, model.outputs)
-    given = _canonical(model, signals, strict=True)
-    own = _canonical(model, model.signals, strict=False)
+    record, given, _ = _made(record, _canonical(model, signals, strict=True), names, strict=True)
+    left = {name: spec for name, spec in _canonical(model, model.signals, strict=False).items() if name not in given}
+    record, own, why_not = _made(record, left, names, strict=False)
     chosen: dict[str, str] = {}
     idle = {name: why for name, why in model.plant.sometimes.items() if name in model.signals and name not in names}
-    notes = [f"{model.signals[name]!r} is not used: {why}" for name, why in idle.items()]
+    notes = [Note(f"{model.signals[name]!r} is not used: {why}", "left_out", name) for name, why in idle.items()]
     for name in names:
-        if name in given:
-            chosen[name] = record.require(given[name], f"signal (mapped to {name})")
-            continue
-        key = record.find(own[name]) if name in own else None
+        key = given.get(name) or own.get(name)
         key = key or record.find(name, further=False) or _default(record, model, name, notes)
         if key is not None:
             chosen[name] = key
-        if name in own and (key is None or key != record.find(own[name])):
+        if name in why_not:
             instead = f"; {key!r} is used" if key else ""
-            notes.append(f"the model's signals map {name} to {own[name]!r}, which is not in this record{instead}")
+            said = f"the model's signals map {name} to {left[name]!r}, which is not in this record{instead}"
+            notes.append(Note(said, "missing", name))
     for alias in ALIASES:
         target = _alias(model, alias)
         if target is None or target in chosen:
@@ -169,11 +186,28 @@ def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[d
         try:
             found = record.find(alias)
         except RecordError as error:
-            notes.append(f"{error}: none is taken as {target}")
+            notes.append(Note(f"{error}: none is taken as {target}", "left_out", target))
             continue
         if found is not None and found not in chosen.values():
             chosen[target] = found
-    return chosen, notes
+    return record, chosen, notes
+
+
+def _made(
+    record: Record, specs: Mapping[str, str], names: Collection[str], strict: bool
+) -> tuple[Record, dict[str, str], set[str]]:
+    """The record with all that `specs` say; model name -> key; what is not there, unless that is refused (`strict`)."""
+    found, missing = {}, set()
+    for name, spec in specs.items():
+        if name not in names:
+            continue
+        try:
+            record, found[name] = made(record, name, spec)
+        except RecordError:
+            if strict:
+                raise
+            missing.add(name)
+    return record, found, missing
 
 
 def _canonical(model: Model, signals: Mapping[str, str], strict: bool) -> dict[str, str]:
@@ -201,14 +235,15 @@ def _name(model: Model, key: str, spec: str, strict: bool) -> str | None:
         raise ModelError(f"signal {key}={spec}: {error}") from None
 
 
-def _default(record: Record, model: Model, name: str, notes: list[str]) -> str | None:
+def _default(record: Record, model: Model, name: str, notes: list[Note]) -> str | None:
     """The key of a state or input in a ``/state`` or ``/input`` array in the model's order."""
     for role, names in (("state", tuple(model.states)), ("input", tuple(model.inputs))):
         entries = _entries(record, role, names)
         if name in names and names.index(name) < len(entries):
             if len(entries) != len(names) and name == names[0]:
                 taken = ", ".join(names[: len(entries)])
-                notes.append(f"/{role} has {len(entries)} values, the model {len(names)}: the first are {taken}")
+                said = f"/{role} has {len(entries)} values, the model {len(names)}: the first are {taken}"
+                notes.append(Note(said, "assumed", name))
             return entries[names.index(name)]
     return None
 
@@ -248,12 +283,12 @@ def _velocity_of(model: Model, chosen: Mapping[str, str]) -> dict[str, str]:
     return {}
 
 
-def _check_inputs(record: Record, model: Model, found: set[str], require: str, notes: list[str]) -> None:
+def _check_inputs(record: Record, model: Model, found: set[str], require: str, notes: list[Note]) -> None:
     for name in model.inputs:
         if name in found:
             continue
         if name in model.plant.optional_inputs or require == "none":
-            notes.append(f"no input {name} in the record: taken as 0")
+            notes.append(Note(f"no input {name} in the record: taken as 0", "assumed", name))
             continue
         out = [note for note in record.notes if "left out" in note]
         raise RecordError(
@@ -288,106 +323,17 @@ def _aligned(record: Record, model: Model, chosen: Mapping[str, str], base: str 
         if base is not None:
             base = named(record.series, base)
             used.setdefault(base, record.series[base])
-        t, signals, notes = align(used, inputs, base)
+        one = align(used, inputs, base)
     except RecordError as error:
         raise RecordError(f"{record.source}: {error}") from None
     kept = [note for note in record.notes if note not in record.alignment]
     others = {
-        key: Signal(np.full(t.shape, np.nan), label=one.label) for key, one in record.series.items() if key not in used
+        key: Signal(np.full(one.t.shape, np.nan), label=other.label)
+        for key, other in record.series.items()
+        if key not in used
     }
-    return replace(record, t=t, signals={**signals, **others}, notes=(*kept, *notes), alignment=tuple(notes))
-
-
-def _converted(
-    record: Record, model: Model, chosen: Mapping[str, str], notes: list[str]
-) -> tuple[dict[str, Array], dict[str, str]]:
-    """The chosen columns in the model's units, and the units: name -> (T,), name -> unit."""
-    values: dict[str, Array] = {}
-    unit_of: dict[str, str] = dict(model.units)
-    kinds: dict[str, str] = {}
-    for name, key in chosen.items():
-        signal, wanted = record.signals[key], model.units[name]
-        how = units.conversion(signal.unit, wanted)
-        if how is None:
-            label = signal.label or key
-            raise RecordError(
-                f"{record.source}: {name} is in {signal.unit!r} (column {label!r}), the model in {wanted!r}; "
-                "if the model's numbers are for that unit, leave it out of the header"
-            )
-        values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
-        _check_size(record, name, signal, values[name])
-        if signal.unit and units.kind(wanted.split(" or ")[0]) == "linear":
-            kinds[name] = units.kind(signal.unit)
-    _check_kinds(record, chosen, kinds)
-    if "rotary" in kinds.values():
-        notes.append("the record is rotary (rad, N·m): so are the model's parameters")
-        unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}
-    return values, unit_of
-
-
-def _check_size(record: Record, name: str, signal: Signal, values: Array) -> None:
-    """Refuse what no sensor says."""
-    large = np.flatnonzero(np.abs(values) > LARGEST)
-    if large.size:
-        where = f"{record.source}: {record.where(int(large[0]))}, column {signal.label or name!r}"
-        allowed = f"up to {LARGEST:g} in size; leave the cell empty where a sample is missing"
-        raise RecordError(f"{where}: {signal.values[large[0]]:g} is no measurement; allowed: {allowed}")
-
-
-def _check_kinds(record: Record, chosen: Mapping[str, str], kinds: Mapping[str, str]) -> None:
-    """Refuse a record that mixes newtons and radians."""
-    first: dict[str, str] = {}
-    for name, kind in kinds.items():
-        first.setdefault(kind, name)
-    if len(first) > 1:
-        stated = " but ".join(f"{name} is in {record.signals[chosen[name]].unit!r}" for name in first.values())
-        raise RecordError(f"{record.source}: {stated}: either all is linear (m, N) or all is rotary (rad, N·m)")
-
-
-def _with_inputs(
-    record: Record, model: Model, values: Mapping[str, Array], measured: dict[str, Array], notes: list[str]
-) -> tuple[Record, Array, dict[str, Array]]:
-    """The inputs u (T, m), in a bag from the first message of all of them on."""
-    columns = [values.get(name, np.zeros(record.t.shape)) for name in model.inputs]
-    start = max((_leading(column) for column in columns), default=0) if record.series else 0
-    if start > record.t.size - 2:
-        raise RecordError(f"{record.source}: the first message of an input comes after the measurements have ended")
-    if start:
-        notes.append(f"starts with the inputs' first message, {record.t[start] - record.t[0]:.4g} s after the others'")
-        record = replace(record, t=record.t[start:], signals=_cut(record.signals, start))
-        measured = {name: frozen(column[start:]) for name, column in measured.items()}
-        columns = [column[start:] for column in columns]
-    filled = [_inputs_filled(record, name, column, notes) for name, column in zip(model.inputs, columns, strict=True)]
-    u = np.stack(filled, axis=1) if filled else np.empty((record.t.size, 0))
-    return record, frozen(u), measured
-
-
-def _cut(signals: Mapping[str, Signal], start: int) -> dict[str, Signal]:
-    return {name: replace(signal, values=signal.values[start:]) for name, signal in signals.items()}
-
-
-def _leading(values: Array) -> int:
-    """How many NaN stand at the front."""
-    there = np.flatnonzero(~np.isnan(values))
-    return int(there[0]) if there.size else int(values.size)
-
-
-def _inputs_filled(record: Record, name: str, values: Array, notes: list[str]) -> Array:
-    """The values with up to `LONGEST_HOLD` NaN in a row replaced by the value before them."""
-    missing = np.isnan(values)
-    if not missing.any():
-        return values
-    index = np.arange(values.size)
-    last = np.maximum.accumulate(np.where(missing, -1, index))
-    age = index - last
-    bad = (last < 0) | (age > LONGEST_HOLD)
-    if bad.any():
-        first = int(last[np.argmax(bad)]) + 1
-        why = "before its first value" if first == 0 else f"more than {LONGEST_HOLD} times in a row"
-        raise RecordError(f"{record.source}: {record.where(first)}: the input {name!r} is missing {why}")
-    place = record.where(int(np.argmax(missing)))
-    notes.append(f"input {name}: {int(missing.sum())} missing samples hold the value before them, the first at {place}")
-    return values[last]
+    signals, notes = {**one.signals, **others}, (*kept, *one.notes)
+    return replace(record, t=one.t, signals=signals, notes=notes, alignment=one.notes, acts=one.acts, rows=None)
 
 
 def _first_state(measured: Mapping[str, Array], states: tuple[str, ...]) -> Array | None:

@@ -1,4 +1,8 @@
-"""MATLAB files up to version 7: vectors, matrices and structs of them, through scipy.io."""
+"""MATLAB files: vectors, matrices and structs of them, through scipy.io, and h5py where they are of version 7.3.
+
+Simulink's ways to write are known: structures with time, a matrix whose first row is the time (To File), ``u``, ``y``
+and the sampling time ``Ts``.
+"""
 
 from __future__ import annotations
 
@@ -10,35 +14,45 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signlin_ros.errors import RecordError
+from signlin_ros.errors import MissingExtraError, RecordError
 
 from .clean import Table
-from .header import TIME_KEYS, Heading, clock
+from .grammar import words
+from .header import TIME_KEYS, Heading, clock, heading
+from .notes import Note
 from .table import Rows, listing
 
 Array = npt.NDArray[np.float64]
+
+_STEPS = ("ts", "dt", "sampletime", "sample_time", "sampling_time", "tsample", "t_s", "samplingtime")
+"""What a sampling time in s may be called, in small letters."""
 
 
 def read_table(path: Path, source: str, signals: Mapping[str, str]) -> Table:
     """Read the vectors that are as long as the time vector.
 
     A field of a struct is called ``data.speed``, and ``speed`` for short; the columns of a matrix ``q[0]``,
-    ``q[1]``. What else there is (scalars, text, complex numbers, vectors of another length) is left out with a note.
+    ``q[1]``; a signal of Simulink as its structure. What else there is (scalars, text, complex numbers, vectors of
+    another length) is left out with a note.
 
     Raises
     ------
     RecordError
-        Not a MAT file, version 7.3, no time vector.
+        Not a MAT file, no time vector.
     """
-    found = dict(_variables(_load(path, source)))
+    found = _first_rows(_one_time(dict(_variables(_load(path, source)))), signals)
     out = {name: why for name, why in ((name, _no_vector(value)) for name, value in found.items()) if why}
     vectors = {name: value.astype(np.float64) for name, value in found.items() if name not in out}
     headings = _headings(list(vectors))
-    time = _time(headings, signals)
-    if time is None or max(vectors[time.label].shape) != vectors[time.label].size:
-        heads = "no time vector (t, time, timestamp or stamp)"
-        raise RecordError(f"{source}: {heads}; {listing(found)}; map one with signals: {{t: NAME}}")
-    length, columns = vectors[time.label].size, []
+    time, step = _time(headings, signals), _step(found)
+    if time is not None and max(vectors[time.label].shape) != vectors[time.label].size:
+        time = None
+    if time is None and step is None and not _even(signals):
+        raise RecordError(
+            f"{source}: no time vector (t, time, timestamp or stamp) and no sampling time Ts; {listing(found)}; "
+            "map one with --signal t=NAME, or say --dt 0.01 where the samples are 0.01 s apart"
+        )
+    length, columns = _length(vectors, time), []
     for head in headings:
         parts = _columns(head, vectors[head.label], length)
         columns += parts
@@ -46,15 +60,72 @@ def read_table(path: Path, source: str, signals: Mapping[str, str]) -> Table:
             shape = "x".join(map(str, vectors[head.label].shape))
             out[head.label] = f"{shape}, the time has {length} values"
     rows = Rows(np.arange(1, length + 1))
-    return Table(source, [head for head, _ in columns], [values for _, values in columns], rows, _notes(out))
+    heads = [_told(head) for head, _ in columns]
+    if step is not None and step[0] in out:
+        del out[step[0]]
+    return Table(source, heads, [values for _, values in columns], rows, _notes(out), step=step)
 
 
-def _notes(out: Mapping[str, str]) -> tuple[str, ...]:
+def _one_time(found: dict[str, Any]) -> dict[str, Any]:
+    """The variables with one time for all signals of Simulink that have the same."""
+    times = {name: np.asarray(value) for name, value in found.items() if name.endswith(".time")}
+    if len(times) < 2:
+        return found
+    first = next(iter(times.values()))
+    same = [name for name, value in times.items() if np.array_equal(value, first)]
+    return {"time": first, **{name: value for name, value in found.items() if name not in same}}
+
+
+def _told(head: Heading) -> Heading:
+    """A heading with the unit that its name ends with."""
+    told = heading(head.name)
+    return Heading(head.label, told.name, told.unit, told.suffix) if told.suffix else head
+
+
+def _even(signals: Mapping[str, str]) -> bool:
+    """Whether the mapping says how long it is from sample to sample, or makes the time of columns."""
+    spec = next((signals[key] for key in signals.keys() & TIME_KEYS), "")
+    return bool(spec) and (not words(spec) or not spec.replace(".", "").replace("_", "").isalnum())
+
+
+def _step(found: Mapping[str, Any]) -> tuple[str, float] | None:
+    """Name and value of a sampling time in s."""
+    for name, value in found.items():
+        short = name.rsplit(".", 1)[-1].lower()
+        if short in _STEPS and np.size(value) == 1 and np.isreal(value).all() and np.asarray(value).dtype.kind in "fiu":
+            return name, float(np.asarray(value).reshape(-1)[0])
+    return None
+
+
+def _length(vectors: Mapping[str, Array], time: Heading | None) -> int:
+    """How many samples there are: as the time has, else as most vectors have."""
+    if time is not None:
+        return int(vectors[time.label].size)
+    return Counter(max(value.shape) for value in vectors.values()).most_common(1)[0][0] if vectors else 0
+
+
+def _first_rows(found: dict[str, Any], signals: Mapping[str, str]) -> dict[str, Any]:
+    """The variables, a lone matrix with increasing times in its first row or column taken apart (To File, loggers)."""
+    numbers = {name: value for name, value in found.items() if not _no_vector(value)}
+    if len(numbers) != 1 or _time(_headings(list(numbers)), signals) is not None or _step(found) is not None:
+        return found
+    ((name, matrix),) = numbers.items()
+    if matrix.ndim != 2 or min(matrix.shape) < 2 or _even(signals):
+        return found
+    table = matrix if matrix.shape[0] < matrix.shape[1] else matrix.T
+    if not (np.diff(table[0].astype(np.float64)) > 0).all():
+        return found
+    taken = {f"{name}[{i}]": table[i] for i in range(1, table.shape[0])}
+    return {**{key: value for key, value in found.items() if key != name}, "t": table[0], **taken}
+
+
+def _notes(out: Mapping[str, str]) -> tuple[Note, ...]:
     """Return what is said of the variables that are left out, those for the same reason together."""
     notes = []
     for why in dict.fromkeys(out.values()):
         names = [repr(name) for name, its in out.items() if its == why]
-        notes.append(f"{', '.join(names)} {'is left out: it is' if len(names) == 1 else 'are left out: each is'} {why}")
+        verb = "is left out: it is" if len(names) == 1 else "are left out: each is"
+        notes.append(Note(f"{', '.join(names)} {verb} {why}", "left_out"))
     return tuple(notes)
 
 
@@ -64,22 +135,70 @@ def _load(path: Path, source: str) -> dict[str, Any]:
     try:
         return dict(loadmat(str(path)))
     except NotImplementedError:
-        advice = "save it in MATLAB with save(..., '-v7')"
-        raise RecordError(f"{source}: MAT files of version 7.3 (HDF5) cannot be read; {advice}") from None
+        return _load_hdf(path, source)
     except Exception as error:  # scipy raises nearly anything on a damaged file
         raise RecordError(f"{source}: not a readable MAT file ({error})") from error
 
 
+def _load_hdf(path: Path, source: str) -> dict[str, Any]:
+    """The variables of a file of version 7.3; structs as mappings."""
+    try:
+        import h5py
+    except ImportError:
+        what = f"{source}: a MAT file of version 7.3 (HDF5; save(..., '-v7') in MATLAB makes one that needs nothing)"
+        raise MissingExtraError(what, "formats") from None
+    try:
+        with h5py.File(path, "r") as file:
+            return {name: _hdf_value(file, value) for name, value in file.items() if not name.startswith("#")}
+    except OSError as error:
+        advice = "save it in MATLAB with save(..., '-v7')"
+        raise RecordError(f"{source}: not a readable MAT file of version 7.3 ({error}); {advice}") from error
+
+
+def _hdf_value(file: Any, value: Any) -> Any:
+    """A variable as scipy would give it: transposed, text and references of cells as no numbers."""
+    if hasattr(value, "items"):
+        return {name: _hdf_value(file, part) for name, part in value.items()}
+    kind = value.attrs.get("MATLAB_class", b"")
+    if kind == b"char":
+        return np.array(["text"])
+    if value.dtype.kind == "O":
+        parts = [file[reference] for reference in np.asarray(value).reshape(-1)]
+        return _hdf_value(file, parts[0]) if len(parts) == 1 else np.array(["cells"])
+    if value.dtype.names:
+        return np.array([1j])
+    return np.asarray(value).T
+
+
 def _variables(variables: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """All variables, structs opened."""
+    """All variables, structs opened; the values of a Simulink signal under the name of its structure."""
     for name, value in variables.items():
         if name.startswith("__"):
             continue
-        if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
-            fields = {field: value.reshape(-1)[0][field] for field in value.dtype.names}
-            yield from _variables(fields, f"{prefix}{name}.")
-        else:
+        fields = _fields(value)
+        if fields is None:
             yield prefix + name, value
+        elif {"time", "signals"} <= fields.keys() and _fields(fields["signals"]) is not None:
+            yield from _simulink(f"{prefix}{name}", fields)
+        else:
+            yield from _variables(fields, f"{prefix}{name}.")
+
+
+def _fields(value: Any) -> Mapping[str, Any] | None:
+    """The fields of a struct, None for anything else."""
+    if isinstance(value, Mapping):
+        return value
+    if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
+        return {field: value.reshape(-1)[0][field] for field in value.dtype.names}
+    return None
+
+
+def _simulink(name: str, fields: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """The time and the values of a structure with time."""
+    inside = _fields(fields["signals"]) or {}
+    if np.size(fields["time"]):
+        yield f"{name}.time", fields["time"]
+    yield name, inside.get("values", np.empty(0))
 
 
 def _no_vector(value: Any) -> str:

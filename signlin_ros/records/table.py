@@ -12,6 +12,7 @@ import numpy.typing as npt
 from signlin_ros.errors import RecordError, suggest
 
 from .header import heading, tidy
+from .notes import Note, as_notes
 
 if TYPE_CHECKING:
     from signlin_ros.model import Model
@@ -40,11 +41,13 @@ class Signal:
     values : (T,) float, read-only; NaN is a missing sample.
     unit : as stated by the file, "" where it states none (then the model's unit is meant).
     label : the whole column head or bag path that the signal came from, "" for a signal made in memory.
+    number : its column in the file, from 1; 0 where it has none.
     """
 
     values: Array
     unit: str = ""
     label: str = ""
+    number: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", frozen(self.values))
@@ -104,23 +107,26 @@ class Record:
     t : (T,) s, strictly increasing, read-only.
     signals : name -> Signal. The name is the mapped one, or the column's name without unit and note, or a bag
         path. source : the file, for messages. notes : what the reader did to the data or noticed in it, one
-        sentence each. rows : where each sample stood in the file, None for a record made in memory or read
-        from a bag. series : the signals of a bag on their own stamps; `for_model` aligns them anew, knowing
-        the inputs. alignment : those of `notes` that tell how the series were put on one time base.
+        sentence each, see `signlin_ros.records.notes`. rows : where each sample stood in the file, None for a
+        record made in memory or read from a bag. series : the signals of a bag on their own stamps; `for_model`
+        aligns them anew, knowing the inputs. alignment : those of `notes` that tell how the series were put on
+        one time base. acts : (T,) s, from when the held ones of a bag's signals act; None: from their own
+        sample on.
     """
 
     t: Array
     signals: dict[str, Signal]
     source: str = "record"
-    notes: tuple[str, ...] = ()
+    notes: tuple[Note | str, ...] = ()
     rows: Rows | None = field(default=None, repr=False)
     series: dict[str, Series] = field(default_factory=dict, repr=False)
     alignment: tuple[str, ...] = field(default=(), repr=False)
+    acts: Array | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", frozen(self.t))
         object.__setattr__(self, "signals", dict(self.signals))
-        object.__setattr__(self, "notes", tuple(self.notes))
+        object.__setattr__(self, "notes", as_notes(self.notes))
         _check_time(self)
         for name, signal in self.signals.items():
             if signal.values.shape != self.t.shape:
@@ -143,7 +149,7 @@ class Record:
         """The key in `signals` of what the user calls `name`, or None.
 
         Compared whole, then without unit and trailing note, then (`further`) by the other spellings of a
-        bag's signal.
+        bag's signal, then without regard to capital letters, or by the column's number.
 
         Raises
         ------
@@ -153,7 +159,7 @@ class Record:
         wanted = tidy(name)
         if wanted in self.signals:
             return wanted
-        for matches in (self._whole, self._bare, *((self._other,) if further else ())):
+        for matches in (self._whole, self._bare, *((self._other,) if further else ()), self._loose):
             found = [key for key in self.signals if matches(key, wanted)]
             if len(found) > 1:
                 listed = ", ".join(repr(self.labels[key]) for key in found)
@@ -167,6 +173,9 @@ class Record:
 
     def _bare(self, key: str, wanted: str) -> bool:
         return heading(self.labels[key]).bare(wanted)
+
+    def _loose(self, key: str, wanted: str) -> bool:
+        return heading(self.labels[key], self.signals[key].number).loose(wanted)
 
     def _other(self, key: str, wanted: str) -> bool:
         return key in self.series and wanted in self.series[key].names

@@ -40,6 +40,21 @@ def test_measured_states_are_played_as_they_are(tmp_path: Path) -> None:
     np.testing.assert_allclose([s.u for s in samples], np.sin(t)[:, None])
 
 
+def test_an_input_that_switches_between_two_states_is_played_when_it_did(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    rows = [f"{0.01 * i:.3f},,{i},{i}\n{0.01 * i + 0.003:.3f},{i % 3},," for i in range(30)]
+    path.write_text("\n".join(["t,voltage,current,speed", *rows]) + "\n")
+    samples = list(Playback(Model.load("dc_motor"), str(path)).round())
+    assert all(a.t <= b.t for a, b in itertools.pairwise(samples))
+    states, switches = [s for s in samples if not s.switch], [s for s in samples if s.switch]
+    np.testing.assert_allclose(np.diff([s.t for s in states]), 0.01)
+    late = np.array([s.t for s in switches]) % 0.01
+    np.testing.assert_allclose(late, 0.003, atol=1e-9)
+    volts = [s.u[0] for s in switches]
+    np.testing.assert_array_equal(np.diff(volts) % 3, 1)
+    np.testing.assert_array_equal([s.u[0] for s in states[1:]], volts[: len(states) - 1])
+
+
 def test_a_loop_goes_on_in_time(tmp_path: Path) -> None:
     t = np.arange(20) * 0.01
     path = written(tmp_path / "run.csv", "t,voltage,current,speed", t, 0 * t, 0 * t, t)

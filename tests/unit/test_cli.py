@@ -221,8 +221,8 @@ def test_an_output_that_cannot_be_written_is_refused_before_any_work(run, data, 
     def never(*_, **__):
         raise ZeroDivisionError("read")
 
-    for module in ("records", "diagnosis.data"):
-        monkeypatch.setattr(f"signlin_ros.{module}.read_for_model", never)
+    for reader in ("records.read_for_model", "diagnosis.data.read_runs"):
+        monkeypatch.setattr(f"signlin_ros.{reader}", never)
     option, suffix = {"simulate": ("-o", "csv"), "compare": ("--report", "html"), "add": ("-o", "yaml")}[verb]
     effect = ["coulomb_friction"] if verb == "add" else []
     code, out, err = run(verb, *effect, "dc_motor", data, option, f"{place}/new.{suffix}")

@@ -115,7 +115,9 @@ def test_the_nodes_topics_are_known(bag: Callable[[Messages], Path]) -> None:
     data = read_for_model(bag(run()), motor())
     # The first input comes 1 ms after the first state.
     np.testing.assert_array_equal(data.t, np.arange(1, 20) / 200)
-    np.testing.assert_array_equal(data.u[:, 0], np.arange(19) // 4)
+    assert data.acts is not None
+    np.testing.assert_array_equal(data.u[:, 0], np.arange(1, 20) // 4)
+    np.testing.assert_allclose(data.acts[3::4], data.t[3::4] + 1e-3)
     np.testing.assert_array_equal(data.measured["speed"], 10.0 * np.arange(1, 20))
     assert data.x0 is not None
     np.testing.assert_array_equal(data.x0, [0.1, 10.0])
@@ -361,3 +363,30 @@ def test_no_bag_and_damaged_bags(tmp_path: Path) -> None:
     write_bag(tmp_path / "bag", [])
     with pytest.raises(RecordError, match="bag: "):
         read_record(tmp_path / "bag")
+
+
+def test_formulas_of_topics(bag: Callable[[Messages], Path]) -> None:
+    messages: Messages = []
+    for i in range(20):
+        messages.append(("/pwm", 10 * i * MS, number(1.0 + i)))
+        messages.append(("/dir", 10 * i * MS, number(float(i % 2))))
+        messages.append(("/speed", 10 * i * MS, number(60.0 * i)))
+    signals = {"voltage": "12 * sign(/dir) * /pwm.data / 255", "speed": "-/speed.data [rpm]"}
+    data = read_for_model(bag(messages), motor(), signals)
+    pwm = 1.0 + np.arange(20)
+    np.testing.assert_allclose(data.u[:, 0], np.where(np.arange(20) % 2, 12.0, -12.0) * pwm / 255)
+    np.testing.assert_allclose(data.measured["speed"], -60.0 * np.arange(20) * np.pi / 30)
+
+
+def test_any_field_may_stand_in_a_formula(bag: Callable[[Messages], Path]) -> None:
+    messages: Messages = [("/voltage", 10 * i * MS, number(1.0)) for i in range(20)]
+    messages += [("/speed", 10 * i * MS, number(2.0 * i)) for i in range(20)]
+    data = read_for_model(bag(messages), motor(), {"speed": "0.5 * speed + 0.5*/speed.data"})
+    np.testing.assert_allclose(data.measured["speed"], 2.0 * np.arange(20))
+
+
+def test_the_time_of_a_bag_is_its_own(bag: Callable[[Messages], Path]) -> None:
+    messages: Messages = [("/voltage", 10 * i * MS, number(1.0)) for i in range(20)]
+    data = read_for_model(bag(messages), motor(), {"t": "0.5"})
+    np.testing.assert_allclose(np.diff(data.t), 0.01)
+    assert any(note.kind == "clock" and "own clock" in note for note in data.notes)

@@ -160,7 +160,9 @@ def test_mapping_of_the_time(read: Read) -> None:
 def test_a_second_time_column_may_hold_text(read: Read) -> None:
     record = read("timestamp,t,a\n2024-01-01T00:00:00,0,1\n2024-01-01T00:00:01,1,2\n")
     assert list(record.signals) == ["a"]
-    assert "'timestamp'" in refused(read, "timestamp,a\n2024-01-01T00:00:00,1\n2024-01-01T00:00:01,2\n")
+    record = read("timestamp,a\n2024-01-01T00:00:00,1\n2024-01-01T00:00:00.5,2\n")
+    np.testing.assert_array_equal(record.t, [0.0, 0.5])
+    assert record.notes[0].kind == "clock"
 
 
 def test_mapping_wins_over_a_column_of_that_name(read: Read) -> None:
@@ -206,9 +208,9 @@ def test_only_the_wanted_columns_must_be_numbers(read: Read) -> None:
         ("t,voltage\n,\n", ["no rows"]),
         ("t,voltage\n0,1\n", ["only 1 row"]),
         ("t,voltage\n0,1\n0,1\n", ["only 1 row"]),
-        ("0,1\n1,2\n", ["no header"]),
+        ("3,1\n3,2\n2,4\n", ["no header", "'c1', 'c2'", "--dt"]),
         ("voltage,speed\n0,1\n1,2\n", ["no time column", "'voltage', 'speed'"]),
-        ("t voltage\n0 1\n1 2\n", ["one column"]),
+        ("voltage\n0\n1\n", ["one column"]),
         ("t,a\n0,1\n1,abc\n2,3\n", ["row 2 (line 3)", "'a'", "'abc'"]),
         ("t,a\n0,1\n# x\n\n1,1_0\n", ["row 2 (line 5)", "'1_0'"]),
         ("t,a\n0,1\n1,2,3\n", ["row 2 (line 3)", "3 cells", "2 columns"]),
@@ -216,17 +218,16 @@ def test_only_the_wanted_columns_must_be_numbers(read: Read) -> None:
         ("t,a\n0,1\nnan,2\n2,3\n", ["row 2 (line 3)", "time stamp"]),
         ("t,a\n0,1\n,2\n2,3\n", ["row 2 (line 3)", "time stamp"]),
         ("t,a\n0,1\ninf,2\n2,3\n", ["row 2 (line 3)", "time stamp"]),
-        ("t,a\n0,1\n2,2\n1,3\n", ["row 3 (line 4)", "comes after 2"]),
+        ("t,a\n9,1\n7,2\n5,3\n3,4\n1,5\n0,6\n", ["row 2 (line 3)", "comes after 9", "no order"]),
         (
             "t,a\n0,1\n1,2\n1,3\n",
             ["row 2 (line 3) and row 3 (line 4)", "same time stamp", "'a' is 2.0 and 3.0"],
         ),
         ("t,a\n0,1\n1,inf\n", ["row 2 (line 3)", "'a'", "inf"]),
         ("t,a\n0,1\n1,-inf\n", ["row 2 (line 3)", "'a'", "-inf"]),
-        ("t,a,a\n0,1,2\n1,2,3\n", ["two columns", "'a'", "2 and 3"]),
         ("t,,a\n0,1,2\n1,2,3\n", ["column 2", "no name"]),
         ("t [V],a\n0,1\n1,2\n", ["'t [V]'", "'V'", "ms"]),
-        ("stamp,a\n1700000000000000000,1\n1700000000005000000,2\n", ["'stamp'", "unit", "[ns]"]),
+        ("stamp,a\n700000000000000000,1\n700000000005000000,2\n", ["'stamp'", "unit", "[ns]"]),
         (b"\x00\x01\x02", ["no text file"]),
     ],
 )
@@ -242,11 +243,11 @@ def test_repeated_rows_are_dropped_with_a_note(read: Read) -> None:
     assert record.notes == ("3 repeated rows dropped (same stamp, same values), the first row 3 (line 4)",)
 
 
-def test_sorting_is_an_option(read: Read) -> None:
-    record = read("t,a\n0,1\n2,3\n1,2\n3,4\n", sort=True)
+def test_a_row_that_came_late_is_sorted_in(read: Read) -> None:
+    record = read("t,a\n0,1\n2,3\n1,2\n3,4\n")
     np.testing.assert_array_equal(record.signals["a"].values, [1, 2, 3, 4])
     assert record.where(1) == "row 3 (line 4)"
-    assert "sorted" in record.notes[0]
+    assert record.notes[0].kind == "sorted"
 
 
 def test_a_gap_is_noted_with_its_place(read: Read) -> None:
@@ -283,7 +284,7 @@ def test_a_large_file_takes_about_a_second(read: Read) -> None:
     table = np.random.default_rng(0).normal(size=(100_000, 4))
     table[:, 0] = np.arange(100_000) * 1e-3
     text = "t,a,b,c\n" + "\n".join(",".join(map(repr, row)) for row in table.tolist())
-    start = time.perf_counter()
+    start = time.process_time()
     record = read(text)
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
     np.testing.assert_array_equal(record.signals["c"].values, table[:, 3])

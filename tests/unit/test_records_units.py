@@ -35,7 +35,7 @@ from signlin_ros.records.header import Heading, heading
         ("N·mm", "N·m", 1e-3),
         ("N*mm", "N·m", 1e-3),
         ("N mm", "N·m", 1e-3),
-        ("Nmm", "N·m", None),
+        ("Nmm", "N·m", 1e-3),
         ("Nm", "N·m", 1.0),
         ("mNm", "N·m", 1e-3),
         ("N.m", "N·m", 1.0),

@@ -143,7 +143,10 @@ def _raw(model: Model, data: ModelData) -> _Raw:
     t = data.t[0] + step * np.arange(int((data.t[-1] - data.t[0]) / step + 1e-6) + 1)
     names = [n for n, v in data.measured.items() if np.isfinite(v).sum() > 20]
     values = {n: np.interp(t, data.t, filled(data.t, corrected(model, data, n))) for n in names}
-    u = np.column_stack([_acting(np.interp(t, data.t, c), 0.5 - model.early) for c in data.u.T])
+    late = 0.5 - model.early
+    if data.acts is not None:
+        late = late + np.interp(t, data.t, data.acts - data.t) / step
+    u = np.column_stack([_acting(np.interp(t, data.t, c), late) for c in data.u.T])
     plant = model.plant
     if plant.velocity in model.inputs:
         u = np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
@@ -151,9 +154,9 @@ def _raw(model: Model, data: ModelData) -> _Raw:
     return _Raw(t - t[0], step, u, values, {n: sensor_noise(v) for n, v in values.items()})
 
 
-def _acting(u: Array, late: float) -> Array:
+def _acting(u: Array, late: float | Array) -> Array:
     """Return a held input (T,) as it acts at its samples: the mean of what is held before and after each."""
-    if late != 0.5:
+    if np.any(np.asarray(late) != 0.5):
         k = np.arange(u.size)
         return np.asarray(np.interp(k - late, k, u))
     padded = np.concatenate([u[:1], u[:1], u, u[-1:]])

@@ -168,7 +168,11 @@ def _restarted(problem: Problem, c: Candidate, p: Array, s: Segment, known: Arra
 def _shown(problem: Problem, c: Candidate, p: Array, s: Segment, known: Array, free: Array, at: Sequence[int]) -> Array:
     """Return what the channels would show (T, ny) of free runs (T, n), sensors and their delays included."""
     late = float(c.equations.delay @ p) - s.early
-    u = s.u[np.clip(np.searchsorted(s.t, s.t - late + 1e-9, side="right") - 1, 0, s.t.size - 1)] if late else s.u
+    u = (
+        s.u[np.clip(np.searchsorted(s.t, s.t - late + 1e-9, side="right") - 1, 0, s.t.size - 1)]
+        if np.any(late)
+        else s.u
+    )
     shown = _outputs(c, p, free, u)
     begun = s.t[np.asarray(at)[np.maximum(np.searchsorted(at, np.arange(s.t.size)) - 1, 0)]]
     for j, (lag, state, *_) in enumerate(seen_late(problem, c, p).tolist()):

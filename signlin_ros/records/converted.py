@@ -1,0 +1,99 @@
+"""Columns in a model's units: converted, refused where they cannot be, and said where it is only assumed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from signlin_ros import units
+from signlin_ros.errors import RecordError
+
+from .header import heading
+from .notes import Note
+from .table import Record, Signal
+
+if TYPE_CHECKING:
+    from signlin_ros.model import Model
+
+Array = npt.NDArray[np.float64]
+
+LARGEST = 1e15
+"""Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
+
+
+def converted(
+    record: Record, model: Model, chosen: Mapping[str, str], notes: list[Note]
+) -> tuple[dict[str, Array], dict[str, str]]:
+    """The chosen columns in the model's units, and the units: name -> (T,), name -> unit."""
+    values: dict[str, Array] = {}
+    unit_of: dict[str, str] = dict(model.units)
+    kinds: dict[str, str] = {}
+    for name, key in chosen.items():
+        signal, wanted = record.signals[key], model.units[name]
+        unit, how = _how(record, name, key, wanted)
+        values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
+        if how[0] != 1.0:
+            notes.append(Note(f"{name} is converted from {unit} to {how[1]}", "converted", name))
+        _check_size(record, name, signal, values[name])
+        if unit and units.kind(wanted.split(" or ")[0]) == "linear":
+            kinds[name] = units.kind(unit)
+    _check_kinds(record, chosen, kinds)
+    notes += _assumed(record, model, chosen)
+    if "rotary" in kinds.values():
+        notes.append(Note("the record is rotary (rad, N·m): so are the model's parameters", "assumed"))
+        unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}
+    return values, unit_of
+
+
+def _assumed(record: Record, model: Model, chosen: Mapping[str, str]) -> list[Note]:
+    """What is said of columns without a unit beside others that have one."""
+    silent = [n for n, key in chosen.items() if not record.signals[key].unit and model.units[n] not in ("", "-", "1")]
+    if len(silent) == len(chosen):
+        return []
+    said = "no unit is stated for {} beside others that have one: taken in {}"
+    return [Note(said.format(name, model.units[name]), "assumed", name) for name in silent]
+
+
+def _how(record: Record, name: str, key: str, wanted: str) -> tuple[str, tuple[float, str]]:
+    """The unit of a column, and how to bring it to the one that is wanted: see `signlin_ros.units.conversion`."""
+    signal = record.signals[key]
+    label = signal.label or key
+    how = units.conversion(signal.unit, wanted)
+    if how is not None:
+        return signal.unit, how
+    if len(signal.unit) == 1 and heading(label).suffix:  # one letter at the end of a name is a unit where it fits
+        return "", (1.0, wanted)
+    known = f"in {signal.unit!r}" + ("" if units.parse(signal.unit) is not None else ", which is no unit that is known")
+    raise RecordError(
+        f"{record.source}: {name} is {known} (column {label!r}), the model in {wanted!r}; say what it is: "
+        f"--signal '{name} = {_quoted(label)} [UNIT]', or --signal '{name} = FACTOR * {_quoted(label)}'"
+    )
+
+
+def _quoted(label: str) -> str:
+    """A column's name as a formula takes it."""
+    bare = heading(label).name
+    return bare if re.fullmatch(r"[\w./\[\]]+", bare) else f'"{bare}"'
+
+
+def _check_size(record: Record, name: str, signal: Signal, values: Array) -> None:
+    """Refuse what no sensor says."""
+    large = np.flatnonzero(np.abs(values) > LARGEST)
+    if large.size:
+        where = f"{record.source}: {record.where(int(large[0]))}, column {signal.label or name!r}"
+        allowed = f"up to {LARGEST:g} in size; leave the cell empty where a sample is missing"
+        raise RecordError(f"{where}: {signal.values[large[0]]:g} is no measurement; allowed: {allowed}")
+
+
+def _check_kinds(record: Record, chosen: Mapping[str, str], kinds: Mapping[str, str]) -> None:
+    """Refuse a record that mixes newtons and radians."""
+    first: dict[str, str] = {}
+    for name, kind in kinds.items():
+        first.setdefault(kind, name)
+    if len(first) > 1:
+        stated = " but ".join(f"{name} is in {record.signals[chosen[name]].unit!r}" for name in first.values())
+        raise RecordError(f"{record.source}: {stated}: either all is linear (m, N) or all is rotary (rad, N·m)")

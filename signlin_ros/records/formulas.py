@@ -1,0 +1,115 @@
+"""A record with what a mapping makes of its columns: another unit, a factor, a product of two."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from signlin_ros.errors import RecordError
+
+from .align import align, looks_held
+from .grammar import Node, is_formula, parse, split_unit
+from .header import heading
+from .notes import Note
+from .table import Record, Series, Signal
+
+Array = npt.NDArray[np.float64]
+
+
+def made(record: Record, name: str, spec: str) -> tuple[Record, str]:
+    """The record with the quantity that `spec` says `name` is, and its key there.
+
+    A text that is a column's name as a whole is that column; else a unit at its end is what the rest is in; else it is
+    a formula.
+
+    Raises
+    ------
+    RecordError
+        Neither a column nor a formula of columns.
+    """
+    key = record.find(spec)
+    if key is not None:
+        return record, key
+    body, unit = split_unit(spec)
+    key = record.find(body) if unit else None
+    if key is not None:
+        said = f"{name}: the column {record.labels[key]!r} is in {unit}, as said"
+        return _with(record, spec, record.signals[key].values, unit, record.series.get(key), Note(said, "mapped", name))
+    if not is_formula(spec):
+        record.require(spec, f"signal (mapped to {name})")
+    return _formula(record, name, spec, body, unit)
+
+
+def _formula(record: Record, name: str, spec: str, body: str, unit: str) -> tuple[Record, str]:
+    node = parse(body, _names(record), f"{record.source}: {name}")
+    used = list(dict.fromkeys(node.columns()))
+    if not used:
+        raise RecordError(f"{record.source}: {name} = {spec}: names no column; {record.listing()}")
+    stated = node.unit({key: _unit(record, key) for key in used})
+    if stated is None and not unit:
+        units = ", ".join(f"{record.labels[key]!r} in {_unit(record, key) or 'no unit'}" for key in used)
+        raise RecordError(
+            f"{record.source}: {name} = {spec} adds different units ({units}); state the result's: ... [UNIT]"
+        )
+    unit = unit or stated or ""
+    taken = f"in {unit}" if unit else "the columns' numbers as they stand"
+    notes = [Note(f"{name} = {spec}, {taken}", "mapped", name), *_pins(record, node, name)]
+    series = _series(record, node, used) if all(key in record.series for key in used) else None
+    values = node.evaluate({key: record.signals[key].values for key in used})
+    return _with(record, spec, values, unit, series, *notes)
+
+
+def _with(
+    record: Record, spec: str, values: Array, unit: str, series: Series | None, *notes: Note
+) -> tuple[Record, str]:
+    signals = {**record.signals, spec: Signal(values, unit, spec)}
+    every = record.series
+    if series is not None:
+        every = {**record.series, spec: replace(series, unit=unit, label=spec, names=())}
+    return replace(record, signals=signals, series=every, notes=(*record.notes, *notes)), spec
+
+
+def _unit(record: Record, key: str) -> str:
+    """The unit of a column, unless it is one letter at the end of its name, which may mean anything."""
+    unit = record.signals[key].unit
+    return "" if len(unit) == 1 and heading(record.labels[key]).suffix else unit
+
+
+def _names(record: Record) -> dict[str, str]:
+    """All that the signals may be called -> their keys; names that two have are left out."""
+    found: dict[str, set[str]] = {}
+    for key, signal in record.signals.items():
+        head = heading(record.labels[key])
+        further = record.series[key].names if key in record.series else ()
+        number = (f"#{signal.number}",) if signal.number else ()
+        for name in (key, head.label, head.name, *further, *number):
+            found.setdefault(name, set()).add(key)
+    return {
+        name: name if name in record.signals else min(keys)
+        for name, keys in found.items()
+        if len(keys) == 1 or name in record.signals
+    }
+
+
+def _series(record: Record, node: Node, used: list[str]) -> Series:
+    """The formula on the stamps of the fastest of its signals; commands are held, others interpolated."""
+    parts = {key: record.series[key] for key in used}
+    held = {key for key, one in parts.items() if looks_held(one)}
+    one = align(parts, held)
+    return Series(one.t, node.evaluate({key: signal.values for key, signal in one.signals.items()}))
+
+
+def _pins(record: Record, node: Node, name: str) -> list[Note]:
+    """What is said where ``sign`` is taken of a column of 0 and 1."""
+    notes = []
+    if node.op == "sign" and node.parts[0].op == "column":
+        values = record.signals[node.parts[0].name].values
+        there = values[np.isfinite(values)]
+        if there.size and set(np.unique(there).tolist()) == {0.0, 1.0}:
+            label = record.labels[node.parts[0].name]
+            notes.append(Note(f"{label!r} holds only 0 and 1: its sign is -1 and 1", "assumed", name))
+    for part in node.parts:
+        notes += _pins(record, part, name)
+    return notes

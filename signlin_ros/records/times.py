@@ -1,0 +1,244 @@
+"""When the rows of a table were taken: from a column, from two, from a formula, or evenly.
+
+A time that counts from 1970 (in s, ms, µs or ns, which its size tells) counts from the first row here.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from signlin_ros import units
+from signlin_ros.errors import RecordError
+
+from . import grammar
+from .header import TIME_KEYS, Heading, clock, pair
+from .notes import Note
+from .table import listing, nearest
+
+if TYPE_CHECKING:
+    from .clean import Table
+
+Array = npt.NDArray[np.float64]
+
+_EPOCHS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_SINCE, _UNTIL = 1e9, 4.2e9
+"""Times in s since 1970, 2001 to 2103."""
+_SLOWEST = 60.0
+"""A recorder does not take longer from row to row, in s."""
+_LARGEST_SECONDS = 1e11
+"""A stamp without a unit beyond this is surely not in seconds: 3000 years, or milliseconds since 1970."""
+CALENDAR = 1e8
+"""A time in s that begins later than this (3 years) counts from its first stamp: its clock is the calendar's."""
+HOW = "state it: --signal 't = COLUMN [ms]', or --dt 0.01 where the rows are 0.01 s apart"
+
+
+@dataclass(frozen=True, eq=False)
+class Times:
+    """``t`` (R,) s, in the order of the rows; ``used``: labels of the columns it was made of; ``label``: its name."""
+
+    t: Array
+    label: str
+    used: frozenset[str] = frozenset()
+    notes: tuple[Note, ...] = ()
+
+
+def times_of(table: Table, signals: Mapping[str, str]) -> Times:
+    """The times of a table's rows; `signals` may say what they are under the key ``t``.
+
+    Raises
+    ------
+    RecordError
+        No time, with the columns listed and what may be said of it; a unit that is none of time.
+    """
+    spec = next((signals[key].strip() for key in sorted(signals.keys() & TIME_KEYS)), "")
+    if spec:
+        return _as_said(table, spec)
+    best, two = clock(table.headings), pair(table.headings)
+    if two is not None and (best is None or best in two):
+        return _two(table, *two)
+    if best is not None and best.time is not None:
+        return _column(table, best, best.time[1])
+    if table.step is not None:
+        return _even(table, table.step[1], f"the sampling time {table.step[0]}")
+    if not table.named:
+        found = _without_names(table)
+        if found is not None:
+            return found
+    labels = [head.label for head in table.headings]
+    kind = (
+        "no header, so no time column"
+        if not table.named
+        else "no time column (t, time, timestamp or stamp, with a unit like 't [ms]')"
+    )
+    raise RecordError(
+        f"{table.source}: {kind}; {listing(labels)}; name it with --signal t=COLUMN (or signals: {{t: COLUMN}}), "
+        "or say --dt 0.01 where the rows are 0.01 s apart"
+    )
+
+
+def _as_said(table: Table, spec: str) -> Times:
+    """The time that a mapping describes: a column, a step, or a formula."""
+    found = [head for head in table.headings if head.whole(spec) or head.bare(spec)]
+    number = re.fullmatch(r"\+?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?(\s*\[(?P<unit>[^\]]+)\])?", spec)
+    if len(found) != 1 and number is not None and not (spec.isdigit() and not table.named):
+        scale = units.conversion(number["unit"] or "", "s")
+        if scale is None:
+            raise RecordError(f"{table.source}: t = {spec}: {number['unit']!r} is no unit of time")
+        return _even(table, float(spec.split("[", maxsplit=1)[0]) * scale[0], "as said")
+    body, unit = grammar.split_unit(spec)
+    for text in (spec, body):
+        found = [head for head in table.headings if head.whole(text)] or [h for h in table.headings if h.matches(text)]
+        if len(found) == 1:
+            stated = unit if text == body and unit else ""
+            head = found[0]
+            return _column(table, head, stated or (head.time[1] if head.time is not None else head.unit))
+    labels = [head.label for head in table.headings]
+    if not grammar.is_formula(spec):
+        missing = f"no time column {spec!r}; {listing(labels)}{nearest(spec, labels)}"
+        raise RecordError(f"{table.source}: {missing}; or say --dt 0.01 where the rows are 0.01 s apart")
+    return _formula(table, spec, body, unit)
+
+
+def _formula(table: Table, spec: str, body: str, unit: str) -> Times:
+    names = {name: head.label for head in reversed(table.headings) for name in (head.name, head.label)}
+    node = grammar.parse(body, names, f"{table.source}: t")
+    used = frozenset(node.columns())
+    if not used:
+        raise RecordError(f"{table.source}: t = {spec} names no column")
+    columns = {h.label: c for h, c in zip(table.headings, table.columns, strict=True) if h.label in used}
+    how = units.conversion(unit, "s")
+    if how is None:
+        raise RecordError(f"{table.source}: t = {spec}: {unit!r} is no unit of time")
+    if node.affine:  # counted from the first row, where a clock of the calendar would lose its digits
+        moved = {name: _from_first(table, name, column) for name, column in columns.items()}
+        t = node.evaluate(moved) - node.evaluate(dict.fromkeys(columns, np.zeros(1)))
+        begin = float(node.evaluate({name: column[:1] for name, column in columns.items()})[0]) * how[0]
+        t = t * how[0] + (0.0 if abs(begin) > CALENDAR else begin)
+    else:
+        t = node.evaluate(columns) * how[0]
+    return Times(np.asarray(t, dtype=np.float64), "t", used, (Note(f"t = {spec}", "clock", "t"),))
+
+
+def _from_first(table: Table, label: str, column: Array) -> Array:
+    """A column less its first value, exactly where it holds whole numbers beyond what a double does."""
+    exact = table.exact.get(label)
+    return column - column[0] if exact is None else np.asarray(exact - exact[0], dtype=np.float64)
+
+
+def _even(table: Table, step: float, why: str) -> Times:
+    if not (np.isfinite(step) and step > 0.0):
+        raise RecordError(f"{table.source}: the time from row to row is {step:g} s; allowed: more than 0")
+    t = np.asarray(np.arange(table.rows.number.size) * step, dtype=np.float64)
+    return Times(t, "t", frozenset(), (Note(f"rows are {step:g} s apart, {why}", "clock", "t"),))
+
+
+def _two(table: Table, whole: Heading, part: Heading, size: float) -> Times:
+    """Whole seconds and what is beyond them, in two columns."""
+    columns = {head.label: column for head, column in zip(table.headings, table.columns, strict=True)}
+    begin = float(columns[whole.label][0])
+    offset = 0.0 if begin > CALENDAR else begin
+    t = np.asarray((columns[whole.label] - begin) + columns[part.label] * size + offset, dtype=np.float64)
+    said = f"time from {whole.label!r} and {part.label!r}"
+    return Times(t, whole.label, frozenset({whole.label, part.label}), (Note(said, "clock", "t"),))
+
+
+def _column(table: Table, head: Heading, unit: str) -> Times:
+    """The time in one column."""
+    raw = table.columns[table.headings.index(head)]
+    _check_finite(table, raw)
+    from_first = _from_first(table, head.label, raw)
+    steps = np.diff(from_first)
+    step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
+    notes: list[Note] = []
+    found, how = unit, units.conversion(unit, "s")
+    if how is None:
+        raise RecordError(
+            f"{table.source}: the time column {head.label!r} is in {unit!r}; allowed: s, ms, us, ns, min, h; {HOW}"
+        )
+    if not unit:
+        found = _epoch(float(raw[0]), step) if raw.size else ""
+        if not found and np.abs(raw).max(initial=0.0) > _LARGEST_SECONDS:
+            raise RecordError(
+                f"{table.source}: the time column {head.label!r} reads {raw[0]:.10g}, which is not in seconds; "
+                f"state its unit, e.g. '{head.label} [ns]' in the header or --signal 't = {head.label} [ns]'"
+            )
+        how = units.conversion(found, "s") or (1.0, "s")
+        if found not in ("", "s"):
+            notes.append(Note(f"{head.label!r} is taken for {found} since 1970, as its numbers say", "clock", "t"))
+    begin = float(raw[0]) * how[0] if raw.size else 0.0
+    if abs(begin) > CALENDAR and (how[0] != 1.0 or head.label in table.exact):
+        notes.append(Note(f"time counts from the first row, {begin:.3f} s after 1970", "clock", "t"))
+        t = units.scaled(from_first, how[0])
+    else:
+        t = units.scaled(raw, how[0])
+    if not found:
+        notes += _asked(head, t)
+    return Times(t, head.label, frozenset({head.label}), tuple(notes))
+
+
+def _check_finite(table: Table, t: Array) -> None:
+    bad = np.flatnonzero(~np.isfinite(t))
+    if bad.size:
+        where, shown = table.rows.name(bad[0]), "nan" if np.isnan(t[bad[0]]) else repr(float(t[bad[0]]))
+        raise RecordError(f"{table.source}: {where}: the time stamp is {shown}, not a finite number")
+
+
+def _epoch(first: float, step: float) -> str:
+    """The unit in which a time counts from 1970, "" where it does not."""
+    for unit, size in _EPOCHS.items():
+        if _SINCE < first * size < _UNTIL and step * size < _SLOWEST:
+            return unit
+    return ""
+
+
+SLOW = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
+"""Steps in s from which on a time without a unit is rather in another one."""
+
+
+FEW = 20
+"""Rows from which on the steps of a time tell whether its unit has to be asked for."""
+
+
+def _asked(head: Heading, t: Array) -> list[Note]:
+    """A question after the unit of a time that states none and whose steps, taken as s, are long."""
+    if t.size < FEW:
+        return []
+    step = float(np.median(np.abs(np.diff(t))))
+    unit = next((unit for least, unit in SLOW if step >= least), "")
+    if not unit:
+        return []
+    label = head.label
+    said = (
+        f"the time {label!r} states no unit and its steps would be {step:g} s: is it in {unit}? "
+        f"Then say --signal 't = {label} [{unit}]' (or name the column '{label} [{unit}]'), else 't = {label} [s]'; "
+        "where it counts samples, --dt"
+    )
+    return [Note(said, "unit_of_time", "t")]
+
+
+def _are_two(first: Array, second: Array) -> bool:
+    """Whether two columns of whole numbers are seconds, and nanoseconds beyond them."""
+    steps = np.diff(first)
+    within = second.min() >= 0 and second.max() < 1e9 and second.max() >= 1e3
+    return bool(within and (steps >= 0).mean() > 0.9 and np.median(steps) <= _SLOWEST)
+
+
+def _without_names(table: Table) -> Times | None:
+    """The time in a table without a header: whole seconds and nanoseconds in front, as ``ros2 topic echo --csv`` writes
+    them, or a first column that increases.
+    """
+    if len(table.columns) < 2:
+        return None
+    first, second = table.columns[:2]
+    whole = np.isfinite(first).all() and np.isfinite(second).all() and not (first % 1).any() and not (second % 1).any()
+    if whole and _are_two(first, second):
+        return _two(table, table.headings[0], table.headings[1], 1e-9)
+    if np.isfinite(first).all() and (np.diff(first) > 0).mean() > 0.99:
+        return _column(table, table.headings[0], "")
+    return None

@@ -1,0 +1,120 @@
+"""Mappings that state what a column is."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from signlin_ros.errors import RecordError
+from signlin_ros.model import Model
+from signlin_ros.records import Record, Signal
+from signlin_ros.records.grammar import is_formula, parse, split_unit, words
+
+COLUMNS = {
+    "a": np.array([1.0, -2.0, 3.0]),
+    "b [m]": np.array([4.0, 5.0, -6.0]),
+    "/cmd.data[0]": np.array([7.0, 8.0, 9.0]),
+}
+NAMES = {"a": "a", "b": "b [m]", "b [m]": "b [m]", "/cmd.data[0]": "/cmd.data[0]"}
+A, B, C = COLUMNS.values()
+MOTOR = Model.load("dc_motor")
+
+
+@pytest.mark.parametrize(
+    ("text", "right"),
+    [
+        ("-0.5 * a", -0.5 * A),
+        ("a - b", A - B),
+        ("a-b", A - B),
+        ("2*(a + b [m])/4", (A + B) / 2),
+        ("- -a", A),
+        ("1e-3*/cmd.data[0]", C / 1000),
+        ("/cmd.data[0]/2", C / 2),
+        ("'b [m]' * 2", 2 * B),
+        ("sign(a) * abs(b)", np.sign(A) * np.abs(B)),
+        ("A * 2", 2 * A),
+        ("signbit(a + 1029, 10)", [-6.0, -3.0, -8.0]),
+        ("int8(a * 100)", [100.0, 56.0, 44.0]),
+    ],
+)
+def test_formulas(text: str, right: np.ndarray) -> None:
+    np.testing.assert_allclose(parse(text, NAMES, "x").evaluate(COLUMNS), right)
+
+
+REFUSED = ["a +", "(a", "a b", "sin(a)", "__import__('os')", "a.b", "a[0]", "signbit(a)", "signbit(a, b)", "x * 2"]
+REFUSED += ["a ** 2", "a if a else b", "(" * 100 + "a" + ")" * 100, "-" * 1000 + "a"]
+
+
+@pytest.mark.parametrize("text", REFUSED)
+def test_anything_else_is_refused_with_the_formula(text: str) -> None:
+    with pytest.raises(RecordError, match=r"^x: ['\"].*allowed: numbers, columns"):
+        parse(text, NAMES, "x")
+
+
+@given(st.text(alphabet="ab()+-*/.,0123456789e [m]'\"sign", max_size=30))
+def test_no_text_breaks_it(text: str) -> None:
+    try:
+        node = parse(text, NAMES, "x")
+    except RecordError:
+        return
+    assert set(node.columns()) <= set(COLUMNS)
+
+
+def test_units_and_words() -> None:
+    assert split_unit("meas [rpm]") == ("meas", "rpm")
+    assert split_unit("/joint_states.velocity[wheel]")[1] == ""
+    assert split_unit("(a + b)[mm]") == ("(a + b)", "mm")
+    assert words('2 * /odom.twist.twist.linear.x + "pos (5)" - u') == ["pos (5)", "/odom.twist.twist.linear.x", "u"]
+    assert not is_formula("/joint_states.velocity[left_wheel]")
+    assert is_formula("sign(dir) * pwm")
+
+
+def record(**signals: Signal) -> Record:
+    return Record(np.arange(3) / 100, signals, "run.csv")
+
+
+def test_a_factor_states_the_conversion_a_sign_does_not() -> None:
+    rpm = Signal(np.array([30.0, 60.0, -30.0]), "rpm", "meas_rpm")
+    found = record(voltage=Signal(np.ones(3)), meas_rpm=rpm)
+    stated = found.for_model(MOTOR, {"speed": "-0.10472 * meas_rpm"})
+    np.testing.assert_allclose(stated.measured["speed"], -0.10472 * rpm.values)
+    turned = found.for_model(MOTOR, {"speed": "-meas_rpm"})
+    np.testing.assert_allclose(turned.measured["speed"], -np.pi / 30 * rpm.values)
+    geared = found.for_model(MOTOR, {"speed": "meas_rpm / 10 [rpm]"})
+    np.testing.assert_allclose(geared.measured["speed"], np.pi / 300 * rpm.values)
+    for data in (stated, turned, geared):
+        assert any(note.kind == "mapped" and note.channel == "speed" for note in data.notes)
+
+
+def test_a_unit_may_be_stated_for_a_column_that_has_none() -> None:
+    found = record(voltage=Signal(np.ones(3)), meas=Signal(np.ones(3)))
+    np.testing.assert_allclose(found.for_model(MOTOR, {"speed": "meas [rpm]"}).measured["speed"], np.pi / 30)
+
+
+def test_different_units_are_not_added() -> None:
+    found = record(voltage=Signal(np.ones(3)), a=Signal(np.ones(3), "rpm"), b=Signal(np.ones(3), "rad/s"))
+    with pytest.raises(RecordError, match=r"adds different units \('a' in rpm, 'b' in rad/s\)"):
+        found.for_model(MOTOR, {"speed": "a + b"})
+
+
+def test_a_direction_pin() -> None:
+    found = record(pwm=Signal(np.array([1.0, 2.0, 3.0])), dir=Signal(np.array([0.0, 1.0, 0.0])))
+    data = found.for_model(MOTOR, {"voltage": "sign(dir) * pwm"})
+    np.testing.assert_array_equal(data.u[:, 0], [-1, 2, -3])
+    assert any("only 0 and 1" in note for note in data.notes)
+
+
+def test_a_unit_that_does_not_fit_says_what_to_say() -> None:
+    found = record(voltage=Signal(np.ones(3), "counts", "adc [counts]"))
+    with pytest.raises(RecordError, match=r"'counts', which is no unit that is known.*voltage = FACTOR \* adc"):
+        found.for_model(MOTOR)
+    unsure = record(voltage=Signal(np.ones(3)), speed_m=Signal(np.ones(3), "m", "speed_m"))
+    np.testing.assert_array_equal(unsure.for_model(MOTOR).measured["speed"], 1.0)
+
+
+def test_the_model_file_takes_formulas_and_a_step() -> None:
+    model = MOTOR.with_options(signals={"voltage": "2 * u", "speed": "w [deg/s]"})
+    found = record(u=Signal(np.ones(3)), w=Signal(np.full(3, 180.0)))
+    data = found.for_model(model)
+    assert data.u[0, 0] == 2.0
+    assert data.measured["speed"][0] == pytest.approx(np.pi)
