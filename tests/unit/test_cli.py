@@ -434,12 +434,11 @@ def test_one_plant_in_full(run, name):
 
 def test_figures_keep_their_schema_and_are_refused_where_they_cannot_be_written(run, tmp_path, monkeypatch):
     def drawn(folder):
-        for name in ("figure_1.png", "figure_4.json"):
-            (folder / name).write_text("")
+        return {"files": [str(folder / name) for name in ("beyond_sign.png", "figure_1.png", "figure_4.json")]}
 
     monkeypatch.setattr(signlin_ros.figures, "make_figures", drawn)
     content = checked("figures", run("figures", "-o", tmp_path / "new", "--json")[1])
-    assert content["files"] == [str(tmp_path / "new" / name) for name in ("figure_1.png", "figure_4.json")]
+    assert content["files"] == drawn(tmp_path / "new")["files"]
     code, out, err = run("figures", "-o", "/proc")
     assert (code, out) == (2, "")
     assert err == "signlin: -o: /proc: cannot be written: No such file or directory\n"
@@ -447,7 +446,7 @@ def test_figures_keep_their_schema_and_are_refused_where_they_cannot_be_written(
 
 def test_numbers_of_a_figure_that_cannot_be_written_are_no_fault_of_ours(tmp_path):
     with pytest.raises(InputError, match=r"cannot write .*figure_4\.json: No such file or directory"):
-        signlin_ros.figures._write(tmp_path / "gone" / "figure_4.json", "")
+        signlin_ros.figures._written(tmp_path / "gone" / "figure_4.json", {})
 
 
 def test_every_verb_with_json_has_a_schema():
