@@ -12,7 +12,6 @@ import pytest
 from numba import njit
 from numba.core.errors import TypingError
 
-from signlin_ros.kernels import run_batch
 from signlin_ros.native import _Cache, call, call_within, caller, native
 from signlin_ros.tape import OPERATIONS, Tape
 
@@ -138,15 +137,6 @@ def test_other_arrays_are_refused(wrong):
 
     with pytest.raises(TypingError, match="contiguous arrays of float64"):
         run(native(single(ca.OP_ADD))[0], wrong, np.zeros(1))
-
-
-def test_many_points_at_once():
-    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p", 2)
-    tape = Tape.of(ca.Function("f", [x, u, p], [ca.vertcat(x[0] * p[1] + u, ca.tanh(x[1]) / p[0])]))
-    points, inputs, constants = RANDOM.normal(size=(9, 2)), RANDOM.normal(size=(9, 1)), np.array([2.0, -3.0])
-    results = np.zeros((9, 2))
-    run_batch(native(tape)[0], points, inputs, constants, results)
-    np.testing.assert_allclose(results.T, tape.batch([*points.T, *inputs.T, *constants]), rtol=1e-15)
 
 
 def test_threads_share_what_is_compiled():
