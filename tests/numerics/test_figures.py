@@ -183,6 +183,7 @@ def test_coasting_in_closed_form_is_the_linear_model() -> None:
 # ---------------------------------------------------------------- the files
 
 
+@pytest.mark.slow
 def test_all_is_written_and_the_files_hold_the_numbers(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra plot")
     written = figures.make_figures(tmp_path / "new" / "folder")

@@ -29,6 +29,8 @@ from signlin_ros.nodes import convert
 sys.path.insert(0, str(Path(__file__).parent))
 from malformed import malformed
 
+pytestmark = pytest.mark.ros
+
 sys.path.pop(0)
 
 NANO = 1_000_000_000

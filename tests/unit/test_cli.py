@@ -239,6 +239,7 @@ def test_a_recording_is_the_same_by_its_folder_and_by_its_file(run, tmp_path):
         assert f"--validation {tmp_path / validation}: is the same record as DATA" in err
 
 
+@pytest.mark.slow
 def test_a_report_says_the_command_that_leads_to_it(run, tmp_path):
     made = tmp_path / "made of it.csv"
     (tmp_path / "d.csv").write_text(DATA)

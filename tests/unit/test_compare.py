@@ -25,6 +25,8 @@ from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data"))
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")
 T = np.arange(2000) / 200

@@ -157,6 +157,7 @@ def test_threads_share_what_is_compiled():
     assert [values(tape, 0.2)[0] for tape in tapes] == [np.cos(0.2) * (0.77 + k) for k in range(15)]
 
 
+@pytest.mark.slow
 def test_cache_is_used_again(tmp_path):
     process(tmp_path)
     files = code_files(tmp_path)
@@ -167,6 +168,7 @@ def test_cache_is_used_again(tmp_path):
     assert [file.stat().st_mtime_ns for file in files] == times
 
 
+@pytest.mark.slow
 def test_damaged_cache_is_written_again(tmp_path):
     process(tmp_path)
     files = code_files(tmp_path)
@@ -177,12 +179,14 @@ def test_damaged_cache_is_written_again(tmp_path):
     assert [file.read_bytes() for file in files] == whole
 
 
+@pytest.mark.slow
 def test_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "signlin_ros").write_text("a file where the folder should be")
     process(tmp_path)
     assert (tmp_path / "signlin_ros").is_file()
 
 
+@pytest.mark.slow
 def test_processes_may_write_at_the_same_time(tmp_path):
     started = [process(tmp_path, run=False) for _ in range(2)]
     for one in started:
