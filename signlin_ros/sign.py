@@ -58,13 +58,13 @@ class _CasadiOps:
         return ca.fmin(ca.fmax(s, -1.0), 1.0)
 
 
-def _inside(ops: Any, b: Any, order: int) -> tuple[Any, Any]:
+def _inside(ops: Any, b: Any, fall: Any, order: int) -> tuple[Any, Any]:
     """Return s = sign_j(b) and (ds/db)/j for |b| <= 1: from 1 to j by doubling and adding 1; no sum in it cancels.
 
-    With e = (1 - s^2)/(1 - b^2), which is (ds/db)/j, the step from j to j + k is, next to `sign_j`'s docstring,
-    e_{j+k} = (1 - b^2) e_j e_k / (1 + s_j s_k)^2.
+    ``fall`` is 1 - b^2, to all its digits. With e = (1 - s^2)/(1 - b^2), which is (ds/db)/j, the step from j to j + k
+    is, beside that of s above, e_{j+k} = (1 - b^2) e_j e_k / (1 + s_j s_k)^2.
     """
-    s, e, fall = b, 1.0 + 0 * b, (1 - b) * (1 + b)
+    s, e = b, 1.0 + 0 * b
     for digit in bin(order)[3:]:
         part = 1 / (1 + s * s)
         s, e = 2 * s * part, fall * (e * part) ** 2
@@ -77,7 +77,8 @@ def _inside(ops: Any, b: Any, order: int) -> tuple[Any, Any]:
 def _value_and_slope(ops: Any, z: Any, order: int) -> tuple[Any, Any]:
     outside = ops.abs(z) > 1
     b = ops.where(outside, 1 / z, z)
-    s, e = _inside(ops, b, order)
+    fall = ops.where(outside, ((z - 1) * b) * ((z + 1) * b), (1 - z) * (1 + z))
+    s, e = _inside(ops, b, fall, order)
     if order == 1:
         return z, e
     if order % 2:
@@ -143,7 +144,7 @@ def sign_j_change(z: Any, z0: Any, dz: Any, order: int) -> Any:
     s, s0 = _value(_CasadiOps, z, order), _value(_CasadiOps, z0, order)
     near = ca.logic_and(ca.fabs(dz) < 0.25 * ca.fabs(1 - z * z0), (1 - z * z) * (1 - z0 * z0) > 0)
     w = ca.if_else(near, dz / (1 - z * z0), 0)
-    step, _ = _inside(_CasadiOps, w, order)
+    step, _ = _inside(_CasadiOps, w, 1.0, order)
     return ca.if_else(near, step * (1 - s * s0), s - s0)
 
 
