@@ -50,7 +50,7 @@ test: check      ## lint, types, import rules and the whole test suite
 quick: install   ## lint, and the tests that take neither long nor ROS: under 90 s
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(PYTEST) -m 'not slow and not ros' $(PYTEST_ARGS)
+	$(PYTEST) -m 'not slow and not ros' --ignore=tests/diagnosis $(PYTEST_ARGS)
 
 check: install   ## lint, types and import rules only
 	$(BIN)/ruff check .
