@@ -4,9 +4,9 @@ import errno
 import html
 import json
 import os
+import resource
 import subprocess
 import sys
-import time
 from importlib import resources
 from types import SimpleNamespace
 
@@ -79,11 +79,17 @@ def test_help_lists_the_verbs_and_version_the_version(run):
 
 
 def test_help_takes_less_than_half_a_second():
+    """Of processor time, which does not depend on what else the machine does."""
+
+    def spent():
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return used.ru_utime + used.ru_stime
+
     best = 9.0
     for _ in range(3):
-        start = time.perf_counter()
+        start = spent()
         subprocess.run([sys.executable, "-m", "signlin_ros.cli", "--help"], check=True, capture_output=True)
-        best = min(best, time.perf_counter() - start)
+        best = min(best, spent() - start)
     assert best < 0.5
 
 

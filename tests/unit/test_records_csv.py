@@ -283,7 +283,7 @@ def test_a_large_file_takes_about_a_second(read: Read) -> None:
     table = np.random.default_rng(0).normal(size=(100_000, 4))
     table[:, 0] = np.arange(100_000) * 1e-3
     text = "t,a,b,c\n" + "\n".join(",".join(map(repr, row)) for row in table.tolist())
-    start = time.perf_counter()
+    start = time.process_time()
     record = read(text)
-    assert time.perf_counter() - start < 2.0
+    assert time.process_time() - start < 2.0
     np.testing.assert_array_equal(record.signals["c"].values, table[:, 3])
