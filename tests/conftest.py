@@ -49,6 +49,7 @@ def _folder(path: Path) -> str:
     return path.relative_to(HERE).parts[0] if HERE in path.parents else str(path.parent)
 
 
+@pytest.hookimpl(tryfirst=True)  # before those that select by marker and give out by group
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         if "graph" in getattr(item, "fixturenames", ()):
