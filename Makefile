@@ -12,7 +12,7 @@ SHARED := pyproject.toml constraints.txt package.xml $(wildcard config/* config/
 export PIP_NO_INPUT = 1
 export FASTRTPS_DEFAULT_PROFILES_FILE = $(abspath config/fastdds_profile.xml)
 
-.PHONY: help install test check format demo bench clean
+.PHONY: help install test quick check format demo bench clean
 .DEFAULT_GOAL := help
 
 help:            ## this list
@@ -39,8 +39,18 @@ $(PEERS): $(STAMP)
 	@$(PIP) install -q -c constraints.txt -e '.[bench]' > $(VENV)/install_peers.log 2>&1 || { cat $(VENV)/install_peers.log >&2; exit 1; }
 	@touch $@
 
+# Tests run side by side, on as many processors as there are: `make test WORKERS=0` runs them one after the other.
+WORKERS ?= logical
+test quick: export OPENBLAS_NUM_THREADS ?= 1
+PYTEST := $(BIN)/python -m pytest -q -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
+
 test: check      ## lint, types, import rules and the whole test suite
-	$(BIN)/python -m pytest -q $(PYTEST_ARGS)
+	$(PYTEST) $(PYTEST_ARGS)
+
+quick: install   ## lint, and the tests that take neither long nor ROS: under 90 s
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(PYTEST) -m 'not slow and not ros' --ignore=tests/diagnosis $(PYTEST_ARGS)
 
 check: install   ## lint, types and import rules only
 	$(BIN)/ruff check .

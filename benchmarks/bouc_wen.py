@@ -23,7 +23,7 @@ class BoucWenByHand:
         self.n = int(parameters["n"])
 
     def sign(self, g: Any) -> Any:
-        """sign_j as it stands in the paper, eq. (8)."""
+        """sign_j as it stands in the paper, eq. (9)."""
         z = g / self.scale
         up, down = (1 + z) ** self.order, (1 - z) ** self.order
         return (up - down) / (up + down)

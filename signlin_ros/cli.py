@@ -566,7 +566,7 @@ def plants(name: str | None) -> Report:
 @click.option("-o", "--output", required=True, metavar="DIR", help="The folder to write to; it is made if need be.")
 @_json_option
 def figures(output: str) -> Report:
-    """Redraw figures 1, 2, 4, 5 and 6 of the paper, with their numbers beside them."""
+    """Redraw figures 1 to 6 of the paper, and what goes beyond them; numbers beside 4 and 5."""
     from signlin_ros.figures import make_figures
     from signlin_ros.files import refusal
 
@@ -578,10 +578,10 @@ def figures(output: str) -> Report:
     why = refusal(folder / "figure_1.png")
     if why:
         raise InputError(f"-o: {output}: {why}")
-    _progress("drawing (about a minute) ...")
-    make_figures(folder)
-    files = sorted(str(file) for file in folder.glob("figure_*") if file.suffix in (".png", ".json"))
-    return {"directory": str(folder), "files": files}, lambda content: "\n".join(content["files"])
+    _progress("drawing ...")
+    return {"directory": str(folder), "files": make_figures(folder)["files"]}, lambda content: "\n".join(
+        content["files"]
+    )
 
 
 # -------------------------------------------------------------------- running

@@ -21,7 +21,7 @@ from numba import types
 from numba.extending import intrinsic
 from scipy.integrate import RK45
 
-from signlin_ros.native import call, call_within, compiled, inner
+from signlin_ros.native import call_within, compiled, inner
 
 OK, DIVERGED, TOO_STIFF, CHATTER = 0, 1, 2, 3
 """How a run ended."""
@@ -196,20 +196,6 @@ def _show(at, w, x, y):
         call_within(at.whole, w, at.z, at.f)
         for i in range(y.size):
             y[i] = w[at.y + i]
-
-
-@compiled
-def run_batch(address, x, u, constants, results):
-    """Evaluate native code at x (T, n), u (T, m) and the same ``constants`` everywhere; to ``results`` (T, n_out)."""
-    n, m = x.shape[1], u.shape[1]
-    z = np.empty(n + m + constants.size)
-    z[n + m :] = constants
-    for k in range(x.shape[0]):
-        for i in range(n):
-            z[i] = x[k, i]
-        for i in range(m):
-            z[n + i] = u[k, i]
-        call(address, z, results[k])
 
 
 @compiled
@@ -861,7 +847,6 @@ __all__ = [
     "causal_slopes",
     "exact_plan",
     "flow_many",
-    "run_batch",
     "run_exact",
     "run_piecewise",
     "run_smooth",

@@ -137,12 +137,10 @@ class Linearizer:
 
     def _compiled(self) -> Callable[[Array, Array, Array], None]:
         """Return what fills results (T, ...) from x (T, n) and u (T, m); here because one point needs no compiler."""
-        from signlin_ros.kernels import run_batch
-        from signlin_ros.native import native
+        from signlin_ros.wide import at_points
 
         tape, _ = linear_tape(self.model.structure, self.model.sign_order, self.method)
-        address, constants = native(tape)[0], np.concatenate(self._constants)
-        return lambda x, u, results: run_batch(address, x, u, constants, results)
+        return at_points(tape, (self.n, self.m), np.concatenate(self._constants))
 
 
 def linearize(model: Model, x: ArrayLike, u: ArrayLike | None = None, method: str | None = None) -> Linearization:

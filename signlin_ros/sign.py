@@ -2,12 +2,14 @@ r"""sign_j: the rational approximation of the scalar sign function, and its rela
 
     sign_j(z) = ((1 + z)^j - (1 - z)^j) / ((1 + z)^j + (1 - z)^j)
 
-As written this overflows for j of a few hundred. With b = |z| inside the unit interval and b = 1/|z| outside it,
+As written this overflows for j of a few hundred. With b = z inside the unit interval and b = 1/z outside it,
 
-    |sign_j(z)| = tanh(j artanh b)      (|z| <= 1, or j even)
-                  coth(j artanh b)      (|z| > 1 and j odd)
+    sign_j(z) = tanh(j artanh b)      (|z| <= 1, or j even)
+                coth(j artanh b)      (|z| > 1 and j odd)
 
-which is evaluated here through q = ((1 - b)/(1 + b))^j. For even j the approximation falls off again at large
+which is evaluated here by the addition theorem of tanh, in about log2 j steps without a transcendental function:
+
+    sign_{j+k} = (sign_j + sign_k) / (1 + sign_j sign_k). For even j the approximation falls off again at large
 \|z\|, for odd j it grows without bound, so every use has a validity range: see `in_valid_range`.
 
 Source: *Linearization Modeling for Non-smooth Dynamical Systems with Approximated Scalar Sign Function*, part II;
@@ -32,55 +34,65 @@ MAX_ORDER = 10_000
 class _NumpyOps:
     """The elementwise vocabulary that the formulas below need, on NumPy arrays."""
 
-    abs, log, log1p, exp, expm1, sign, where = np.abs, np.log, np.log1p, np.exp, np.expm1, np.sign, np.where
-    either = np.logical_or
+    abs, where, either = np.abs, np.where, np.logical_or
+
+    @staticmethod
+    def clip(s: Any) -> Any:
+        """Take off the last bit beyond 1 that rounding may leave."""
+        return np.clip(s, -1.0, 1.0)
 
 
 class _CasadiOps:
     """The same vocabulary on CasADi expressions."""
 
-    abs, log, log1p, exp, expm1, sign = ca.fabs, ca.log, ca.log1p, ca.exp, ca.expm1, ca.sign
-    either = ca.logic_or
+    abs, either = ca.fabs, ca.logic_or
 
     @staticmethod
     def where(condition: Any, yes: Any, no: Any) -> Any:
         """Return ``yes`` where the condition holds; a NaN in the other branch does no harm."""
         return ca.if_else(condition, yes, no)
 
+    @staticmethod
+    def clip(s: Any) -> Any:
+        """Take off the last bit beyond 1 that rounding may leave."""
+        return ca.fmin(ca.fmax(s, -1.0), 1.0)
 
-def _ratio_power(ops: Any, b: Any, order: int) -> Any:
-    """Return ((1 - b)/(1 + b))^order for 0 <= b <= 1."""
-    return ops.exp(order * (ops.log1p(-b) - ops.log1p(b)))
+
+def _inside(ops: Any, b: Any, fall: Any, order: int) -> tuple[Any, Any]:
+    """Return s = sign_j(b) and (ds/db)/j for |b| <= 1: from 1 to j by doubling and adding 1; no sum in it cancels.
+
+    ``fall`` is 1 - b^2, to all its digits. With e = (1 - s^2)/(1 - b^2), which is (ds/db)/j, the step from j to j + k
+    is, beside that of s above, e_{j+k} = (1 - b^2) e_j e_k / (1 + s_j s_k)^2.
+    """
+    s, e = b, 1.0 + 0 * b
+    for digit in bin(order)[3:]:
+        part = 1 / (1 + s * s)
+        s, e = 2 * s * part, fall * (e * part) ** 2
+        if digit == "1":
+            part = 1 / (1 + s * b)
+            s, e = (s + b) * part, fall * e * (part * part)
+    return ops.clip(s), e
+
+
+def _value_and_slope(ops: Any, z: Any, order: int) -> tuple[Any, Any]:
+    outside = ops.abs(z) > 1
+    b = ops.where(outside, 1 / z, z)
+    fall = ops.where(outside, ((z - 1) * b) * ((z + 1) * b), (1 - z) * (1 + z))
+    s, e = _inside(ops, b, fall, order)
+    if order == 1:
+        return z, e
+    if order % 2:
+        t = ops.where(outside, s, 1)
+        return ops.where(outside, 1 / t, s), order * e * ops.where(outside, (b / t) ** 2, 1)
+    return s, order * e * ops.where(outside, -b * b, 1)
 
 
 def _value(ops: Any, z: Any, order: int) -> Any:
-    a = ops.abs(z)
-    outside = a > 1
-    b = ops.where(outside, 1 / a, a)
-    q = _ratio_power(ops, b, order)
-    fall = -ops.expm1(order * (ops.log1p(-b) - ops.log1p(b)))  # 1 - q
-    inner = fall / (1 + q)
-    if order % 2:
-        return ops.sign(z) * ops.where(outside, (1 + q) / ops.where(outside, fall, 1), inner)
-    return ops.sign(z) * inner
+    return _value_and_slope(ops, z, order)[0]
 
 
 def _slope(ops: Any, z: Any, order: int) -> Any:
-    """D sign_j / dz = 4 j r^(j-1) / ((1+a)(1+r^j))^2, with r = (1-a)/(1+a): no pole at a = 1."""
-    a = ops.abs(z)
-    outside = a > 1
-    b = ops.where(outside, 1 / a, a)
-    r_power = _ratio_power(ops, b, order - 1) if order > 1 else 1.0 + 0 * b
-    q = _ratio_power(ops, b, order)
-    fall = -ops.expm1(order * (ops.log1p(-b) - ops.log1p(b)))
-    inner = 4 * order * r_power / ((1 + b) * (1 + q)) ** 2
-    if order == 1:
-        return inner
-    if order % 2:
-        outer = 4 * order * r_power * (b / ops.where(outside, (1 + b) * fall, 1)) ** 2
-    else:
-        outer = -4 * order * r_power * (b / ((1 + b) * (1 + q))) ** 2
-    return ops.where(outside, outer, inner)
+    return _value_and_slope(ops, z, order)[1]
 
 
 def check_order(order: int) -> int:
@@ -119,7 +131,7 @@ def sign_j_slope(v: ArrayLike, order: int, scale: float = 1.0) -> NDArray[np.flo
 
 def sign_j_expression(z: Any, order: int) -> tuple[Any, Any]:
     """Return sign_j(z) and its derivative as CasADi expressions of the expression ``z``."""
-    return _value(_CasadiOps, z, order), _slope(_CasadiOps, z, order)
+    return _value_and_slope(_CasadiOps, z, order)
 
 
 def sign_j_change(z: Any, z0: Any, dz: Any, order: int) -> Any:
@@ -132,7 +144,7 @@ def sign_j_change(z: Any, z0: Any, dz: Any, order: int) -> Any:
     s, s0 = _value(_CasadiOps, z, order), _value(_CasadiOps, z0, order)
     near = ca.logic_and(ca.fabs(dz) < 0.25 * ca.fabs(1 - z * z0), (1 - z * z) * (1 - z0 * z0) > 0)
     w = ca.if_else(near, dz / (1 - z * z0), 0)
-    step = ca.tanh(order * 0.5 * (ca.log1p(w) - ca.log1p(-w)))
+    step, _ = _inside(_CasadiOps, w, 1.0, order)
     return ca.if_else(near, step * (1 - s * s0), s - s0)
 
 

@@ -1,6 +1,112 @@
-"""What every test shares: on a busy machine an example may take long, and that is no failure."""
+"""What every test shares: markers by folder, the order of a parallel run, results that are kept, processor time.
 
+A parallel run (``make test``) hands out whole files, so that what a module keeps is made once; the diagnoses, which
+take long, one by one; and all tests that start ROS processes to one worker, first of all and before the others, which
+yield to it. Each of them has a ROS domain of its own.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
 
-settings.register_profile("signlin", deadline=None)
+from tests.once import FOLDER
+
+HERE = Path(__file__).parent
+YIELD = 5
+"""How much nicer the tests without ROS are than those with it: these watch the clock of a live system."""
+SPENT = "processor time"
+
+settings.register_profile("signlin", deadline=None)  # on a busy machine an example may take long: no failure
 settings.load_profile("signlin")
+
+
+def _in_a_worker(config: pytest.Config) -> bool:
+    return hasattr(config, "workerinput")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not _in_a_worker(config):
+        os.environ[FOLDER] = tempfile.mkdtemp(prefix="signlin_tests_")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    if not _in_a_worker(config) and FOLDER in os.environ:
+        shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True)
+
+
+# -------------------------------------------------------------------- markers and order
+
+
+def _folder(path: Path) -> str:
+    return path.relative_to(HERE).parts[0] if HERE in path.parents else str(path.parent)
+
+
+@pytest.hookimpl(tryfirst=True)  # before those that select by marker and give out by group
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    for item in items:
+        if "graph" in getattr(item, "fixturenames", ()):
+            item.add_marker(pytest.mark.ros)
+        if _folder(item.path) == "diagnosis":
+            item.add_marker(pytest.mark.slow)
+    if _in_a_worker(config):
+        for item in items:
+            _give_group(item)
+        items.sort(key=_turn)  # ROS, then files, then what is handed out one by one and fills the gaps
+
+
+def _give_group(item: pytest.Item) -> None:
+    if item.get_closest_marker("xdist_group"):
+        return
+    if item.get_closest_marker("ros"):
+        item.add_marker(pytest.mark.xdist_group("ros"))
+    elif _folder(item.path) != "diagnosis":
+        item.add_marker(pytest.mark.xdist_group(item.path.relative_to(HERE).as_posix()))
+
+
+def _turn(item: pytest.Item) -> int:
+    if item.get_closest_marker("ros"):
+        return 0
+    return 1 if item.get_closest_marker("xdist_group") else 2
+
+
+# -------------------------------------------------------------------- processor time
+
+
+_yielded = False
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    global _yielded  # noqa: PLW0603
+    if _in_a_worker(item.config) and not _yielded and not item.get_closest_marker("ros"):
+        os.nice(YIELD)
+        _yielded = True
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    before = sum(os.times()[:4])
+    try:
+        return (yield)
+    finally:
+        item.user_properties.append((SPENT, sum(os.times()[:4]) - before))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Tell the seconds of processor time that the tests of each folder took, processes that they started included."""
+    spent: defaultdict[str, float] = defaultdict(float)
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            if getattr(report, "when", "") == "call":
+                spent[_folder(HERE.parent / report.location[0])] += dict(report.user_properties).get(SPENT, 0.0)
+    told = ", ".join(f"{folder} {seconds:.0f} s" for folder, seconds in sorted(spent.items()))
+    terminalreporter.write_line(f"{SPENT}: {told or 'none'}")

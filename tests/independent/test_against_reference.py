@@ -1,8 +1,8 @@
 """The product against the reference: linear models to 1e-9, trajectories to 0.5 % of their deviation."""
 
+import contextlib
+import io
 import json
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -25,13 +25,16 @@ from cases import (
 from reference_linearize import Reference
 from reference_simulate import read_csv, simulate, write_csv
 
+from signlin_ros import cli
+
 
 def signlin(*arguments):
-    """The command line, in a process of its own; its standard output."""
-    command = [sys.executable, "-m", "signlin_ros.cli", *map(str, arguments)]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert run.returncode == 0, f"{' '.join(command)}\n{run.stderr}"
-    return run.stdout
+    """The command line, in this process; its standard output."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        code = cli.main([str(argument) for argument in arguments])
+    assert code == 0, " ".join(map(str, arguments))
+    return out.getvalue()
 
 
 def floats(nested):
@@ -189,6 +192,7 @@ RECORDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RECORDS)
 def test_simulate_is_the_reference(name, tmp_path):
     content, t, inputs = RECORDS[name]

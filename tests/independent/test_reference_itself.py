@@ -9,6 +9,8 @@ from reference_linearize import Reference, derivative, sign_j
 from reference_simulate import simulate
 from scipy.linalg import expm
 
+pytestmark = pytest.mark.slow
+
 
 def floats(nested):
     return np.array(nested, dtype=float)

@@ -75,6 +75,7 @@ def test_no_prediction_is_judged_over_a_gap(run: Trajectory) -> None:
 
 
 @pytest.mark.ros
+@pytest.mark.ros
 @pytest.mark.slow
 def test_the_demo_runs(tmp_path: Path) -> None:
     pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")

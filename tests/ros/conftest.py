@@ -21,12 +21,6 @@ PATIENCE = 60.0
 """Seconds to wait for what must happen; much more than it takes, for the sake of busy machines."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    for item in items:
-        if "graph" in getattr(item, "fixturenames", ()):
-            item.add_marker(pytest.mark.ros)
-
-
 class Process:
     """An executable from lib/signlin_ros, with its output in a file."""
 

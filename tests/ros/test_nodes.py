@@ -29,6 +29,8 @@ from signlin_ros.nodes import convert
 sys.path.insert(0, str(Path(__file__).parent))
 from malformed import malformed
 
+pytestmark = pytest.mark.ros
+
 sys.path.pop(0)
 
 NANO = 1_000_000_000
@@ -408,7 +410,7 @@ sys.exit(int(not signals.stop))
 
 def test_an_end_that_hangs_is_ended_and_says_where() -> None:
     script = """
-import os, signal, sys, threading, time
+import os, signal, sys, time
 import rclpy.node
 from signlin_ros.nodes import runner
 
@@ -417,13 +419,14 @@ class Hanging(rclpy.node.Node):
         time.sleep(60)
 
 def create():
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGTERM)).start()
-    return Hanging("hanging")
+    node = Hanging("hanging")
+    node.create_timer(0.1, lambda: os.kill(os.getpid(), signal.SIGTERM))  # once it spins, however long that takes
+    return node
 
 runner.END_PATIENCE = 1.0
 sys.exit(runner.run("hanging", create, []))
 """
-    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=30, check=False)
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=50, check=False)
     assert ended.returncode == 1
     assert "in destroy_node" in ended.stderr
 
@@ -587,7 +590,7 @@ def test_the_linearizer_follows_a_measured_servo(graph: Any) -> None:
     graph.wait(lambda: graph.node.count_subscribers("/state") == 1, "the linearizer")
     options = (f"record:={record}", "rate:=2", "publish_clock:=true")
     replay = graph.start("replay", *options, model="xl330.yaml")
-    graph.wait(lambda: not replay.running, "the end of the record")
+    graph.wait(lambda: not replay.running, "the end of the record", 180.0)
     assert replay.popen.returncode == 0
     assert "velocity from displacement by a causal filter, delay" in replay.output
     graph.wait(lambda: len(models) > 100, "100 models")

@@ -4,9 +4,9 @@ import errno
 import html
 import json
 import os
+import resource
 import subprocess
 import sys
-import time
 from importlib import resources
 from types import SimpleNamespace
 
@@ -79,11 +79,17 @@ def test_help_lists_the_verbs_and_version_the_version(run):
 
 
 def test_help_takes_less_than_half_a_second():
+    """Of processor time, which does not depend on what else the machine does."""
+
+    def spent():
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return used.ru_utime + used.ru_stime
+
     best = 9.0
     for _ in range(3):
-        start = time.perf_counter()
+        start = spent()
         subprocess.run([sys.executable, "-m", "signlin_ros.cli", "--help"], check=True, capture_output=True)
-        best = min(best, time.perf_counter() - start)
+        best = min(best, spent() - start)
     assert best < 0.5
 
 
@@ -239,6 +245,7 @@ def test_a_recording_is_the_same_by_its_folder_and_by_its_file(run, tmp_path):
         assert f"--validation {tmp_path / validation}: is the same record as DATA" in err
 
 
+@pytest.mark.slow
 def test_a_report_says_the_command_that_leads_to_it(run, tmp_path):
     made = tmp_path / "made of it.csv"
     (tmp_path / "d.csv").write_text(DATA)
@@ -434,12 +441,11 @@ def test_one_plant_in_full(run, name):
 
 def test_figures_keep_their_schema_and_are_refused_where_they_cannot_be_written(run, tmp_path, monkeypatch):
     def drawn(folder):
-        for name in ("figure_1.png", "figure_4.json"):
-            (folder / name).write_text("")
+        return {"files": [str(folder / name) for name in ("beyond_sign.png", "figure_1.png", "figure_4.json")]}
 
     monkeypatch.setattr(signlin_ros.figures, "make_figures", drawn)
     content = checked("figures", run("figures", "-o", tmp_path / "new", "--json")[1])
-    assert content["files"] == [str(tmp_path / "new" / name) for name in ("figure_1.png", "figure_4.json")]
+    assert content["files"] == drawn(tmp_path / "new")["files"]
     code, out, err = run("figures", "-o", "/proc")
     assert (code, out) == (2, "")
     assert err == "signlin: -o: /proc: cannot be written: No such file or directory\n"
@@ -447,7 +453,7 @@ def test_figures_keep_their_schema_and_are_refused_where_they_cannot_be_written(
 
 def test_numbers_of_a_figure_that_cannot_be_written_are_no_fault_of_ours(tmp_path):
     with pytest.raises(InputError, match=r"cannot write .*figure_4\.json: No such file or directory"):
-        signlin_ros.figures._write(tmp_path / "gone" / "figure_4.json", "")
+        signlin_ros.figures._written(tmp_path / "gone" / "figure_4.json", {})
 
 
 def test_every_verb_with_json_has_a_schema():

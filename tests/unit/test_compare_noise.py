@@ -16,6 +16,8 @@ from signlin_ros.diagnosis.whiteness import residual_test
 from signlin_ros.model import Model
 from signlin_ros.noise import noise_level, quantum_of
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data")) / "hidden_effects"
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")
 T = np.arange(3200) / 200

@@ -14,6 +14,8 @@ from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
 
+pytestmark = pytest.mark.slow
+
 T = np.arange(3200) / 200
 PLAIN = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.6, "k": 40.0}})
 MOTOR = Model.load("dc_motor").without_effect("coulomb_friction").with_options(with_position=True)

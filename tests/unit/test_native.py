@@ -12,7 +12,6 @@ import pytest
 from numba import njit
 from numba.core.errors import TypingError
 
-from signlin_ros.kernels import run_batch
 from signlin_ros.native import _Cache, call, call_within, caller, native
 from signlin_ros.tape import OPERATIONS, Tape
 
@@ -140,15 +139,6 @@ def test_other_arrays_are_refused(wrong):
         run(native(single(ca.OP_ADD))[0], wrong, np.zeros(1))
 
 
-def test_many_points_at_once():
-    x, u, p = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p", 2)
-    tape = Tape.of(ca.Function("f", [x, u, p], [ca.vertcat(x[0] * p[1] + u, ca.tanh(x[1]) / p[0])]))
-    points, inputs, constants = RANDOM.normal(size=(9, 2)), RANDOM.normal(size=(9, 1)), np.array([2.0, -3.0])
-    results = np.zeros((9, 2))
-    run_batch(native(tape)[0], points, inputs, constants, results)
-    np.testing.assert_allclose(results.T, tape.batch([*points.T, *inputs.T, *constants]), rtol=1e-15)
-
-
 def test_threads_share_what_is_compiled():
     x, found, start = ca.SX.sym("x"), {}, threading.Barrier(6)
     tapes = [Tape.of(ca.Function("f", [x], [ca.cos(x) * (0.77 + k)])) for k in range(15)]
@@ -167,6 +157,7 @@ def test_threads_share_what_is_compiled():
     assert [values(tape, 0.2)[0] for tape in tapes] == [np.cos(0.2) * (0.77 + k) for k in range(15)]
 
 
+@pytest.mark.slow
 def test_cache_is_used_again(tmp_path):
     process(tmp_path)
     files = code_files(tmp_path)
@@ -177,6 +168,7 @@ def test_cache_is_used_again(tmp_path):
     assert [file.stat().st_mtime_ns for file in files] == times
 
 
+@pytest.mark.slow
 def test_damaged_cache_is_written_again(tmp_path):
     process(tmp_path)
     files = code_files(tmp_path)
@@ -187,12 +179,14 @@ def test_damaged_cache_is_written_again(tmp_path):
     assert [file.read_bytes() for file in files] == whole
 
 
+@pytest.mark.slow
 def test_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "signlin_ros").write_text("a file where the folder should be")
     process(tmp_path)
     assert (tmp_path / "signlin_ros").is_file()
 
 
+@pytest.mark.slow
 def test_processes_may_write_at_the_same_time(tmp_path):
     started = [process(tmp_path, run=False) for _ in range(2)]
     for one in started:

@@ -189,6 +189,7 @@ def added(rubbing):
     return add("coulomb_friction", MASS, *rubbing)
 
 
+@pytest.mark.slow
 def test_report_on_an_effect_that_was_added(added, rubbing, tmp_path):
     command = "signlin add coulomb_friction my <model>.yaml run_1.csv -o new.yaml"
     reader = read(diagnosis_report(added, tmp_path / "out.html", command=command, data=rubbing, model=MASS))
@@ -213,12 +214,14 @@ def test_report_on_an_effect_that_was_added(added, rubbing, tmp_path):
     assert files >= {"ladder.png", "before_and_after.png", "evidence_coulomb_friction.png", "missing_force.png"}
 
 
+@pytest.mark.slow
 def test_without_records_there_is_still_a_report(added, tmp_path):
     reader = read(diagnosis_report(added, tmp_path / "out.html"))
     assert "before-and-after" not in sections(reader)
     assert {"what-the-record-shows", "parameters"} <= set(sections(reader))
 
 
+@pytest.mark.slow
 def test_parameters_that_were_given_are_told_and_units_are_those_of_the_record(tmp_path):
     true = MASS.with_effect("constant_load", F0=1.0).with_effect("coulomb_friction", mu=0.6)
     base = MASS.with_effect("constant_load", F0=0.4).with_options(frozen=("m",))
@@ -243,6 +246,7 @@ def test_parameters_that_were_given_are_told_and_units_are_those_of_the_record(t
     assert re.search(r"Fitted coulomb friction: mu = 0\.\d+ ± 0\.\d+ N·m\.", text)
 
 
+@pytest.mark.slow
 def test_report_on_nothing_missing(tmp_path):
     data = [recorded(MASS, 3, seconds=8)]
     found = diagnose(MASS, data, [recorded(MASS, 4, seconds=8)])
@@ -253,6 +257,7 @@ def test_report_on_nothing_missing(tmp_path):
     assert re.search(r"\d+ other effects, best first", reader.text)
 
 
+@pytest.mark.slow
 def test_report_on_a_comparison(rubbing, tmp_path):
     comparison = compare(MASS, rubbing[1])
     reader = read(compare_report(comparison, tmp_path / "out.html", "signlin compare a.yaml b.csv"))
