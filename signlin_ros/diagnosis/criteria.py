@@ -21,6 +21,7 @@ class Criteria:
     worse : standard errors by which no channel's error may rise, as soon as that is `alike`.
     alike : difference of root mean squares, as a part of it, that a printed table does not show.
     tie : standard errors within which the simpler of two models is taken.
+    waves : least number of waves of a periodic force that a record must pass: a part of one is any smooth curve.
     far : tolerances by which a base parameter may be off before that is told first.
 
     What counts as left over
@@ -36,6 +37,7 @@ class Criteria:
     worse: float = 2.0
     alike: float = 0.01
     tie: float = 1.0
+    waves: float = 3.0
     far: float = 5.0
     dependent: float = 0.02
 

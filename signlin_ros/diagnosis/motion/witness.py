@@ -307,7 +307,18 @@ class Motion:
             return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
         if g.worsens(c.worse, c.alike):
             return "the error of a channel rises"
-        return after.vague(c)
+        return after.vague(c) or self._too_slow(after)
+
+    def _too_slow(self, f: Fitted) -> str:
+        """Return which periodic force has too few waves along the way to be known as one."""
+        low, high = self.problem.stretch
+        for key in (k for k in f.fit.candidate.label if k in f.model.effects):
+            use = f.model.effects[key]
+            for name in EFFECTS[use.type].periodic[:1]:
+                waves = use.parameters[name] * (high - low) / (2 * np.pi)
+                if waves < self.criteria.waves:
+                    return f"{key} has {waves:.1f} waves in the record"
+        return ""
 
     def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
         """Return the options that are a step beyond a model and as good as the best of them, the simplest first."""
