@@ -300,7 +300,10 @@ class Motion:
         squares of standard errors.
         """
         c, g, certainty = self.criteria, self.gain(before, after), self.certainty(before, after)
-        freed = 0.0 if after.far(c) else max(self.best(before).strain - after.strain, 0.0)
+        before = self.best(before)
+        was = before.far(c)
+        further = any(abs(x) > abs(was.get(n, 0.0)) for n, x in after.far(c).items())
+        freed = 0.0 if further else max(before.strain - after.strain, 0.0)
         if certainty * abs(certainty) + freed < c.certainty**2:
             return f"the error on unseen data falls by {certainty:.1f} standard errors"
         if freed < c.certainty**2 and g.share < c.share:
