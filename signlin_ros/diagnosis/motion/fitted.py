@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -34,7 +35,7 @@ class Fitted:
     ``effects``: names added to the model as given; ``model``: the whole of it; ``parameters`` by name (``c``,
     ``coulomb_friction.mu``, ``sensor_offset.speed``). ``known_squares``, ``unseen_squares`` (blocks, channels): mean
     squared errors of windows of the horizon, in blocks that are the same for all models, NaN where nothing is measured.
-    ``left``: what the residual still shows, by channel. ``at_bound``: parameters that ended there.
+    ``look`` finds what the residual still shows (`left`). ``at_bound``: parameters that ended there.
     ``spreads``: standard errors of the coordinates of ``fit``, in order.
     """
 
@@ -43,11 +44,16 @@ class Fitted:
     parameters: dict[str, Estimate]
     known_squares: Array
     unseen_squares: Array
-    left: tuple[Left, ...]
+    look: Callable[[], tuple[Left, ...]] = field(repr=False)
     at_bound: tuple[str, ...]
     noise: Array
     fit: Fit = field(repr=False)
     spreads: Array = field(repr=False)
+
+    @cached_property
+    def left(self) -> tuple[Left, ...]:
+        """What the residual still shows, by channel."""
+        return self.look()
 
     @property
     def white(self) -> bool:
@@ -59,59 +65,49 @@ class Fitted:
         """Sum over channels of the logarithms of the mean squared error on unseen data, less being better."""
         return level(self.unseen_squares, self.noise)
 
+    def _coordinates(self, added: bool) -> list[tuple[Coordinate, float, float]]:
+        """Return the coordinates of what was added, or of the model as given, with values and standard errors."""
+        keys, f = self.fit.candidate.label, self.fit
+        every = zip(f.candidate.coordinates, f.theta.tolist(), self.spreads.tolist(), strict=True)
+        return [one for one in every if (one[0].name in keys or one[0].name.partition(".")[0] in keys) == added]
+
     @property
     def size(self) -> int:
         """Number of parameters beyond those of the model as given."""
-        keys = self.fit.candidate.label
-        return sum(1 for k in self.fit.candidate.coordinates if k.name.partition(".")[0] in keys or k.name in keys)
+        return len(self._coordinates(True))
 
     @cached_property
     def strain(self) -> float:
-        """Squared distance of the base parameters from nominal, in tolerances."""
-        pairs = zip(self.fit.candidate.coordinates, self.fit.theta.tolist(), strict=True)
-        return float(sum(((x - k.prior) / k.spread) ** 2 for k, x in pairs if k.spread < 1.0))
+        """Squared distance of the parameters of the model as given from their values there, in tolerances."""
+        return float(sum(((x - k.prior) / k.spread) ** 2 for k, x, _ in self._coordinates(False)))
 
     def far(self, criteria: Criteria) -> dict[str, float]:
         """Return the base parameters that are far from nominal, and by how many tolerances."""
-        pairs = zip(self.fit.candidate.coordinates, self.fit.theta.tolist(), strict=True)
-        off = {k.name: (x - k.prior) / k.spread for k, x in pairs if k.spread < np.inf and "." not in k.name}
+        off = {k.name: (x - k.prior) / k.spread for k, x, _ in self._coordinates(False) if "." not in k.name}
         return {n: x for n, x in off.items() if abs(x) > criteria.far}
 
     def vague(self, criteria: Criteria) -> str:
         """Return why what was added cannot be named: a coefficient that is nothing, at a bound or hardly known."""
-        for key in self.fit.candidate.label:
-            why = self._vague(key, criteria)
-            if why:
-                return why
-        return ""
+        return next((why for key in self.fit.candidate.label if (why := self._vague(key, criteria))), "")
 
     def _vague(self, key: str, criteria: Criteria) -> str:
-        own = [
-            (k, float(x), float(std))
-            for k, x, std in zip(self.fit.candidate.coordinates, self.fit.theta, self.spreads, strict=True)
-            if k.name == key or k.name.partition(".")[0] == key
-        ]
         kind = key.partition(".")[0] if "." in key else self.model.effects[key].type
         effect = EFFECTS[kind]
-        where, telling = {*effect.turning[1:], *effect.periodic[:1]}, (*effect.telling, *effect.essential)
-        amplitudes = {}
-        for k, x, std in own:
-            name = k.name.rpartition(".")[2] if "." not in key else k.name
+        telling, where = (*effect.telling, *effect.essential), {*effect.turning[1:], *effect.periodic[:1]}
+        sizes: dict[str, float] = {}
+        for k, x, std in self._coordinates(True):
+            owner, _, name = k.name.rpartition(".")
+            if (key not in (owner, k.name)) or name in where:
+                continue
             if k.name in self.at_bound and name in telling:
                 return f"{k.name} is at its bound"
-            if name in where:
-                continue
-            if k.log and kind != "sensor_gain":
-                if std > criteria.known and (not telling or name in telling):
-                    return f"{k.name} is not known to better than half"
-                continue
-            amplitudes[name] = abs(x) / max(std, 1e-300)
-        needed = [amplitudes[n] for n in effect.telling if n in amplitudes] or [
-            max(amplitudes.values(), default=np.inf)
-        ]
-        if min(needed) < criteria.coefficient:
-            return f"{key} is {min(needed):.1f} of its own standard errors from nothing"
-        return ""
+            if not k.log or kind == "sensor_gain":
+                sizes[name] = abs(x) / max(std, 1e-300)
+            elif std > criteria.known and (not telling or name in telling):
+                return f"{k.name} is not known to better than half"
+        needed = min((sizes[n] for n in effect.telling if n in sizes), default=max(sizes.values(), default=np.inf))
+        few = f"{key} is {needed:.1f} of its own standard errors from nothing"
+        return few if needed < criteria.coefficient else ""
 
 
 def spreads(problem: Problem, f: Fit) -> Array:

@@ -74,7 +74,8 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit 
     """Return the best fit of one more effect at the middle gain on a part of the records, from some of its starts with
     base parameters as given and as they were fitted before.
     """
-    short, (high, middle) = problem.short, problem.levels[:2]
+    remembers, (high, middle) = bool(EFFECTS[trial.effect].states), problem.levels[:2]
+    short = problem.led if remembers else problem.short
     starts, known, parts = _spread(trial.starts, few), before.parameters(), Parts.of(before)
     candidates = [extended(problem, parts, trial, start) for start in starts]
     added = {n: v for n, v in known.items() if any(n.startswith(f"{k}.") or n == k for k in before.candidate.label)}
@@ -82,7 +83,7 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit 
     first = [solved(short, c, high, c.start(way), FIRST) for c in candidates for way in ways]
     best = sorted((f for f in first if f), key=_cost)[:KEPT]
     second = [solved(short, f.candidate, middle, f.theta, NEXT) for f in best]
-    if EFFECTS[trial.effect].states:  # a high gain says little of what is remembered
+    if remembers:  # a high gain says little of what is remembered
         second += [solved(short, c, middle, c.start(added), NEXT) for c in candidates]
     return min((f for f in second if f), key=_cost, default=None)
 

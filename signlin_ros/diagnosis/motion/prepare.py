@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import measured_channels
 from signlin_ros.diagnosis.derived import without_derived
 from signlin_ros.diagnosis.problem import (
+    LEAD,
     LEAST_SAMPLES,
     Problem,
     Segment,
@@ -26,8 +28,13 @@ from signlin_ros.diagnosis.problem import (
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
+from signlin_ros.noise import noise_level
 from signlin_ros.records import ModelData
 
+Array = NDArray[np.float64]
+
+LOOKED = 100_000
+"""Samples of a record that its noise is taken from, at most."""
 MOST, PARTS = 20_000, 10
 """Samples that are fitted to at most, in so many stretches: more only make standard errors smaller than the model is
 true."""
@@ -56,7 +63,16 @@ def prepared(model: Model, data: Sequence[ModelData], unseen: Sequence[ModelData
     notes += constant_inputs(model, [*data, *(unseen or ())])
     problem = replace(prepare(model, known, own), notes=notes)
     segments = tuple(segment(problem.base, problem.channels, part) for part in left)
-    return problem, replace(problem, segments=segments, noise=white_noise(segments), notes=more)
+    unseen_noise, noise = sensor_noise(segments), sensor_noise(problem.segments)
+    return replace(problem, noise=noise), replace(problem, segments=segments, noise=unseen_noise, notes=more)
+
+
+def sensor_noise(segments: Sequence[Segment]) -> Array:
+    """Return the standard deviation (ny) of white noise on every channel, jumps of what is measured left out."""
+    weights, white = [s.t.size for s in segments], white_noise(segments)
+    levels = [[noise_level(s.t[:LOOKED], y[:LOOKED]).sigma for y in s.y.T] for s in segments]
+    found = np.sqrt(np.average(np.square(levels), axis=0, weights=weights))
+    return np.asarray(np.where(found > 0.0, np.minimum(white, found), white))
 
 
 def _check_held_out(data: Sequence[ModelData], last: Sequence[ModelData], channels: tuple[str, ...]) -> None:
@@ -87,8 +103,15 @@ def stretched(problem: Problem, most: int = MOST) -> Problem:
     even = np.linspace(0, len(places) - 1, PARTS // 2).astype(int).tolist()
     chosen = dict.fromkeys([*even, *wrong.tolist()])
     kept = sorted(list(chosen)[:PARTS])
-    parts = [_stretch(problem, s, slice(first, first + size)) for s, first in (places[i] for i in kept)]
-    return replace(problem, segments=tuple(replace(p, inner=True) for p in parts))
+    return replace(
+        problem, segments=tuple(_after_a_lead(problem, s, first, size) for s, first in (places[i] for i in kept))
+    )
+
+
+def _after_a_lead(problem: Problem, s: Segment, first: int, size: int) -> Segment:
+    """Return a stretch with what came before it, where effects take up what they remember."""
+    before = _stretch(problem, s, slice(max(first - LEAD, 0), first + 1)) if first else None
+    return replace(_stretch(problem, s, slice(first, first + size)), inner=first > 0, before=before)
 
 
 def _wrong(problem: Problem, s: Segment, part: slice) -> float:

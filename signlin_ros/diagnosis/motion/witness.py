@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -97,7 +98,7 @@ class Motion:
             estimates(self.problem, f, errors),
             found.known if self.short is self.problem else windowed(self.problem, f.candidate, f.theta, f.gains),
             windowed(self.unseen, f.candidate, f.theta, f.gains),
-            left(self.short, found.low, self.criteria),
+            functools.partial(left, self.short, found.low, self.criteria),
             at_bound(f),
             self.unseen.noise,
             f,
@@ -215,7 +216,7 @@ class Motion:
         kept = self._promising(of, fits)
         self.say(f"fitting {len(kept)} of them to the end")
         found = [one for one in self.each(lambda f: self._finished(of, f), kept) if one]
-        if not names and not any(one.white for one in found):
+        if not names and found and not min(found, key=lambda one: one.level).white:
             found += [
                 one for one in self.each(lambda f: self._finished(of, f), self._richer(of, found, options)) if one
             ]
@@ -239,14 +240,15 @@ class Motion:
         return [f for f in self.each(lambda t: self._climbed(of.fit, t, len(t.starts)), jobs) if f]
 
     def _plainer(self, f: Fitted) -> list[Fitted]:
-        """Return a fit with the simpler law in place of one that cannot be told from it, if there is one."""
-        found, parts = [], Parts.of(f.fit)
-        for key in parts.keys if f.vague(self.criteria) else ():
-            effect = EFFECTS[f.model.effects[key].type]
-            nothing = dict.fromkeys(effect.telling, 0.0)
-            for name, start in effect.simpler(f.model.effects[key].parameters | nothing).items():
-                if name not in f.effects:
-                    found.append(self._from(f, extended(self.problem, parts.without(key), Trial(name, ()), start)))
+        """Return a fit with the simpler law in place of one that cannot be told from it; without it beside others."""
+        parts, found = Parts.of(f.fit), list[Fitted | None]()
+        for key in (k for k in parts.keys if f.vague(self.criteria).startswith(k)):
+            effect, values = EFFECTS[f.model.effects[key].type], f.model.effects[key].parameters
+            simpler = effect.simpler(values | dict.fromkeys(effect.telling, 0.0))
+            fewer = [extended(self.problem, parts.without(key), Trial(n, ()), start) for n, start in simpler.items()]
+            if not fewer and len(f.effects) > 1:
+                fewer = [parts.without(key).candidate(self.problem)]
+            found += [self._from(f, c) for c in fewer]
         return [one for one in found if one]
 
     def _from(self, f: Fitted, c: Candidate) -> Fitted | None:
@@ -284,16 +286,12 @@ class Motion:
         by themselves: what acts for once is in few blocks.
         """
         blocks, before = self.gain(before, after).certainty, self.best(before)
+        if blocks > self.criteria.certainty or after.level > before.level or not after.white:
+            return blocks
         together = np.array([one.together for one in after.left])
-        known, unseen = (
-            beyond_noise(a, b, _scored(p), together)
-            for a, b, p in (
-                (before.known_squares, after.known_squares, self.problem),
-                (before.unseen_squares, after.unseen_squares, self.unseen),
-            )
-        )
-        sure = after.white and min(unseen, known) > self.criteria.least
-        return max(blocks, float(np.hypot(known, unseen))) if sure else blocks
+        known = beyond_noise(before.known_squares, after.known_squares, _scored(self.problem), together)
+        unseen = beyond_noise(before.unseen_squares, after.unseen_squares, _scored(self.unseen), together)
+        return max(blocks, float(np.hypot(known, unseen))) if min(known, unseen) > self.criteria.least else blocks
 
     def refused(self, before: Fitted, after: Fitted) -> str:
         """Return why a model is no step beyond another, empty if it is one.
@@ -302,14 +300,28 @@ class Motion:
         squares of standard errors.
         """
         c, g, certainty = self.criteria, self.gain(before, after), self.certainty(before, after)
-        freed = 0.0 if after.far(c) else max(self.best(before).strain - after.strain, 0.0)
+        before = self.best(before)
+        was = before.far(c)
+        further = any(abs(x) > abs(was.get(n, 0.0)) for n, x in after.far(c).items())
+        freed = 0.0 if further else max(before.strain - after.strain, 0.0)
         if certainty * abs(certainty) + freed < c.certainty**2:
             return f"the error on unseen data falls by {certainty:.1f} standard errors"
         if freed < c.certainty**2 and g.share < c.share:
             return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
         if g.worsens(c.worse, c.alike):
             return "the error of a channel rises"
-        return after.vague(c)
+        return after.vague(c) or self._too_slow(after)
+
+    def _too_slow(self, f: Fitted) -> str:
+        """Return which periodic force has too few waves along the way to be known as one."""
+        low, high = self.problem.stretch
+        for key in (k for k in f.fit.candidate.label if k in f.model.effects):
+            use = f.model.effects[key]
+            for name in EFFECTS[use.type].periodic[:1]:
+                waves = use.parameters[name] * (high - low) / (2 * np.pi)
+                if waves < self.criteria.waves:
+                    return f"{key} has {waves:.1f} waves in the record"
+        return ""
 
     def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
         """Return the options that are a step beyond a model and as good as the best of them, the simplest first."""
