@@ -8,7 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.checks.linear import Base, Prediction, linear_base, prediction
+from signlin_ros.checks.linear import Base, linear_base
+from signlin_ros.checks.observer import Followed, Prediction, follow, summed
 from signlin_ros.checks.travel import Travel, travel
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, quantum_of
@@ -110,9 +111,14 @@ class Look:
         return travel(self.t[at], self.of(q)[at], self.of(v)[at], self.noise(q).sigma, self.noise(v).sigma)
 
     @functools.cached_property
+    def followed(self) -> Followed | None:
+        """The record as an observer of the linear base follows it."""
+        return follow(self.base, self.record, self.channels) if self.base else None
+
+    @functools.cached_property
     def predicted(self) -> Prediction | None:
-        """How an observer of the linear base follows the record."""
-        return prediction(self.base, self.record, self.channels) if self.base else None
+        """What that leaves."""
+        return summed(self.followed) if self.followed else None
 
 
 def _blocks(size: int) -> Iterator[slice]:

@@ -8,8 +8,8 @@ import numpy as np
 
 from signlin_ros.checks.base import Check, changed
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.linear import prediction
 from signlin_ros.checks.look import Look
+from signlin_ros.checks.observer import prediction
 
 AHEAD = (2, 3, 5, 8, 13, 21, 34, 55, 89)
 """By how many samples the input is tried earlier."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from signlin_ros.checks.as_read import AsRead
 from signlin_ros.checks.base import Check
 from signlin_ros.checks.clipped import Clipped
+from signlin_ros.checks.excitation import Excitation
 from signlin_ros.checks.frozen_channel import FrozenChannel
 from signlin_ros.checks.integer_overflow import IntegerOverflow
 from signlin_ros.checks.jitter import Jitter
@@ -19,6 +21,7 @@ from signlin_ros.checks.unsigned_input import UnsignedInput
 from signlin_ros.checks.wrapped_angle import WrappedAngle
 
 CHECKS: tuple[type[Check], ...] = (
+    AsRead,
     FrozenChannel,
     TwoSources,
     WrappedAngle,
@@ -33,6 +36,7 @@ CHECKS: tuple[type[Check], ...] = (
     Jitter,
     SlowSampling,
     ShortRecord,
+    Excitation,
 )
 
 __all__ = ["CHECKS"]

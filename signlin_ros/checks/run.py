@@ -46,7 +46,7 @@ def _checked(model: Model, record: ModelData, cures: frozenset[str]) -> tuple[Mo
         for finding in kind().find(look):
             record, treated = _treated(record, replace(finding, source=record.source), cures)
             found.append(treated)
-        told = tuple(name for finding in found if not finding.harmless for name in finding.channel.split(", "))
+        told = tuple(n for f in found if f.severity != "note" and not f.applied for n in f.channel.split(", "))
         look = look.on(record, told)
     return record, found
 

@@ -10,8 +10,8 @@ import numpy as np
 from signlin_ros.checks.base import Check, values_of, with_channel
 from signlin_ros.checks.factors import TOGETHER, other_units, word
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.linear import ONE, Prediction
 from signlin_ros.checks.look import Look
+from signlin_ros.checks.observer import ONE, Prediction
 from signlin_ros.checks.travel import EQUAL
 from signlin_ros.records import ModelData
 

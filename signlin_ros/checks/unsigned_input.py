@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.linear import prediction, required_sign
 from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.observer import Followed, prediction
 
 Array = NDArray[np.float64]
 
@@ -19,6 +20,8 @@ BOTH = 0.1
 BETTER = 0.5
 """What the model leaves if the input had the sign that it needs, as a share of what it leaves without."""
 GUESSED = "signed"
+PULSE = 60
+"""So many samples tell what a pulse of the input leaves."""
 
 
 class UnsignedInput(Check):
@@ -39,7 +42,7 @@ class UnsignedInput(Check):
             u = look.record.u[:, j]
             if not (u.min() >= 0.0 or u.max() <= 0.0) or np.ptp(u) == 0.0 or v is None or look.base is None:
                 continue
-            sign = required_sign(look.base, look.record, look.channels)
+            sign = None if look.followed is None else required_sign(look.followed, look.t)
             if sign is None or min(np.mean(sign > 0), np.mean(sign < 0)) < BOTH:
                 continue
             p = prediction(look.base, look.record, look.channels, {GUESSED: u * sign})
@@ -70,3 +73,20 @@ def _velocity(look: Look) -> Array | None:
     clear = np.where(np.abs(v) > 4.0 * noise, np.sign(v), 0.0)
     both = min(float(np.mean(clear > 0)), float(np.mean(clear < 0)))
     return v if v.size > LEAST and both > BOTH else None
+
+
+def required_sign(f: Followed, t: Array) -> Array:
+    """Return the sign that the first input must have had for a base to follow a record, at the stamps t (T,) s; 0 where
+    the record is not followed.
+
+    What is left without the input is matched with what a pulse of it leaves.
+    """
+    from scipy.signal import fftconvolve
+
+    spread = f.y.std(axis=0)
+    left = f.parts()[1:].sum(axis=0) / spread
+    shape = replace(f, u=np.eye(PULSE, f.u.shape[1]), t=f.t[:PULSE], y=np.zeros((PULSE, spread.size))).parts()[0]
+    pairs = zip(left.T, (-shape / spread).T, strict=True)
+    wanted = np.sum([fftconvolve(e, g[::-1])[g.size - 1 :] for e, g in pairs], axis=0)
+    at = np.clip(np.searchsorted(f.t, t, side="right") - 1, 0, f.t.size - 1)
+    return np.where((t >= f.t[0]) & (t <= f.t[-1] + f.step), np.sign(wanted)[at], 0.0)

@@ -30,6 +30,7 @@ from signlin_ros.diagnosis.ranking import (
 from signlin_ros.diagnosis.refusals import plausible
 from signlin_ros.diagnosis.results import Diagnosis, Rung, Scores
 from signlin_ros.diagnosis.runs import best_level, kind_of_score, scores
+from signlin_ros.diagnosis.scores import follows_nothing, unfollowed
 from signlin_ros.diagnosis.search import DEPTH, EXPLAINED, FURTHER, SURE, Progress, search
 from signlin_ros.diagnosis.varying import Varying, unit_of
 from signlin_ros.effects import find_effect
@@ -202,11 +203,12 @@ def describe(f: Findings, whole: bool = False) -> Diagnosis:
     ranking = ranking_of(f, kind, unseen, level, partly)
     proposed = f if whole or not too_little(f, partly) else replace(f, steps=f.steps[:1])
     ladder, model, final = ladder[: len(proposed.steps)], proposal(proposed), proposed.final.ranked
+    lost = [follows_nothing(names) for names in [_unfollowed(ladder[-1])] if names and verdict == "unexplained"]
     base = f.steps[0].ranked.fit
     names = [c.name for c in final.fit.candidate.coordinates]
     return Diagnosis(
         verdict=verdict,
-        sentence=_sentence(f, verdict, explained, rest),
+        sentence=" ".join([*lost, _sentence(f, verdict, explained, rest)]),
         base=estimates(base, [c.name for c in base.candidate.coordinates], f),
         base_validation=ladder[0].validation,
         parameters=estimates(final.fit, names, f),
@@ -250,7 +252,14 @@ def _told(f: Findings, kind: str, level: Sequence[int]) -> _Told:
     explained = 0.0 if nothing else _explained(f)
     rest = min(_rest(f), ladder[-1].validation.over_noise - 1.0)
     verdict = "unexplained" if nothing else _verdict(f, ladder, explained, rest)
+    verdict = "unexplained" if verdict == "adequate" and _unfollowed(ladder[-1]) else verdict
     return _Told(f, ladder, verdict, explained, rest)
+
+
+def _unfollowed(rung: Rung) -> list[str]:
+    """Return the channels that a model follows neither on the data that it was fitted to nor on unseen data."""
+    seen = unfollowed(rung.validation.channels)
+    return [name for name in unfollowed(rung.estimation.channels) if name in seen]
 
 
 def _first_alone(f: Findings) -> Findings:
