@@ -10,15 +10,13 @@ from signlin_ros.checks.look import Look
 
 FAULTS = ("sorted", "cut", "repeated", "truncated", "gap", "filled", "missing", "assumed")
 """Kinds of notes of a reader (`signlin_ros.records`) that tell of a fault which it put right."""
-QUESTIONS = ("unit_of_time",)
-"""Kinds that ask for an answer."""
 
 
 class AsRead(Check):
     """Time that jumps back, rows twice, a last line cut off, gaps: what only the reader sees, since it puts it right.
 
     Test: the reader's; it compares stamps and counts cells, which leaves nothing to chance. Cure: the reader's: a late
-    message is sorted in, a restart cuts the record in two, repetitions are dropped. What it asks must be answered.
+    message is sorted in, a restart cuts the record in two, repetitions are dropped.
     """
 
     name = "as_read"
@@ -29,5 +27,3 @@ class AsRead(Check):
             kind, channel = getattr(note, "kind", ""), getattr(note, "channel", "")
             if kind in FAULTS:
                 yield Finding(kind, channel, "note", str(note))
-            elif kind in QUESTIONS:
-                yield Finding(kind, "t", "refuse", str(note))

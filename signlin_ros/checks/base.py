@@ -25,6 +25,8 @@ class Check(ABC):
     """
 
     name: ClassVar[str]
+    needs_time: ClassVar[bool] = False
+    """Whether it means nothing where the time is in doubt."""
 
     @abstractmethod
     def find(self, look: Look) -> Iterable[Finding]:

@@ -63,6 +63,7 @@ class Excitation(Check):
     """
 
     name = "excitation"
+    needs_time = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield one note for the record."""
@@ -116,10 +117,12 @@ def _group(names: list[str], size: Array, weak: float, direction: Array) -> tupl
 
 def _doubt(f: Followed, left: Array) -> Array:
     """Return the standard deviation (ny,) of what is not known of every channel: what is left (T, ny) where a model
-    follows it, and no more than `FOLLOWED` of what it does, where an effect is missing that is still to be found.
+    follows it, and no more than its noise or `FOLLOWED` of what it does, where an effect is missing that is still to
+    be found.
     """
-    noise = left[int(START * left.shape[0]) :].std(axis=0)
-    return np.asarray(np.maximum(np.minimum(noise, FOLLOWED * f.y.std(axis=0)), 1e-300))
+    noise = np.diff(f.y, 4, axis=0).std(axis=0) / np.sqrt(70.0)
+    least = np.maximum(noise, FOLLOWED * f.y.std(axis=0))
+    return np.asarray(np.maximum(np.minimum(left[int(START * left.shape[0]) :].std(axis=0), least), 1e-300))
 
 
 def _information(moved: list[Array], doubt: Array) -> Array:

@@ -46,6 +46,12 @@ class Base:
         return np.asarray(np.abs(np.linalg.eigvals(self.A)), dtype=float)
 
     @property
+    def slowest(self) -> float:
+        """The rate of the slowest motion in 1/s, what is integrated aside; 0 where nothing else is there."""
+        moving = self.rates[self.rates > 1e-6 * self.rates.max(initial=0.0)]
+        return float(moving.min(initial=np.inf)) if moving.size else 0.0
+
+    @property
     def damping(self) -> Array:
         """How fast each motion dies out (n,), in 1/s."""
         return np.asarray(-np.linalg.eigvals(self.A).real, dtype=float)

@@ -26,6 +26,7 @@ class MixedClocks(Check):
     """
 
     name = "mixed_clocks"
+    needs_time = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the input that is late."""

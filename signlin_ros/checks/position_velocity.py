@@ -37,6 +37,7 @@ class PositionVelocity(Check):
     """
 
     name = "position_velocity"
+    needs_time = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield a factor, a contradiction or a lag."""

@@ -15,6 +15,8 @@ from signlin_ros.checks.position_velocity import PositionVelocity
 from signlin_ros.checks.repeated_values import RepeatedValues
 from signlin_ros.checks.short_record import ShortRecord
 from signlin_ros.checks.slow_sampling import SlowSampling
+from signlin_ros.checks.sparse_channel import SparseChannel
+from signlin_ros.checks.time_unit import TimeUnit
 from signlin_ros.checks.two_sources import TwoSources
 from signlin_ros.checks.unit_or_sign import UnitOrSign
 from signlin_ros.checks.unsigned_input import UnsignedInput
@@ -29,11 +31,13 @@ CHECKS: tuple[type[Check], ...] = (
     RepeatedValues,
     Clipped,
     NoMotion,
+    TimeUnit,
     UnsignedInput,
     UnitOrSign,
     PositionVelocity,
     MixedClocks,
     Jitter,
+    SparseChannel,
     SlowSampling,
     ShortRecord,
     Excitation,

@@ -27,6 +27,7 @@ class ShortRecord(Check):
     """
 
     name = "short_record"
+    needs_time = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield one note for the record."""

@@ -59,6 +59,7 @@ class UnitOrSign(Check):
     """
 
     name = "unit_or_sign"
+    needs_time = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the best reading of the record, and others that are as good."""

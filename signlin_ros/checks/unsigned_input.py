@@ -34,6 +34,7 @@ class UnsignedInput(Check):
     """
 
     name = "unsigned_input"
+    needs_time = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the input."""

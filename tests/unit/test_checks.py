@@ -357,7 +357,9 @@ def test_slow_samples_are_noted_and_impossible_ones_refused() -> None:
     finding = found(model, fifth)[1]["slow_sampling"]
     assert finding.severity == "note"
     assert "current" in finding.sentence
-    assert found(model, replace(data, t=1e3 * data.t))[1]["slow_sampling"].open
+    rng = np.random.default_rng(1)
+    nothing = {n: rng.normal(size=SAMPLES) for n in data.measured}
+    assert found(model, replace(data, t=1e3 * data.t, measured=nothing))[1]["slow_sampling"].open
 
 
 def test_a_short_record_is_noted() -> None:
@@ -462,10 +464,10 @@ def test_a_drive_at_one_speed_tells_friction_from_a_load_no_more() -> None:
     assert "excitation" not in found(base, rich)[1]
 
 
-def test_a_motion_that_is_too_slow_tells_nothing_of_the_mass() -> None:
+def test_a_motion_that_is_too_slow_tells_nothing_of_the_damping() -> None:
     base = oscillator()[0]
     slow = record(base, np.sin(0.4 * np.arange(SAMPLES) * STEP))
-    assert "nothing of m" in found(base, slow)[1]["excitation"].sentence
+    assert "nothing of c" in found(base, slow)[1]["excitation"].sentence
 
 
 def test_parameters_that_move_together_are_named() -> None:
@@ -501,4 +503,30 @@ def test_faults_that_the_reader_put_right_are_told() -> None:
 def test_what_the_reader_asks_must_be_answered() -> None:
     model, data = motor()
     notes = (said("is the time in ms?", "unit_of_time"),)
-    assert found(model, replace(data, t=1e3 * data.t, notes=notes))[1]["unit_of_time"].open
+    finding = found(model, replace(data, notes=notes))[1]["time_unit"]
+    assert finding.open
+    assert finding.sentence == "is the time in ms?"
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_the_unit_of_the_time_is_told_by_the_model(unit: str, factor: float) -> None:
+    model, data = motor()
+    other = replace(data, t=factor * data.t)
+    finding = the("time_unit", model, other)
+    assert finding.open
+    assert finding.cure == f"t_in_{unit}"
+    after, _ = found(model, other, (finding.cure,))
+    np.testing.assert_allclose(after.t, data.t, atol=1e-9)
+
+
+def test_a_channel_that_is_seldom_measured_is_noted() -> None:
+    model, data = changed("position", lambda q: np.where(np.arange(q.size) % 50 == 0, q, np.nan))
+    assert found(model, data)[1]["sparse_channel"].channel == "position"
+    model, data = changed("position", lambda q: np.where(np.arange(q.size) % 4 == 0, q, np.nan))
+    assert "sparse_channel" not in found(model, data)[1]
+
+
+@pytest.mark.parametrize("verb", ["check", "simulate", "compare", "diagnose", "add", "refine"])
+def test_every_verb_that_reads_data_takes_cures(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([verb, "--help"]) == 0
+    assert "--cure" in capsys.readouterr().out
