@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,10 +69,17 @@ def without_samples(names: tuple[str, ...], drop: NDArray[np.bool_]) -> Callable
         measured = {n: frozen(np.where(drop, np.nan, v)) if n in names else v for n, v in record.measured.items()}
         kept = np.isfinite(np.stack(list(measured.values()))).any(axis=0)
         measured = {n: frozen(v[kept]) for n, v in measured.items()}
-        t, u = frozen(record.t[kept]), frozen(record.u[kept])
-        return replace(record, t=t, u=u, measured=measured, x0=_start(measured, record.states))
+        rest = timed(record, lambda stamps: stamps[kept])
+        return replace(rest, u=frozen(record.u[kept]), measured=measured, x0=_start(measured, record.states))
 
     return cure
+
+
+def timed(record: ModelData, change: Callable[[Array], Array]) -> ModelData:
+    """Return a record with its stamps (T,) changed, and with them those from which its inputs act, where it has any."""
+    stamps = {name: getattr(record, name, None) for name in ("t", "acts")}
+    new: dict[str, Any] = {name: frozen(change(t)) for name, t in stamps.items() if t is not None}
+    return replace(record, **new)
 
 
 def values_of(record: ModelData, name: str) -> Array:
@@ -85,4 +92,4 @@ def _start(measured: dict[str, Array], states: tuple[str, ...]) -> Array | None:
     return frozen(np.array([measured[name][0] for name in states])) if known else None
 
 
-__all__ = ["Check", "changed", "values_of", "with_channel", "without_channel", "without_samples"]
+__all__ = ["Check", "changed", "timed", "values_of", "with_channel", "without_channel", "without_samples"]

@@ -202,7 +202,9 @@ def _even(
     t = record.t[part]
     step = float(np.median(np.diff(t)))
     grid = t[0] + step * np.arange(int((t[-1] - t[0]) / step + 1e-6) + 1)
-    held = np.maximum(np.searchsorted(t + delay, grid + 1e-6 * step, side="right") - 1, 0)
+    acts = getattr(record, "acts", None)
+    acts = t if acts is None else acts[part]
+    held = np.maximum(np.searchsorted(acts + delay, grid + 1e-6 * step, side="right") - 1, 0)
     y = [_filled(grid, t, record.measured[name][part]) for name in channels]
     more = {name: values[part][held] for name, values in extra.items()}
     return grid, record.u[part][held], np.column_stack(y), more

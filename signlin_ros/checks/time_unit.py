@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
-from signlin_ros.checks.base import Check
+from signlin_ros.checks.base import Check, timed
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 from signlin_ros.checks.observer import prediction
 from signlin_ros.checks.unit_or_sign import BETTER, GOOD
 from signlin_ros.records import ModelData
-from signlin_ros.records.table import frozen
 
 UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Other units of a time, in s."""
@@ -52,11 +50,11 @@ def _best(look: Look) -> str:
         return ""
     before = look.predicted.left() if look.predicted else 1.0
     for unit in (unit for unit, factor in UNITS.items() if LEAST < factor * steps < OVER):
-        p = prediction(look.base, replace(look.record, t=look.t * UNITS[unit]), look.channels)
+        p = prediction(look.base, _converted(UNITS[unit])(look.record), look.channels)
         if p is not None and p.left() < min(BETTER * before, GOOD):
             return unit
     return ""
 
 
 def _converted(factor: float) -> Callable[[ModelData], ModelData]:
-    return lambda record: replace(record, t=frozen(record.t * factor))
+    return lambda record: timed(record, lambda stamps: stamps * factor)
