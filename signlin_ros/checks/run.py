@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import Look
+from signlin_ros.checks.look import LEAST, Look
 from signlin_ros.checks.registry import CHECKS
 from signlin_ros.errors import InputError, RecordError, choices, suggest
 from signlin_ros.model import Model
@@ -42,6 +42,8 @@ def require_sound(findings: Sequence[Finding], cures: Collection[str] = ()) -> N
 def _checked(model: Model, record: ModelData, cures: frozenset[str]) -> tuple[ModelData, list[Finding]]:
     found: list[Finding] = []
     look = Look(model, record)
+    if not look.channels or look.t.size < LEAST:  # nothing to look at: what comes next says so
+        return record, found
     for kind in CHECKS:
         if kind.needs_time and "t" in look.told:
             continue

@@ -530,3 +530,9 @@ def test_a_channel_that_is_seldom_measured_is_noted() -> None:
 def test_every_verb_that_reads_data_takes_cures(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([verb, "--help"]) == 0
     assert "--cure" in capsys.readouterr().out
+
+
+def test_what_is_too_short_to_look_at_is_left_to_what_comes_next() -> None:
+    model, data = motor()
+    assert check(model, [data.part(0, 5)])[1] == []
+    assert check(model, [replace(data, measured={})])[1] == []
