@@ -26,7 +26,9 @@ class Check(ABC):
 
     name: ClassVar[str]
     needs_time: ClassVar[bool] = False
-    """Whether it means nothing where the time is in doubt."""
+    """Whether it means nothing where the time is in doubt, or nothing moves."""
+    exclusive: ClassVar[bool] = False
+    """Whether its findings are alternatives: where one is applied, the others are none."""
 
     @abstractmethod
     def find(self, look: Look) -> Iterable[Finding]:

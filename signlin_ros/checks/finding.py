@@ -61,6 +61,16 @@ class Finding:
         """Whether nothing may be concluded from the record as it is."""
         return self.severity == "refuse" and not self.applied
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether what it is about is in doubt."""
+        return self.severity != "note" and not self.applied
+
+    @property
+    def about(self) -> tuple[str, ...]:
+        """The inputs and channels that it is about."""
+        return tuple(self.channel.split(", ")) if self.channel else ()
+
     def done(self) -> Finding:
         """Return the finding with its cure applied."""
         return replace(self, applied=True)

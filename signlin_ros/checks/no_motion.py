@@ -36,7 +36,7 @@ class NoMotion(Check):
         what = " and ".join(f"the {name} stays within {_size(look, name)}" for name in names)
         yield Finding(
             self.name,
-            names[-1],
+            ", ".join(names),
             "refuse",
             f"the drive never moved beyond the noise of its sensors ({what}): nothing can be named from this record",
         )

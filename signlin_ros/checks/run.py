@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.checks.no_motion import NoMotion
 from signlin_ros.checks.registry import CHECKS
 from signlin_ros.errors import InputError, RecordError, choices, suggest
 from signlin_ros.model import Model
@@ -45,13 +46,15 @@ def _checked(model: Model, record: ModelData, cures: frozenset[str]) -> tuple[Mo
     if not look.channels or look.t.size < LEAST:  # nothing to look at: what comes next says so
         return record, found
     for kind in CHECKS:
-        if kind.needs_time and "t" in look.told:
+        if kind.needs_time and ("t" in look.told or any(f.check == NoMotion.name for f in found)):
             continue
+        told = []
         for finding in kind().find(look):
             record, treated = _treated(record, replace(finding, source=record.source), cures)
-            found.append(treated)
-        told = tuple(n for f in found if f.severity != "note" and not f.applied for n in f.channel.split(", "))
-        look = look.on(record, told)
+            told.append(treated)
+        applied = [finding for finding in told if finding.applied]
+        found += applied if kind.exclusive and applied else told
+        look = look.on(record, tuple(name for finding in found if finding.doubtful for name in finding.about))
     return record, found
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from signlin_ros.checks.base import Check, changed, without_samples
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import LEAST, Look
+from signlin_ros.errors import joined
 from signlin_ros.noise import noise_level
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ class TwoSources(Check):
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield channels with zeros between values together, then inputs, then curves by turns."""
-        zeros = {name: found for name in look.channels if (found := _zeros(look.of(name))) is not None}
+        zeros = {name: found for name in look.channels if (found := _constants(look.of(name))) is not None}
         if zeros:
             yield self._dropped(look, zeros)
         for name in look.record.inputs:
@@ -56,11 +57,14 @@ class TwoSources(Check):
 
     def _dropped(self, look: Look, zeros: dict[str, NDArray[np.bool_]]) -> Finding:
         names = tuple(zeros)
-        together = np.all([look.of(name) == 0.0 for name in names], axis=0)
+        values = {name: float(look.of(name)[at][0]) for name, at in zeros.items()}
+        together = np.all([look.of(name) == value for name, value in values.items()], axis=0)
         drop = np.any(list(zeros.values()), axis=0) | (together if len(names) > 1 else False)
-        count, what = int(drop.sum()), " and ".join(names)
-        share = f"{count} of {drop.size} samples"
-        sentence = f"the {what} jumps to 0 and back in {share}: a second source, or readings that failed"
+        what, to = joined([f"the {name}" for name in names]), joined([f"{values[name]:.4g}" for name in names])
+        to = "0" if not any(values.values()) else to
+        share = f"{int(drop.sum())} of {drop.size} samples"
+        sentence = f"{what} {'jumps' if len(names) == 1 else 'jump'} to {to} and back in {share}"
+        sentence += ": a second source, or readings that failed"
         return Finding(
             self.name,
             ", ".join(names),
@@ -86,6 +90,14 @@ class TwoSources(Check):
 
 
 _ORDINAL = {2: "second", 3: "third", 4: "fourth"}
+
+
+def _constants(values: Array) -> NDArray[np.bool_] | None:
+    """Return where (T,) values jump to 0, or to the value that is there most often, and back; None if they do not."""
+    levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    often = float(levels[int(np.argmax(counts))]) if levels.size else 0.0
+    found = _zeros(values)
+    return _zeros(values - often) if found is None and often != 0.0 else found
 
 
 def _zeros(values: Array) -> NDArray[np.bool_] | None:

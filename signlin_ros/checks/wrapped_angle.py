@@ -10,7 +10,8 @@ from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import LEAST, Look
 from signlin_ros.checks.wrapping import unwrapped, wraps
 
-TURN = 2.0 * math.pi
+TURNS = (2.0 * math.pi, 360.0)
+"""A whole turn, in rad and, where a column says nothing of its unit, in degrees."""
 
 
 class WrappedAngle(Check):
@@ -29,10 +30,10 @@ class WrappedAngle(Check):
         name = look.position
         if name not in look.channels or look.finite(name)[1].size < LEAST:
             return
-        found = wraps(look.finite(name)[1], (TURN,) if look.unit(name) == "rad" else ())
+        found = wraps(look.finite(name)[1], TURNS if look.unit(name) in ("rad", "m") else ())
         if found is None:
             return
-        turn = found.period == TURN
+        turn = found.period in TURNS
         what = "a whole turn" if turn else f"{found.period:.6g} {look.unit(name)}, the range of a counter,"
         times = "once" if found.count == 1 else f"{found.count} times"
         yield Finding(

@@ -193,7 +193,8 @@ def notes(texts: Sequence[str]) -> list[Block]:
 def findings(record: Sequence[Finding]) -> list[Block]:
     """Return what was found in records as a list."""
     items = [
-        (f"{f.severity}, {f.check}", f"{f.source}: {f.said}" + f" ({f.way_out})" * bool(f.way_out)) for f in record
+        (f"{f.severity}, {f.check}", f"{name_of(f.source)}: {f.said}" + f" ({f.way_out})" * bool(f.way_out))
+        for f in record
     ]
     return [Items(items)] if items else []
 

@@ -160,6 +160,13 @@ def test_zeros_of_a_second_publisher_are_left_out() -> None:
         assert np.abs(values[kept] - expected).max() < 1e-9
 
 
+def test_a_source_that_repeats_one_value_is_left_out_too() -> None:
+    model, data = changed("position", lambda q: np.where(np.arange(q.size) % 5 == 2, 50.0, q))
+    after, findings = found(model, data)
+    assert findings["two_sources"].applied
+    assert np.nanmax(after.measured["position"]) < 50.0
+
+
 def test_zeros_in_an_input_are_refused_until_it_is_said_what_they_are() -> None:
     model, data = motor()
     mixed = with_channel(data, "voltage", np.where(np.arange(SAMPLES) % 4 == 1, 0.0, data.u[:, 0]))
@@ -305,11 +312,36 @@ def test_a_one_way_input_of_a_drive_that_swings_back_is_right() -> None:
 # ------------------------------------------------------------------ position and velocity
 
 
-def test_a_gear_between_position_and_velocity_is_offered() -> None:
+@pytest.mark.parametrize("tolerance", [0.05, 1.0])
+def test_a_gear_is_refused_where_the_model_is_known_and_offered_where_it_is_guessed(tolerance: float) -> None:
     model, data = changed("position", lambda q: q / 5.0)
-    _, findings = found(model, data)
-    assert {f.severity for f in findings.values()} <= {"offer", "note"}
-    assert any("position" in f.channel or "speed" in f.channel for f in findings.values())
+    _, findings = found(model.with_options(tolerance=tolerance), data)
+    (finding,) = (f for f in findings.values() if f.severity != "note")
+    assert finding.cure == "scale_position"
+    assert finding.open == (tolerance < 0.5)
+    after, _ = found(model, data, ("scale_position",))
+    np.testing.assert_allclose(after.measured["position"], motor()[1].measured["position"], rtol=0.15, atol=1e-9)
+
+
+def test_two_channels_in_other_units_are_told_together() -> None:
+    model, data = changed("current", lambda i: 1e3 * i)
+    both = with_channel(data, "speed", 60 / (2 * np.pi) * data.measured["speed"])
+    _, findings = found(model, replace(both, measured={n: both.measured[n] for n in ("current", "speed")}))
+    assert {"current", "speed"} == set(findings["unit_or_sign"].about)
+    assert "rpm" in findings["unit_or_sign"].sentence
+    assert "mA" in findings["unit_or_sign"].sentence
+
+
+def test_of_two_explanations_one_is_enough() -> None:
+    """A force that is 1000 times too small moves the mass by as much as a displacement in mm."""
+    model, data = oscillator()
+    small = with_channel(data, "force", 1e-3 * data.u[:, 0])
+    only = replace(small, measured={"displacement": small.measured["displacement"]})
+    _, findings = check(model, [only])
+    assert len(findings) > 1
+    assert all(f.open for f in findings)
+    _, findings = check(model, [only], (findings[0].cure,))
+    assert [f.applied for f in findings] == [True]
 
 
 def test_a_velocity_of_another_axis_is_refused() -> None:
@@ -357,8 +389,7 @@ def test_slow_samples_are_noted_and_impossible_ones_refused() -> None:
     finding = found(model, fifth)[1]["slow_sampling"]
     assert finding.severity == "note"
     assert "current" in finding.sentence
-    rng = np.random.default_rng(1)
-    nothing = {n: rng.normal(size=SAMPLES) for n in data.measured}
+    nothing = {n: np.sin(2 * np.pi * 0.2 * np.arange(SAMPLES)) for n in data.measured}
     assert found(model, replace(data, t=1e3 * data.t, measured=nothing))[1]["slow_sampling"].open
 
 
