@@ -192,10 +192,9 @@ def notes(texts: Sequence[str]) -> list[Block]:
 
 def findings(record: Sequence[Finding]) -> list[Block]:
     """Return what was found in records as a list."""
-    items = [
-        (f"{f.severity}, {f.check}", f"{name_of(f.source)}: {f.said}" + f" ({f.way_out})" * bool(f.way_out))
-        for f in record
-    ]
+    ways = [f" ({f.way_out})" if f.way_out else "" for f in record]
+    texts = [f"{name_of(f.source)}: {f.said}{way}" for f, way in zip(record, ways, strict=True)]
+    items = [(f"{f.severity}, {f.check}", text) for f, text in zip(record, texts, strict=True)]
     return [Items(items)] if items else []
 
 
