@@ -85,13 +85,16 @@ def _every(c: Case, change: Callable[[Array], Array]) -> ModelData:
 
 
 def _wrapped(q: Array) -> Array | None:
-    return (q + np.pi) % TURN - np.pi if np.ptp(q) > 1.5 * TURN else None
+    """An angle of several turns whose sensor is one of an angle: noise of the generator grows with the travel."""
+    noise = float(np.std(np.diff(q, 4))) / np.sqrt(70.0)
+    told = np.ptp(q) > 1.5 * TURN and noise < 0.1 and np.percentile(np.abs(np.diff(q)), 99) < 0.3 * TURN
+    return (q + np.pi) % TURN - np.pi if told else None
 
 
 def _overflow(v: Array) -> Array | None:
-    step = np.ptp(v) / 700.0
+    step = np.ptp(v) / 350.0
     whole = step * np.round(v / step)
-    return (whole + 256 * step) % (512 * step) - 256 * step if np.ptp(v) > 0 else None
+    return (whole + 128 * step) % (256 * step) - 128 * step if np.ptp(v) > 0 else None
 
 
 def _clipped(v: Array) -> Array:

@@ -14,7 +14,7 @@ from signlin_ros.checks.wrapping import unwrapped, wraps
 
 Array = NDArray[np.float64]
 
-BITS = (8, 10, 11, 12, 13, 14, 15, 16, 24, 31, 32)
+BITS = (*range(8, 17), 20, 24, 31, 32)
 
 
 class IntegerOverflow(Check):
