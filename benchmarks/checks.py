@@ -172,7 +172,7 @@ FAULTS: dict[str, tuple[tuple[str, ...], Fault]] = {
     "input without a sign": (("unsigned_input",), _unsigned),
     "input 20 samples late": (("mixed_clocks",), _late_input),
     "no motion": (("no_motion",), _still),
-    "time in ms": (("slow_sampling",), lambda c: replace(c.data, t=1e3 * c.data.t)),
+    "time in ms": (("time_unit", "slow_sampling"), lambda c: replace(c.data, t=1e3 * c.data.t)),
     "jitter": (("jitter",), _jittered),
 }  # fmt: skip
 """By name: the checks that may tell a fault, and what makes one of a record (None: this record cannot show it)."""
