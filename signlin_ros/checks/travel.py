@@ -13,7 +13,7 @@ AGREE = 0.9
 """Least squared correlation of travel and integral where one follows from the other."""
 CLEAR = 10.0
 """By how much both must exceed what their noise does, for anything to be said."""
-EQUAL = 0.4
+EQUAL = 0.6
 """Factors nearer to 1 than this are a matter of the sensors' gains, which a diagnosis tells."""
 FEWEST = 100
 
