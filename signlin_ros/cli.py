@@ -116,6 +116,15 @@ def _mapping(signals: Sequence[str]) -> dict[str, str]:
     return {**found, "t": repr(step)}
 
 
+_cure_option = click.option(
+    "--cure",
+    "cures",
+    multiple=True,
+    metavar="NAME",
+    help="Apply what `signlin check` offers under this name; `none` takes the records as they are. Repeatable.",
+)
+
+
 def _note(text: str) -> None:
     click.echo(text, err=True)
 
@@ -265,9 +274,12 @@ signlin simulate my_motor.yaml run.csv -o linear.csv --as piecewise""",
     help="exact: set-valued friction; smooth: sign_j; piecewise: A, B, c held for each update period.",
 )
 @click.option("--rtol", default=1e-6, show_default=True, callback=_positive, help="Relative tolerance.")
+@_cure_option
 @_signal_option
 @_json_option
-def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals: tuple[str, ...]) -> Report:
+def simulate(
+    model: str, data: str, output: str, kind: str, rtol: float, signals: tuple[str, ...], cures: tuple[str, ...]
+) -> Report:
     """Drive MODEL with the inputs in DATA and write what it does to OUT.
 
     The run starts from DATA's first row where that holds every state, else from the model's initial_state.
@@ -276,6 +288,7 @@ def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals
     """
     mapping = _mapping(signals)
     from signlin_ros import console
+    from signlin_ros.checks.run import check as cured
     from signlin_ros.guard import check_files
     from signlin_ros.model import Model
     from signlin_ros.records import SUFFIXES, read_for_model, write_record
@@ -284,6 +297,8 @@ def simulate(model: str, data: str, output: str, kind: str, rtol: float, signals
     loaded = Model.load(model)
     check_files(loaded, (data,), output=output, kinds=SUFFIXES)
     record = read_for_model(data, loaded, mapping)
+    if cures:
+        (record,), _ = cured(loaded, [record], cures)
     _progress(f"simulating {len(record)} samples (the first run of a kind compiles for some seconds) ...")
     start = None if record.x0 is None else loaded.true_states(record.x0)
     result = run(loaded, record.t, record.u, start, kind=kind, rtol=rtol, acts=record.acts)
@@ -304,6 +319,7 @@ signlin compare my_servo.yaml monday.csv tuesday.csv --signal displacement=q_mea
 @click.option("--horizon", type=float, help="How far ahead to predict, in s; default: MODEL's update_period.")
 @click.option("--cutoff", type=float, help="Low-pass of the effort computed from the motion, in Hz.")
 @click.option("--report", metavar="OUT.html", help="Write a report with pictures.")
+@_cure_option
 @_signal_option
 @_json_option
 def compare(
@@ -313,6 +329,7 @@ def compare(
     cutoff: float | None,
     report: str | None,
     signals: tuple[str, ...],
+    cures: tuple[str, ...],
 ) -> Report:
     """Compare MODEL with the measurements in DATA: how good it is, and where it fails.
 
@@ -322,22 +339,58 @@ def compare(
     """
     mapping = _mapping(signals)
     from signlin_ros import console
+    from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis.comparison import compare as run
     from signlin_ros.diagnosis.data import load_records
-    from signlin_ros.guard import check_files
+    from signlin_ros.guard import check_files, check_records
     from signlin_ros.model import Model
 
     original = Model.load(model)
     check_files(original, data, report=report)
     loaded, records = load_records(original, data, mapping)
+    records, findings = check_records(loaded, records, cures)
     _progress(f"comparing {sum(map(len, records))} samples (the first run compiles for some seconds) ...")
     result = run(loaded, records, horizon, cutoff)
     if report is not None:
         from signlin_ros.report import compare_report
 
         given = ("compare", model, *data)
-        compare_report(result, report, _command(given, horizon=horizon, cutoff=cutoff, signal=signals))
-    return result.to_json(), console.compare_text
+        command = _command(given, horizon=horizon, cutoff=cutoff, signal=signals, cure=cures)
+        compare_report(result, report, command, findings)
+    return {**result.to_json(), "record": to_json(findings)}, console.compare_text
+
+
+@signlin.command(
+    cls=_Examples,
+    epilog="""signlin check my_motor.yaml run.csv
+signlin check my_motor.yaml bag/ --signal voltage=/cmd.data --json
+signlin diagnose my_motor.yaml run.csv --cure speed_in_rpm""",
+)
+@click.argument("model")
+@click.argument("data", nargs=-1, required=True, metavar="DATA...")
+@_cure_option
+@_signal_option
+@_json_option
+def check(model: str, data: tuple[str, ...], signals: tuple[str, ...], cures: tuple[str, ...]) -> Report:
+    """Look for what is wrong with DATA before anything is concluded from it.
+
+    What cannot do harm is put right and noted; other cures are offered by name, for --cure of this and every other
+    verb. What is marked `refuse` stops compare, diagnose, add and refine until it is decided (`--cure none` takes the
+    records as they are).
+    """
+    mapping = _pairs(signals, "--signal", "NAME=COLUMN")
+    from signlin_ros import console
+    from signlin_ros.checks.finding import to_json
+    from signlin_ros.checks.run import check as run
+    from signlin_ros.diagnosis.data import load_records
+    from signlin_ros.guard import check_files
+    from signlin_ros.model import Model
+
+    original = Model.load(model)
+    check_files(original, data)
+    loaded, records = load_records(original, data, mapping)
+    _, findings = run(loaded, records, cures)
+    return to_json(findings), console.check_text
 
 
 def _command(words: Sequence[str], **options: Any) -> str:
@@ -360,6 +413,7 @@ def _diagnosis_options(function: Callable[..., Report]) -> Callable[..., None]:
     found: Any = function
     for add_one in (
         _json_option,
+        _cure_option,
         _signal_option,
         click.option("--jobs", type=click.IntRange(1, 256), help="Fits side by side; default: one per processor."),
         click.option("--report", metavar="OUT.html", help="Write a report with pictures."),
@@ -465,21 +519,24 @@ def _diagnosed(
     report: str | None,
     jobs: int | None,
     signals: tuple[str, ...],
+    cures: tuple[str, ...],
     output: str | None = None,
     effect: str | None = None,
 ) -> Report:
     mapping = _mapping(signals)
     from signlin_ros import console
+    from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis import diagnose as page
     from signlin_ros.diagnosis.data import load_sides
     from signlin_ros.files import write_text
-    from signlin_ros.guard import check_files
+    from signlin_ros.guard import check_files, check_records
     from signlin_ros.model import SUFFIXES, Model
 
     original = Model.load(model)
     check_files(original, data, validation, output, SUFFIXES, report)
-    loaded, first, second = load_sides(original, data, validation, mapping)
-    records = [*first, *(second or ())]
+    loaded, known, unseen = load_sides(original, data, validation, mapping)
+    records, findings = check_records(loaded, [*known, *(unseen or ())], cures)
+    first, second = records[: len(known)], records[len(known) :] or None
     _progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
     arguments = (*([effect] if effect else []), loaded, first, second)
     result = getattr(page, verb)(*arguments, jobs=jobs or os.cpu_count() or 1, progress=_stage)
@@ -493,9 +550,9 @@ def _diagnosed(
         from signlin_ros.report import diagnosis_report
 
         words = (verb, *([effect] if effect else []), model, *data)
-        command = _command(words, validation=validation, signal=signals, output=output)
-        diagnosis_report(result, report, command=command, data=(first, second), model=loaded)
-    return result.to_json(), console.diagnosis_text
+        command = _command(words, validation=validation, signal=signals, cure=cures, output=output)
+        diagnosis_report(result, report, command=command, data=(first, second), model=loaded, record=findings)
+    return {**result.to_json(), "record": to_json(findings)}, console.diagnosis_text
 
 
 def _as_written(result: Any, original: Any, output: str | None) -> Any:

@@ -165,6 +165,29 @@ def simulate_text(content: dict[str, Any]) -> str:
     return "\n\n".join(parts + (["surfaces\n" + table(events)] if events else []))
 
 
+# -------------------------------------------------------------------- check
+
+
+def check_text(content: dict[str, Any]) -> str:
+    """Return what was found in records as text, one line each, or that nothing was."""
+    return _record(content) or "nothing is wrong with the record that any check looks for"
+
+
+def _record(content: dict[str, Any] | None) -> str:
+    """Return findings as lines by record; nothing where there are none."""
+    findings = content["findings"] if content else []
+    lines = []
+    for source in dict.fromkeys(f["record"] for f in findings):
+        lines.append(f"about the record {source}")
+        lines += [f"  {_said(f)}" for f in findings if f["record"] == source]
+    return "\n".join(lines)
+
+
+def _said(f: dict[str, Any]) -> str:
+    cure = f" [--cure {f['cure']}{': applied' if f['applied'] else ''}]" if f["cure"] else ""
+    return f"{f['severity']}: {f['check']}: {f['sentence']}{cure}"
+
+
 # -------------------------------------------------------------------- compare
 
 
@@ -172,7 +195,8 @@ def compare_text(content: dict[str, Any]) -> str:
     """Return a comparison as text: scores, what is missing, where it fails, what is left in the residual."""
     data = content["data"]
     records = data[0] if len(data) == 1 else f"{len(data)} records"
-    parts = [f"{content['model']} against {records}, {content['samples']} samples", _scores(content)]
+    parts = [f"{content['model']} against {records}, {content['samples']} samples", _record(content.get("record"))]
+    parts += [_scores(content)]
     parts += [_inverse(content["inverse"]), _missing(content["missing"]), _where(content["where"])]
     parts += [_residuals(content["residual_tests"]), "\n".join(f"note: {note}" for note in content["notes"])]
     return "\n\n".join(part for part in parts if part)
@@ -180,7 +204,8 @@ def compare_text(content: dict[str, Any]) -> str:
 
 def diagnosis_text(content: dict[str, Any]) -> str:
     """Return a diagnosis as text: verdict, what is missing and why, the ladder of the error, parameters."""
-    parts = [f"{content['verdict'].upper()}: {content['sentence']}", _ladder(content), _named(content)]
+    parts = [f"{content['verdict'].upper()}: {content['sentence']}", _record(content.get("record"))]
+    parts += [_ladder(content), _named(content)]
     parts += [_fitted(content["parameters"]), "\n".join(f"note: {note}" for note in content["notes"])]
     return "\n\n".join(part for part in parts if part)
 

@@ -1,13 +1,18 @@
-"""What a command checks before any work: that its records are several, and that no output replaces an input."""
+"""What a command checks before any work: that its records are several, that nothing is wrong with them, and that no
+output replaces an input.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
+from signlin_ros.checks.finding import Finding
+from signlin_ros.checks.run import check, require_sound
 from signlin_ros.errors import InputError
 from signlin_ros.files import check_output
 from signlin_ros.model import Model
+from signlin_ros.records import ModelData
 from signlin_ros.report.files import check_report
 
 
@@ -30,6 +35,17 @@ def check_files(
         check_report(report, inputs)
 
 
+def check_records(
+    model: Model, records: Sequence[ModelData], cures: Sequence[str] = ()
+) -> tuple[list[ModelData], list[Finding]]:
+    """Return records with cures applied, and what was found in them; raise `RecordError` where nothing may be concluded
+    from them as they are. See `signlin_ros.checks`.
+    """
+    sound, findings = check(model, records, cures)
+    require_sound(findings, cures)
+    return sound, findings
+
+
 def _distinct(data: Sequence[str], validation: Sequence[str]) -> dict[Path, str]:
     """Return the records that are there, and what each is; raise `InputError` on one that is given twice."""
     found: dict[Path, str] = {}
@@ -47,4 +63,4 @@ def _bag_file(folder: Path, file: Path) -> bool:
     return folder.is_dir() and file.suffix in (".mcap", ".db3") and file.parent.samefile(folder)
 
 
-__all__ = ["check_files"]
+__all__ = ["check_files", "check_records"]

@@ -8,7 +8,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
@@ -23,7 +23,7 @@ from signlin_ros.diagnosis.locate import Region, by_direction, locate
 from signlin_ros.diagnosis.missing import Missing, missing
 from signlin_ros.diagnosis.observer import TRUSTS, Observer
 from signlin_ros.diagnosis.outliers import without_outliers
-from signlin_ros.diagnosis.scores import Score, score
+from signlin_ros.diagnosis.scores import Score, follows_nothing, score, unfollowed
 from signlin_ros.diagnosis.tracking import mean_square
 from signlin_ros.diagnosis.whiteness import ResidualTest, residual_test
 from signlin_ros.errors import InputError
@@ -153,17 +153,18 @@ def compare(
     horizon = _horizon(model, horizon, observer.step)
     free, window = _free(observer, notes), _windowed(observer, horizon, notes)
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
+    scored = _scored(observer, units, free, window)
     effort, where = inverse(model, parts, channels, observer.noise, units, cutoff), locate(observer, lacking, units)
     return Comparison(
         model=model,
-        channels=_scored(observer, units, free, window),
+        channels=scored,
         inverse={effort.name: effort} if effort else {},
         where=where,
         residual_tests=_tests(observer, residuals),
         horizon=horizon,
         samples=sum(len(record) for record in records),
         sources=tuple(record.source for record in records),
-        notes=(*_of_records(records), *chain(*left_out), *notes, *_remarks(observer, lacking, where)),
+        notes=(*_of_records(records), *chain(*left_out), *notes, *_lost(scored), *_remarks(observer, lacking, where)),
         directions={m.name: by_direction(observer, m, units) for m in lacking if m.clear},
         units=units,
         traces=tuple(_traces(observer, k, free, window, residuals) for k in range(len(parts))),
@@ -184,6 +185,16 @@ def _horizon(model: Model, given: float | None, step: float) -> float:
 
 def _of_records(records: Sequence[ModelData]) -> list[str]:
     return [f"{record.source}: {note}" for record in records for note in record.notes]
+
+
+def _lost(channels: Mapping[str, Channel]) -> list[str]:
+    """Return the note on channels that the model follows neither freely nor over windows."""
+    names = [
+        name
+        for name, c in channels.items()
+        if c.windowed and unfollowed({name: c.windowed}) and (c.free_run is None or unfollowed({name: c.free_run}))
+    ]
+    return [follows_nothing(names)] if names else []
 
 
 def _remarks(observer: Observer, lacking: tuple[Missing, ...], where: tuple[Region, ...]) -> list[str]:

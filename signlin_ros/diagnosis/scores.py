@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.errors import joined
+
 Array = NDArray[np.float64]
+
+FLOOR = 50.0
+"""A fit (per cent) below which a model does not follow a channel: its error is then no measure of the noise."""
+SURELY = 2.0
+"""An error of so many times the noise is told all the same."""
 
 
 @dataclass(frozen=True)
@@ -15,7 +23,8 @@ class Score:
     """Error of a prediction.
 
     ``rmse`` in the unit of the channel; ``fit_percent`` = 100 (1 - |y - yhat| / |y - mean y|), None where the
-    measurement does not move; ``rmse_over_noise``, None where the noise is not known.
+    measurement does not move; ``rmse_over_noise``, None where the noise is not known, and where it would be small
+    though the fit is so low (`FLOOR`) that what looks like noise may be all that the model misses.
     """
 
     rmse: float
@@ -35,7 +44,20 @@ def score(measured: Array, predicted: Array, noise: float = 0.0) -> Score | None
     y, error = measured[both], measured[both] - predicted[both]
     rmse, spread = float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean((y - y.mean()) ** 2)))
     fit = 100.0 * (1.0 - rmse / spread) if spread > 0 else None
-    return Score(rmse, fit, rmse / noise if noise > 0 else None)
+    told = noise > 0 and (fit is None or fit >= FLOOR or rmse > SURELY * noise)
+    return Score(rmse, fit, rmse / noise if told else None)
 
 
-__all__ = ["Score", "score"]
+def unfollowed(scores: Mapping[str, Score]) -> list[str]:
+    """Return the channels that a model does not follow at all: fits below `FLOOR`."""
+    return [name for name, one in scores.items() if one.fit_percent is not None and one.fit_percent < FLOOR]
+
+
+def follows_nothing(names: Sequence[str]) -> str:
+    """Return in words that channels fit no model, and why that may be."""
+    what = f"The {joined(list(names))} {'fits' if len(names) == 1 else 'fit'} no model"
+    why = "another unit or axis, two sources in one channel, a sensor that fails, or another input than the recorded"
+    return f"{what} (less than {FLOOR:g} % of fit): {why}. `signlin check` may tell."
+
+
+__all__ = ["FLOOR", "Score", "follows_nothing", "score", "unfollowed"]

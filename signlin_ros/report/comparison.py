@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from signlin_ros import __version__
+from signlin_ros.checks.finding import Finding
 from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import NOWHERE, Comparison
 from signlin_ros.diagnosis.scores import Score
@@ -16,13 +17,15 @@ from signlin_ros.report.files import write_report
 from signlin_ros.report.page import Block, Code, Items, Page, Picture, Section, Table, Text
 
 
-def compare_report(comparison: Comparison, path: str | Path, command: str = "") -> Path:
+def compare_report(comparison: Comparison, path: str | Path, command: str = "", record: Sequence[Finding] = ()) -> Path:
     """Write the report on a comparison to ``path`` (HTML) and its pictures beside it; return the path.
 
-    ``command``: the command line that leads to it. Raises `InputError` where it cannot be written.
+    ``command``: the command line that leads to it; ``record``: what was found in the records. Raises `InputError` where
+    it cannot be written.
     """
     c = comparison
     sections = [
+        Section("The record", findings(record)),
         Section("Scores", [scores_table(c), Text(_HOW, "note"), *_effort(c)]),
         Section("Measured and predicted", _traces(c)),
         Section("Where it fails", where(c)),
@@ -185,6 +188,14 @@ def _spectrum(c: Comparison) -> list[Block]:
 def notes(texts: Sequence[str]) -> list[Block]:
     """Return notes as a list."""
     return [Items([("", text) for text in texts])] if texts else []
+
+
+def findings(record: Sequence[Finding]) -> list[Block]:
+    """Return what was found in records as a list."""
+    ways = [f" ({f.way_out})" if f.way_out else "" for f in record]
+    texts = [f"{name_of(f.source)}: {f.said}{way}" for f, way in zip(record, ways, strict=True)]
+    items = [(f"{f.severity}, {f.check}", text) for f, text in zip(record, texts, strict=True)]
+    return [Items(items)] if items else []
 
 
 def reproduce(command: str) -> list[Block]:

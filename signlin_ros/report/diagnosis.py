@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from signlin_ros.checks.finding import Finding
 from signlin_ros.diagnosis import diagnosis_pictures as drawn
 from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import Comparison, compare
@@ -19,6 +20,7 @@ from signlin_ros.records import ModelData
 from signlin_ros.report.comparison import (
     OVER_TIME,
     drawing,
+    findings,
     foot,
     name_of,
     names_of,
@@ -43,13 +45,14 @@ def diagnosis_report(
     data: tuple[Records, Records | None] | None = None,
     model: Model | None = None,
     comparisons: tuple[Comparison, Comparison] | None = None,
+    record: Sequence[Finding] = (),
 ) -> Path:
     """Write the report on a diagnosis, or on what `add` or `refine` did, and its pictures beside it; return the path.
 
     ``data``: the records of the fit, and those for validation (None: the last third was held out); ``model``: the base
     model as given. Both models are compared with the validation data for the report, unless ``comparisons`` (before
-    and after) are given. ``command``: the command line that leads to it. Raises `InputError` where it cannot be
-    written.
+    and after) are given. ``command``: the command line that leads to it; ``record``: what was found in the records.
+    Raises `InputError` where it cannot be written.
     """
     d, remarks = diagnosis, list(diagnosis.notes)
     if comparisons is None and data is not None and model is not None:
@@ -57,6 +60,7 @@ def diagnosis_report(
     base = model or (d.findings.problem.base if d.findings else None)
     before = comparisons[0] if comparisons else None
     sections = [
+        Section("The record", findings(record)),
         Section("What the record shows", _shown(d)),
         Section("The error, step by step", _ladder(d)),
         Section("Before and after", _before_and_after(d, comparisons)),

@@ -329,6 +329,7 @@ def test_a_disk_that_fills_up_under_a_model_file_is_no_fault_of_ours(run, data, 
     done = SimpleNamespace(yaml="")
     monkeypatch.setattr("signlin_ros.diagnosis.verdict.add", lambda *_, **__: done)
     monkeypatch.setattr("signlin_ros.diagnosis.load_records", lambda model, *_: (model, [()]))
+    monkeypatch.setattr("signlin_ros.guard.check_records", lambda _, records, __: (records, []))
     monkeypatch.setattr(cli, "_as_written", lambda result, *_: result)
     monkeypatch.setattr(cli, "_with_notes", lambda result, _: result)
     monkeypatch.setattr("signlin_ros.files.write_text", refusing(errno.ENOSPC))

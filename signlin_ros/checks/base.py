@@ -1,0 +1,97 @@
+"""What a check is."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.checks.finding import Finding
+from signlin_ros.checks.look import Look
+from signlin_ros.records import ModelData
+from signlin_ros.records.table import frozen
+
+Array = NDArray[np.float64]
+
+
+class Check(ABC):
+    """One thing that may be wrong with a record.
+
+    The docstring of each says what it looks for, how often its test is wrong, and what the cure is.
+    """
+
+    name: ClassVar[str]
+    needs_time: ClassVar[bool] = False
+    """Whether it means nothing where the time is in doubt, or nothing moves."""
+    exclusive: ClassVar[bool] = False
+    """Whether its findings are alternatives: where one is applied, the others are none."""
+
+    @abstractmethod
+    def find(self, look: Look) -> Iterable[Finding]:
+        """Yield what is found in a record."""
+
+    def note(self, channel: str, sentence: str) -> Finding:
+        """Return what is to be known, and needs no cure."""
+        return Finding(self.name, channel, "note", sentence)
+
+
+def with_channel(record: ModelData, name: str, values: Array) -> ModelData:
+    """Return a record with other values (T,) of an input or a measured channel."""
+    if name in record.measured:
+        measured = {**record.measured, name: frozen(values)}
+        return replace(record, measured=measured, x0=_start(measured, record.states))
+    u = record.u.copy()
+    u[:, record.inputs.index(name)] = values
+    return replace(record, u=frozen(u))
+
+
+def changed(name: str, change: Callable[[Array], Array]) -> Callable[[ModelData], ModelData]:
+    """Return the cure that changes the values (T,) of one input or channel."""
+    return lambda record: with_channel(record, name, change(values_of(record, name)))
+
+
+def without_channel(name: str) -> Callable[[ModelData], ModelData]:
+    """Return the cure that leaves a measured channel out."""
+
+    def cure(record: ModelData) -> ModelData:
+        measured = {key: values for key, values in record.measured.items() if key != name}
+        return replace(record, measured=measured, x0=_start(measured, record.states))
+
+    return cure
+
+
+def without_samples(names: tuple[str, ...], drop: NDArray[np.bool_]) -> Callable[[ModelData], ModelData]:
+    """Return the cure that makes samples (T,) of channels missing; rows that then hold nothing are left out."""
+
+    def cure(record: ModelData) -> ModelData:
+        measured = {n: frozen(np.where(drop, np.nan, v)) if n in names else v for n, v in record.measured.items()}
+        kept = np.isfinite(np.stack(list(measured.values()))).any(axis=0)
+        measured = {n: frozen(v[kept]) for n, v in measured.items()}
+        rest = timed(record, lambda stamps: stamps[kept])
+        return replace(rest, u=frozen(record.u[kept]), measured=measured, x0=_start(measured, record.states))
+
+    return cure
+
+
+def timed(record: ModelData, change: Callable[[Array], Array]) -> ModelData:
+    """Return a record with its stamps (T,) changed, and with them those from which its inputs act, where it has any."""
+    stamps = {name: getattr(record, name, None) for name in ("t", "acts")}
+    new: dict[str, Any] = {name: frozen(change(t)) for name, t in stamps.items() if t is not None}
+    return replace(record, **new)
+
+
+def values_of(record: ModelData, name: str) -> Array:
+    """Return the values (T,) of an input or a measured channel."""
+    return record.measured[name] if name in record.measured else record.u[:, record.inputs.index(name)]
+
+
+def _start(measured: dict[str, Array], states: tuple[str, ...]) -> Array | None:
+    known = all(name in measured and measured[name].size and np.isfinite(measured[name][0]) for name in states)
+    return frozen(np.array([measured[name][0] for name in states])) if known else None
+
+
+__all__ = ["Check", "changed", "timed", "values_of", "with_channel", "without_channel", "without_samples"]

@@ -1,0 +1,110 @@
+"""Channels at the end of their range."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.checks.base import Check, changed
+from signlin_ros.checks.finding import Finding
+from signlin_ros.checks.look import LEAST, Look
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+RUN = 3
+"""So many samples in a row at the limit are a run."""
+SHARE, FEW = 0.005, 5
+"""Least share and number of samples in such runs."""
+LIMIT = 0.5
+"""The limit of an input is this share of its largest value, or more: nothing else is one."""
+LEVELS = 0.2
+"""Distinct values, as a share of the samples, beneath which a signal has levels rather than limits."""
+ABRUPT = 0.3
+"""Steps into and out of the runs, as a share of what they are a few samples before."""
+
+
+class Clipped(Check):
+    """A channel rests at its largest or smallest value, exactly, where it would have gone on.
+
+    Test: runs of `RUN` equal values at an extreme of a signal that takes many values, entered at the pace that it has
+    elsewhere. With noise or digits beyond one step the chance of one such run is below 10^-6 a record; a drive
+    that comes to rest at an extreme slows down before.
+    Cure: of a measured channel, samples at the limit are taken for missing (``blank_NAME``); an input acted as it was
+    logged, and is only noted.
+    """
+
+    name = "clipped"
+
+    def find(self, look: Look) -> Iterator[Finding]:
+        """Yield what is clipped."""
+        for name in (*look.channels, *look.record.inputs):
+            values = look.of(name)
+            measured = name in look.channels
+            at = _clipped(values, look.quantum(name) if measured else 0.0, 0.0 if measured else LIMIT)
+            if at is None:
+                continue
+            percent, sides = 100.0 * float(at.mean()), np.unique(values[at])
+            limits = " and ".join(f"{value:.4g}" for value in sides)
+            where = f"at {limits} {look.unit(name)} for {percent:.2g} % of the time"
+            if name not in look.channels:
+                yield self.note(name, f"the {name} is at its limit, {where}")
+                continue
+            yield Finding(
+                self.name,
+                name,
+                "offer",
+                f"the {name} is clipped: it rests {where}, and the true values lie beyond",
+                cure=f"blank_{name}",
+                remedy="samples at the limit are taken for missing",
+                action=changed(name, lambda values, at=at: np.where(at, np.nan, values)),  # type: ignore[misc]
+            )
+
+
+def _clipped(values: Array, quantum: float, least: float) -> Mask | None:
+    """Return where (T,) values are clipped; None where they are not, or so rarely that it does not matter.
+
+    ``least``: a limit is this share of the largest value, or more.
+    """
+    good = np.isfinite(values)
+    if good.sum() < 5 * LEAST:
+        return None
+    filled = values if good.all() else np.interp(np.arange(values.size), np.flatnonzero(good), values[good])
+    levels = np.unique(filled).size
+    if quantum == 0.0 and levels < LEVELS * _changing(filled):
+        return None
+    limits = [limit for limit in (filled.max(), filled.min()) if abs(limit) >= least * np.abs(filled).max()]
+    sides = [side for limit in limits if (side := _runs(filled, filled == limit, quantum)).any()]
+    found = np.any(sides, axis=0) if sides else np.zeros(0, dtype=bool)
+    return found if found.sum() >= max(FEW, SHARE * values.size) else None
+
+
+def _changing(values: Array) -> int:
+    """Return in how many samples values (T,) differ from the one before."""
+    return int(np.count_nonzero(np.diff(values))) + 1
+
+
+def _runs(values: Array, at: Mask, quantum: float) -> Mask:
+    """Return which of the samples at a limit (T,) stand in runs that are entered at full pace."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
+    begins, ends = edges[::2], edges[1::2]
+    long = ends - begins >= RUN
+    kept = np.zeros(values.size, dtype=bool)
+    if not long.any():
+        return kept
+    begins, ends = begins[long], ends[long]
+    inside = (begins > 2) & (ends < values.size - 3)
+    if not inside.any():
+        return kept
+    b, e = begins[inside], ends[inside]
+    paces = np.concatenate([np.abs(values[b - 1] - values[b - 3]), np.abs(values[e] - values[e + 2])]) / 2
+    last = np.concatenate([np.abs(values[b] - values[b - 1]), np.abs(values[e - 1] - values[e])])
+    if np.median(paces) <= 3.0 * quantum or np.median(last) < ABRUPT * 0.5 * np.median(paces):
+        return kept
+    if np.median(last) > 20.0 * max(np.median(paces), 1e-300):
+        return kept
+    for begin, end in zip(begins, ends, strict=True):
+        kept[begin:end] = True
+    return kept

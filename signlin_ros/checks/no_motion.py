@@ -1,0 +1,57 @@
+"""Nothing moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from signlin_ros.checks.base import Check
+from signlin_ros.checks.finding import Finding
+from signlin_ros.checks.look import LEAST, Look
+
+LARGER = 1.5
+"""Variance beyond which, in multiples of the noise's, a channel moves."""
+COUNTS = 2.5
+"""Steps of a coarse sensor within which it rests."""
+FOLLOWED = 0.7
+"""What a model leaves of a channel that it follows, as a share: then the channel moves, however much like noise."""
+
+
+class NoMotion(Check):
+    """The drive never moved beyond the noise of its sensors: no effect of a motion can be named.
+
+    Test: the variance of position and velocity is no more than `LARGER` times that of their noise, as their finest
+    differences show it. Of white noise the ratio is 1 within 3 / sqrt(T): 200 samples exceed 1.5 in one of 10^5
+    records. Cure: another record.
+    """
+
+    name = "no_motion"
+
+    def find(self, look: Look) -> Iterator[Finding]:
+        """Yield one finding for the record."""
+        names = [n for n in (look.position, look.velocity) if n in look.channels and look.finite(n)[1].size >= LEAST]
+        if not names or look.model.plant.motion_is_imposed() or not all(_rests(look, name) for name in names):
+            return
+        what = " and ".join(f"the {name} stays within {_size(look, name)}" for name in names)
+        yield Finding(
+            self.name,
+            ", ".join(names),
+            "refuse",
+            f"the drive never moved beyond the noise of its sensors ({what}): nothing can be named from this record",
+        )
+
+
+def _size(look: Look, name: str) -> str:
+    return f"±{3.0 * float(np.std(look.finite(name)[1])):.2g} {look.unit(name)}"
+
+
+def _rests(look: Look, name: str) -> bool:
+    values = look.finite(name)[1]
+    quantum, noise = look.quantum(name), look.noise(name)
+    if np.ptp(values) <= COUNTS * quantum or np.ptp(values) == 0.0:
+        return True
+    p = look.predicted
+    if p is not None and name in p.channels and p.shares()[p.channels.index(name)] < FOLLOWED:
+        return False
+    return bool(np.var(values) <= LARGER * noise.sigma**2)

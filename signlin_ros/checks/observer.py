@@ -1,0 +1,279 @@
+"""An observer of a linear base that follows a record: its innovations are linear in what is recorded.
+
+What each input and each channel adds to the innovations is worked out once. What the record would leave with a channel
+in another unit, reversed, or replaced, is then a sum of these, and costs nothing. [Kalman filter in steady state:
+Anderson and Moore, Optimal Filtering, 1979, ch. 4; recursions by the Schur form, one first-order filter a mode.]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.checks.linear import Base
+from signlin_ros.records import ModelData
+
+Array = NDArray[np.float64]
+
+TRUST, NOISY = 0.03, 0.03
+"""Errors of the model's equations, and of the sensors, in shares of what they hold: what the observer is made for."""
+PERSISTENCE = 0.1
+"""How long, in s, an error of an equation lasts."""
+MOST, LEAST = 20_000, 60
+"""So many samples are followed at most, and at least."""
+HOLE = 5.0
+"""A step longer than this many median steps is a gap."""
+START = 0.05
+"""Share of the samples in which the observer forgets where it began."""
+ONE = "1"
+"""The name of what the equations hold whatever the record says."""
+
+
+@dataclass(frozen=True, eq=False)
+class Discrete:
+    """x+ = A x + B u + b, y = C x + D u + e, over one step."""
+
+    A: Array
+    B: Array
+    b: Array
+    C: Array
+    D: Array
+    e: Array
+
+    @classmethod
+    def of(cls, base: Base, channels: Sequence[str], step: float) -> Discrete:
+        """Return the difference equations of a base that shows channels, for inputs held over ``step`` s."""
+        from scipy.linalg import expm
+
+        n, m = base.B.shape
+        C, D = (np.stack([base.rows[name][i] for name in channels]) for i in (0, 1))
+        whole = np.zeros((n + m + 1, n + m + 1))
+        whole[:n] = np.column_stack([base.A, base.B, base.c])
+        moved = expm(whole * step)
+        e = np.array([base.rows[name][2] for name in channels])
+        return cls(moved[:n, :n], moved[:n, n : n + m], moved[:n, n + m], C, D, e)
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A record on an even grid, t (T,), u (T, m), y (T, ny), and the observer that follows it: gain K (n, ny).
+
+    ``base``: the part of it that the channels show; ``more`` (T,): further inputs, each acting as the first one does.
+    """
+
+    base: Base
+    channels: tuple[str, ...]
+    t: Array
+    u: Array
+    y: Array
+    more: Mapping[str, Array]
+    design: Discrete
+    K: Array
+
+    @property
+    def step(self) -> float:
+        """The time between samples in s."""
+        return float(self.t[1] - self.t[0])
+
+    def discrete(self, base: Base) -> Discrete:
+        """Return the difference equations of another base for the same channels and steps."""
+        return Discrete.of(base.seen_by(self.channels), self.channels, self.step)
+
+    def rates(self) -> Array:
+        """Return what the equations of the base hold (n,), RMS, driven by the inputs of the record."""
+        return _sizes(self.base, self.design.A, self.design.B, self.u)[1]
+
+    def innovations(self, d: Discrete | None = None) -> Array:
+        """Return the innovations (T, ny); of other equations with the same gain if they are given."""
+        d = self.design if d is None else d
+        known = self.y.T - _times(d.D, self.u.T) - d.e[:, None]
+        force = _times(d.B, self.u.T) + d.b[:, None] + _times(self.K, known)
+        return np.asarray((known - _times(d.C, run(d.A - self.K @ d.C, [force])[0])).T)
+
+    def answer(self, way: Array, values: Array) -> Array:
+        """Return what values (T,) add to the innovations (T, ny) that act on the states' rates in a way (n,)."""
+        pushed = Discrete.of(replace(self.base, c=way), self.channels, self.step).b
+        force = pushed[:, None] * values
+        return np.asarray(-_times(self.design.C, run(self.design.A - self.K @ self.design.C, [force])[0]).T)
+
+    def parts(self) -> Array:
+        """Return what every source adds to the innovations (k, T, ny): inputs, channels, `ONE`, and ``more``."""
+        d, K = self.design, self.K
+        ways = [(d.B[:, j], d.D[:, j], column) for j, column in enumerate(self.u.T)]
+        shown = np.eye(len(self.channels))
+        ways += [(np.zeros(len(d.A)), -shown[j], column) for j, column in enumerate(self.y.T)]
+        ways.append((d.b, d.e, np.ones(self.t.size)))
+        ways += [(d.B[:, 0], d.D[:, 0], column) for column in self.more.values()]
+        states = run(d.A - K @ d.C, [(b - K @ direct)[:, None] * column for b, direct, column in ways])
+        pairs = zip(ways, states, strict=True)
+        return np.stack([-(direct[:, None] * c + _times(d.C, x)).T for (_, direct, c), x in pairs])
+
+
+def follow(
+    base: Base, record: ModelData, channels: Sequence[str], more: Mapping[str, Array] | None = None
+) -> Followed | None:
+    """Return how an observer of a base follows a record; None where none can be made, or the record is too short."""
+    channels = tuple(name for name in channels if name in base.rows and np.ptp(_finite(record.measured[name])) > 0)
+    part = _longest(record.t)
+    if not channels or part.stop - part.start < LEAST:
+        return None
+    base = base.seen_by(channels)
+    t, u, y, extra = _even(record, part, channels, more or {}, base.delay)
+    d = Discrete.of(base, channels, float(t[1] - t[0]))
+    K = _gain(base, d, u, float(t[1] - t[0])) if t.size >= LEAST else None
+    return None if K is None else Followed(base, channels, t, u, y, extra, d, K)
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What a record leaves of an observer of a linear base.
+
+    ``sources``: the inputs, the channels and `ONE`; ``grams`` (ny, k, k): mean products of what each adds to the
+    innovations of each channel; ``spread`` (ny,): standard deviations of the channels; ``samples`` that tell it.
+    """
+
+    channels: tuple[str, ...]
+    sources: tuple[str, ...]
+    grams: Array
+    spread: Array
+    samples: int
+
+    def lefts(self, scales: Sequence[Mapping[str, float]]) -> Array:
+        """Return `left` for several choices of scales (k,)."""
+        s = np.array([[one.get(name, 1.0) for name in self.sources] for one in scales])
+        own = np.abs(s[:, [self.sources.index(name) for name in self.channels]])
+        left = np.sqrt(np.maximum(np.einsum("jab,ka,kb->kj", self.grams, s, s, optimize=True), 0.0))
+        return np.asarray(np.exp(np.mean(np.log(np.maximum(left / (own * self.spread), 1e-12)), axis=1)))
+
+    def shares(self, scales: Mapping[str, float] | None = None) -> Array:
+        """Return what is left of every channel (ny,), as a share of its spread, with some sources multiplied."""
+        s = np.array([(scales or {}).get(name, 1.0) for name in self.sources])
+        own = np.array([s[self.sources.index(name)] for name in self.channels])
+        left = np.einsum("jab,a,b->j", self.grams, s, s)
+        return np.asarray(np.sqrt(np.maximum(left, 0.0)) / np.maximum(np.abs(own) * self.spread, 1e-300))
+
+    def left(self, scales: Mapping[str, float] | None = None) -> float:
+        """Return the geometric mean of `shares`."""
+        return float(np.exp(np.mean(np.log(np.maximum(self.shares(scales), 1e-12)))))
+
+
+def prediction(
+    base: Base, record: ModelData, channels: Sequence[str], more: Mapping[str, Array] | None = None
+) -> Prediction | None:
+    """Return what a record leaves of an observer of a base; None where `follow` does.
+
+    ``more`` (T,): further inputs by name, each acting as the first input does.
+    """
+    f = follow(base, record, channels, more)
+    return None if f is None else summed(f)
+
+
+def summed(f: Followed) -> Prediction:
+    """Return what is left of a record that is followed, by what adds to it."""
+    left = f.parts()[:, int(START * f.t.size) :]
+    left = left - left.mean(axis=1, keepdims=True)
+    grams = np.einsum("atj,btj->jab", left, left) / left.shape[1]
+    return Prediction(f.channels, (*f.base.inputs, *f.channels, ONE, *f.more), grams, f.y.std(axis=0), left.shape[1])
+
+
+def _finite(values: Array) -> Array:
+    good = values[np.isfinite(values)]
+    return good if good.size else np.zeros(1)
+
+
+def _longest(t: Array) -> slice:
+    """Return the longest stretch of stamps (T,) without a gap, of `MOST` samples at most."""
+    steps = np.diff(t)
+    if not steps.size:
+        return slice(0, 0)
+    edges = np.concatenate([[0], np.flatnonzero(steps > HOLE * np.median(steps)) + 1, [t.size]])
+    k = int(np.argmax(np.diff(edges)))
+    return slice(int(edges[k]), int(min(edges[k + 1], edges[k] + MOST)))
+
+
+def _even(
+    record: ModelData, part: slice, channels: tuple[str, ...], extra: Mapping[str, Array], delay: float
+) -> tuple[Array, Array, Array, dict[str, Array]]:
+    """Return t (T,), u (T, m), y (T, ny) and the extra inputs (T,) on an even grid, inputs held, samples filled in."""
+    t = record.t[part]
+    step = float(np.median(np.diff(t)))
+    grid = t[0] + step * np.arange(int((t[-1] - t[0]) / step + 1e-6) + 1)
+    acts = getattr(record, "acts", None)
+    acts = t if acts is None else acts[part]
+    held = np.maximum(np.searchsorted(acts + delay, grid + 1e-6 * step, side="right") - 1, 0)
+    y = [_filled(grid, t, record.measured[name][part]) for name in channels]
+    more = {name: values[part][held] for name, values in extra.items()}
+    return grid, record.u[part][held], np.column_stack(y), more
+
+
+def _filled(grid: Array, t: Array, values: Array) -> Array:
+    good = np.isfinite(values)
+    return np.interp(grid, t[good], values[good]) if good.any() else np.zeros(grid.size)
+
+
+def _gain(base: Base, d: Discrete, u: Array, step: float) -> Array | None:
+    """Return the gain (n, ny) of the observer for inputs u (T, m) every ``step`` s; None where there is none."""
+    from scipy.linalg import LinAlgError, solve_discrete_are
+
+    x, rates = _sizes(base, d.A, d.B, u)
+    if not (np.isfinite(d.A).all() and np.isfinite(x).all()):
+        return None
+    size = np.maximum(x, 1e-9 * max(float(x.max(initial=0.0)), 1e-30))
+    disturbed = np.where(_kinematic(base), 1e-6, TRUST) * np.maximum(rates, 1e-12)
+    Q = np.diag(disturbed**2 * PERSISTENCE * step + (1e-6 * size) ** 2)
+    shown = np.abs(d.C) @ size + np.abs(d.D) @ u.std(axis=0)
+    R = np.diag((NOISY * np.maximum(shown, 1e-12)) ** 2)
+    try:
+        P = solve_discrete_are((d.A.T * size[:, None] / size).copy(), *_scaled(d.C, Q, R, size))
+    except (LinAlgError, ValueError):
+        return None
+    P = P * size[:, None] * size
+    K = d.A @ P @ d.C.T @ np.linalg.inv(d.C @ P @ d.C.T + R)
+    return K if np.isfinite(K).all() else None
+
+
+def _scaled(C: Array, Q: Array, R: Array, size: Array) -> tuple[Array, Array, Array]:
+    """Return what the Riccati equation takes in units of the states' sizes (n,)."""
+    return (C * size).T.copy(), Q / size[:, None] / size, R
+
+
+def _sizes(base: Base, A: Array, B: Array, u: Array) -> tuple[Array, Array]:
+    """Return how large the states (n,) and what their equations hold (n,) are under inputs u (T, m)."""
+    x = run(A, [_times(B, u.T)])[0]
+    x = x - x.mean(axis=1, keepdims=True)
+    size = np.sqrt(np.mean(x**2, axis=1))
+    rates = np.abs(base.A) @ size + np.abs(base.B) @ np.sqrt(np.mean(u**2, axis=0))
+    return size, rates
+
+
+def _kinematic(base: Base) -> NDArray[np.bool_]:
+    """Return which equations (n,) say no more than that one state is the rate of another."""
+    whole = np.column_stack([base.A, base.B])
+    return np.asarray((np.count_nonzero(whole, axis=1) == 1) & (np.abs(whole).max(axis=1, initial=0.0) == 1.0))
+
+
+def run(A: Array, forces: Sequence[Array]) -> list[Array]:
+    """Return the states (n, T) that x+ = A x + g leads to from 0 under each of several g (n, T)."""
+    from scipy.linalg import schur
+    from scipy.signal import lfilter
+
+    T, U = schur(A.astype(complex), output="complex")
+    found = []
+    for g in forces:
+        h, z = _times(U.conj().T, g), np.zeros(g.shape, dtype=complex)
+        for i in range(A.shape[0] - 1, -1, -1):
+            z[i] = lfilter([0.0, 1.0], [1.0, -T[i, i]], h[i] + _times(T[i : i + 1, i + 1 :], z[i + 1 :])[0])
+        found.append(_times(U, z).real)
+    return found
+
+
+def _times(small: NDArray[Any], wide: NDArray[Any]) -> NDArray[Any]:
+    """Return the product of a small matrix and a wide one (n, T), for which threads of a BLAS wait for each other."""
+    return np.asarray(np.einsum("ij,jt->it", small, wide))
+
+
+__all__ = ["ONE", "START", "Discrete", "Followed", "Prediction", "follow", "prediction", "run", "summed"]

@@ -1,0 +1,120 @@
+"""Position and velocity that contradict each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.checks.base import Check, without_channel
+from signlin_ros.checks.factors import other_units, word
+from signlin_ros.checks.finding import Finding
+from signlin_ros.checks.look import Look
+from signlin_ros.checks.travel import AGREE, CLEAR, EQUAL, Travel
+from signlin_ros.checks.unit_or_sign import divided
+
+Array = NDArray[np.float64]
+
+STRANGE = 0.5
+"""Largest squared correlation where they have nothing to do with each other."""
+NEAR = 0.04
+"""By how much a factor may miss that of a unit."""
+LATE, GAIN = 2.0, 0.02
+"""Samples beyond which one lags behind the other, and by how much the squared correlation rises without the lag."""
+FARTHEST = 30
+"""Lags that are looked at, in samples."""
+
+
+class PositionVelocity(Check):
+    """The velocity is not the rate of the position: another unit (57.3, 2 pi, 9.55, 60, 1000), a gear, a sign, a lag,
+    or another axis.
+
+    Test: over stretches in which it moves most, the change of the position is regressed on the integral of the
+    velocity; both exceed `CLEAR` times what their noise does, so that the factor is known to some per cent, and a
+    clean record has 1. A factor counts beyond `EQUAL`, 10 of its standard errors or more. Cure: the conversion, a sign
+    (``reverse_NAME``); a velocity of something else is left out (``leave_out_NAME``). A lag is noted.
+    """
+
+    name = "position_velocity"
+    needs_time = True
+
+    def find(self, look: Look) -> Iterator[Finding]:
+        """Yield a factor, a contradiction or a lag."""
+        q, v = look.position, look.velocity
+        if q not in look.channels or v not in (*look.channels, *look.record.inputs):
+            return
+        found = look.travel
+        if found is None or found.clear < CLEAR or {q, v} & set(look.told):
+            return
+        if found.correlation < STRANGE and v in look.channels:
+            yield self._strange(look, found)
+        elif found.correlation > AGREE and abs(found.factor - 1.0) > EQUAL:
+            yield self._factor(look, found.factor)
+        elif found.correlation > AGREE:
+            at = np.isfinite(look.of(q)) & np.isfinite(look.of(v))
+            lag, gain = _lag(look.of(q)[at], look.of(v)[at])
+            if abs(lag) > LATE and gain > GAIN:
+                late, early = (v, q) if lag > 0 else (q, v)
+                yield self.note(
+                    late, f"the {late} lags {abs(lag) * look.step:.3g} s behind the {early}: a filter, or its way"
+                )
+
+    def _strange(self, look: Look, found: Travel) -> Finding:
+        q, v = look.position, look.velocity
+        sentence = (
+            f"the {v} has little to do with the {q} (they share {100 * found.correlation:.0f} % of their variance)"
+        )
+        return Finding(
+            self.name,
+            v,
+            "refuse",
+            sentence,
+            cure=f"leave_out_{v}",
+            remedy=f"the {v} is left out",
+            action=without_channel(v),
+        )
+
+    def _factor(self, look: Look, factor: float) -> Finding:
+        q, v = look.position, look.velocity
+        if abs(factor + 1.0) < EQUAL:
+            words, cure, by, severity = "has the opposite sign of", f"reverse_{v}", {v: -1.0}, "offer"
+        else:
+            words, cure, by = _unit(look, factor)
+            severity = "offer" if cure.startswith("scale") else "refuse"
+        return Finding(
+            self.name,
+            v,
+            severity,
+            f"the {v} {words} the {q}'s rate",
+            cure=cure,
+            remedy="it is taken so",
+            action=divided(by),
+        )
+
+
+def _unit(look: Look, factor: float) -> tuple[str, str, dict[str, float]]:
+    """Return words, cure and divisors for a factor of the velocity over the position's rate."""
+    q, v = look.position, look.velocity
+    turned = factor < 0
+    size, ending, sign = abs(factor), "_reversed" if turned else "", -1.0 if turned else 1.0
+    for name, inverse in ((v, False), (q, True)):
+        for unit, times in other_units(look.unit(name)).items():
+            wanted = 1.0 / times if inverse else times
+            if abs(size / wanted - 1.0) < NEAR:
+                words = f"is {factor:.4g} times what it should be if the {name} is not in {unit}, going by"
+                return words, f"{name}_in_{word(unit)}{ending}", {name: sign * times}
+    return f"is {factor:.4g} times (a gear, or a unit)", f"scale_{v}", {v: factor}
+
+
+def _lag(q: Array, v: Array) -> tuple[float, float]:
+    """Return by how many samples v lags behind the rate of q, and how much the squared correlation rises without it."""
+    rate = q[2:] - q[:-2]
+    v, far = v[1:-1], min(FARTHEST, q.size // 10)
+    rate, v = rate - rate.mean(), v - v.mean()
+    lags = np.arange(-far, far + 1)
+    inner = slice(far, rate.size - far)
+    r = np.array([np.corrcoef(rate[inner], v[far + k : v.size - far + k])[0, 1] for k in lags]) ** 2
+    peaks = np.concatenate([[False], (r[1:-1] >= r[:-2]) & (r[1:-1] >= r[2:]), [False]]) | (r == r.max())
+    best = min(lags[peaks & (r > r.max() - 0.1 * GAIN)], key=abs)
+    return float(best), float(r.max() - r[far])

@@ -1,0 +1,114 @@
+"""Ways to read a record: its signals in other units, reversed, or by a factor."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from signlin_ros.checks.factors import TOGETHER, other_units, word
+from signlin_ros.checks.look import Look
+from signlin_ros.checks.observer import ONE, Prediction
+
+NEAR = 1.35
+"""A unit is meant where the factor that suits best is no more than this away from it."""
+GEAR = 3.0
+"""Smaller factors are a matter of the model's parameters."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read a record: what some of its signals are divided by; in words; and the name of the cure."""
+
+    divided: Mapping[str, float]
+    words: str
+    cure: str
+
+    @property
+    def scales(self) -> dict[str, float]:
+        """What the signals are multiplied by."""
+        return {name: 1.0 / factor for name, factor in self.divided.items()}
+
+    @property
+    def only_sign(self) -> bool:
+        """Whether nothing but signs differ."""
+        return all(factor == -1.0 for factor in self.divided.values())
+
+
+def signs(look: Look, p: Prediction) -> Iterator[Reading]:
+    """Yield the signals, and position and velocity together, that may be reversed."""
+    for name in p.sources:
+        if name != ONE:
+            words = f"with the sign of the {name} reversed the model follows the record"
+            yield Reading({name: -1.0}, words, f"reverse_{name}")
+    q, v = look.position, look.velocity
+    if {q, v} <= set(p.sources):
+        words = f"with the signs of {q} and {v} reversed the model follows the record"
+        yield Reading({q: -1.0, v: -1.0}, words, f"reverse_{q}_and_{v}")
+
+
+def units(look: Look, p: Prediction) -> Iterator[Reading]:
+    """Yield the units that one signal, or position and velocity together, may be in."""
+    for name in p.sources:
+        if name == ONE:
+            continue
+        for unit, factor in other_units(look.unit(name)).items():
+            for sign in (1.0, -1.0):
+                if _suits(p, {name: sign * factor}):
+                    turned = " and reversed" if sign < 0 else ""
+                    cure = f"{name}_in_{word(unit)}" + ("_reversed" if sign < 0 else "")
+                    yield Reading({name: sign * factor}, f"the {name} fits if it is in {unit}{turned}", cure)
+    q, v = look.position, look.velocity
+    for of_model, one, other in TOGETHER if {q, v} <= set(p.sources) else ():
+        if of_model in (look.unit(q), {"m": "rad"}.get(look.unit(q))):
+            factors = {q: other_units(look.unit(q))[one], v: other_units(look.unit(v))[other]}
+            words = f"{q} and {v} fit if they are in {one} and {other}"
+            yield Reading(factors, words, f"{q}_in_{word(one)}_{v}_in_{word(other)}")
+
+
+def pairs(look: Look, p: Prediction) -> Iterator[Reading]:
+    """Yield the units that two signals may be in, which are not position and velocity of one kind."""
+    one = [
+        (name, unit, factor)
+        for name in p.sources
+        if name != ONE
+        for unit, factor in other_units(look.unit(name)).items()
+    ]
+    for (a, first, of_a), (b, second, of_b) in itertools.combinations(one, 2):
+        if a != b:
+            words = f"{a} and {b} fit if they are in {first} and {second}"
+            yield Reading({a: of_a, b: of_b}, words, f"{a}_in_{word(first)}_{b}_in_{word(second)}")
+
+
+def gears(look: Look, p: Prediction) -> Iterator[Reading]:
+    """Yield single signals that fit by a factor that is no unit's."""
+    for name in p.sources:
+        if name == ONE:
+            continue
+        factor = _best(p, name)
+        if GEAR < abs(factor) < 1e5 or GEAR < 1.0 / max(abs(factor), 1e-12) < 1e5:
+            by = f"divided by {factor:.3g}" if abs(factor) > 1.0 else f"multiplied by {1.0 / factor:.3g}"
+            words = f"the {name} fits if it is {by}: a gear, a unit, or a wrong scale"
+            if name in look.record.inputs and look.model.plant.scaled_by_effort:
+                words += f" (or {', '.join(look.model.plant.scaled_by_effort)} of the model are all wrong by that)"
+            yield Reading({name: factor}, words, f"scale_{name}")
+
+
+def _best(p: Prediction, name: str) -> float:
+    """Return by what a signal is to be divided so that the least is left of all channels."""
+    grid = [sign * 10.0**k for sign in (1.0, -1.0) for k in [i / 20 for i in range(-90, 91)]]
+    best = int(np.argmin(p.lefts([{name: 1.0 / factor} for factor in grid])))
+    return float(grid[best])
+
+
+def _suits(p: Prediction, factors: Mapping[str, float]) -> bool:
+    """Tell whether other factors near those of a unit suit no better, by much, than the unit's."""
+    ((name, factor),) = factors.items()
+    around = (1.0, 1.0 / NEAR**2, 1.0 / NEAR, NEAR, NEAR**2)
+    left = p.lefts([{name: times / factor} for times in around])
+    return bool(left[0] <= 1.5 * left[1:].min())
+
+
+__all__ = ["Reading", "gears", "pairs", "signs", "units"]

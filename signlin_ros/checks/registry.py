@@ -1,0 +1,46 @@
+"""The checks, in the order in which they look: what one cures, the next ones see cured."""
+
+from __future__ import annotations
+
+from signlin_ros.checks.as_read import AsRead
+from signlin_ros.checks.base import Check
+from signlin_ros.checks.clipped import Clipped
+from signlin_ros.checks.excitation import Excitation
+from signlin_ros.checks.frozen_channel import FrozenChannel
+from signlin_ros.checks.integer_overflow import IntegerOverflow
+from signlin_ros.checks.jitter import Jitter
+from signlin_ros.checks.mixed_clocks import MixedClocks
+from signlin_ros.checks.no_motion import NoMotion
+from signlin_ros.checks.position_velocity import PositionVelocity
+from signlin_ros.checks.repeated_values import RepeatedValues
+from signlin_ros.checks.short_record import ShortRecord
+from signlin_ros.checks.slow_sampling import SlowSampling
+from signlin_ros.checks.sparse_channel import SparseChannel
+from signlin_ros.checks.time_unit import TimeUnit
+from signlin_ros.checks.two_sources import TwoSources
+from signlin_ros.checks.unit_or_sign import UnitOrSign
+from signlin_ros.checks.unsigned_input import UnsignedInput
+from signlin_ros.checks.wrapped_angle import WrappedAngle
+
+CHECKS: tuple[type[Check], ...] = (
+    AsRead,
+    FrozenChannel,
+    TwoSources,
+    WrappedAngle,
+    IntegerOverflow,
+    RepeatedValues,
+    Clipped,
+    NoMotion,
+    TimeUnit,
+    UnsignedInput,
+    UnitOrSign,
+    PositionVelocity,
+    MixedClocks,
+    Jitter,
+    SparseChannel,
+    SlowSampling,
+    ShortRecord,
+    Excitation,
+)
+
+__all__ = ["CHECKS"]

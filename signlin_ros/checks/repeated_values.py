@@ -1,0 +1,69 @@
+"""Values that are repeated because their sensor is slower than the log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.checks.base import Check, without_samples
+from signlin_ros.checks.finding import Finding
+from signlin_ros.checks.look import LEAST, Look
+
+Array = NDArray[np.float64]
+
+REGULAR = 0.9
+"""Share of the runs of equal values that are of two neighbouring lengths."""
+LONGER = 1.4
+"""Least mean length of such runs."""
+STEPS = 4.0
+"""Values of a slow sensor change by more than so many of their own steps (median)."""
+
+
+class RepeatedValues(Check):
+    """A channel is logged faster than its sensor measures, each value repeated until the next.
+
+    Test: nine in ten runs of equal values have one of two neighbouring lengths, whatever the speed, and the channel
+    changes from run to run by many of its steps. An encoder that rests on a count changes by one step, in runs as
+    long as the motion is slow; of 20 such runs nine in ten are alike by chance in less than one record of 10^4.
+    Cure: repetitions are left out, so that the channel is taken at its own rate.
+    """
+
+    name = "repeated_values"
+
+    def find(self, look: Look) -> Iterator[Finding]:
+        """Yield the slower channels."""
+        for name in look.channels:
+            values = look.of(name)
+            begins = _begins(values)
+            lengths = np.diff(begins)
+            if lengths.size < LEAST or lengths.mean() < LONGER or not _regular(lengths):
+                continue
+            quantum, changes = look.quantum(name), np.abs(np.diff(values[begins]))
+            if quantum and np.median(changes) < STEPS * quantum:
+                continue
+            drop = np.ones(values.size, dtype=bool)
+            drop[begins] = False
+            rate = look.step * float(lengths.mean())
+            yield Finding(
+                self.name,
+                name,
+                "note",
+                f"the {name} repeats each value for {lengths.mean():.3g} samples: its sensor measures every {rate:.3g}"
+                f" s, the log every {look.step:.3g} s",
+                cure="own_rate",
+                remedy="repetitions are left out",
+                harmless=True,
+                action=without_samples((name,), drop),
+            )
+
+
+def _begins(values: Array) -> NDArray[np.intp]:
+    """Return the samples at which runs of equal values (T,) begin; a missing sample repeats nothing."""
+    return np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+
+
+def _regular(lengths: NDArray[np.intp]) -> bool:
+    counts = np.bincount(lengths)
+    return bool((counts[1:] + counts[:-1]).max() >= REGULAR * lengths.size)

@@ -1,0 +1,57 @@
+"""A time that is in another unit than s."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from signlin_ros.checks.base import Check, timed
+from signlin_ros.checks.finding import Finding
+from signlin_ros.checks.look import Look
+from signlin_ros.checks.observer import prediction
+from signlin_ros.checks.unit_or_sign import BETTER, GOOD
+from signlin_ros.records import ModelData
+
+UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Other units of a time, in s."""
+OVER = 0.3
+"""A step of so many time constants of the slowest motion is one after which little is left of it."""
+QUESTION = "unit_of_time"
+"""The kind of note by which a reader asks for the unit."""
+
+
+class TimeUnit(Check):
+    """The samples are so far apart that the model comes to rest between them, and would not be if they were ms apart.
+
+    Test: a step is more than `OVER` of the model's slowest time constant, and less in another unit, the largest of
+    which the linear base leaves at most 0.4 of what it leaves otherwise, and 0.35 of what the channels do. A record
+    in s, with a model of its drive, never comes to the second part. What the reader asks is asked here too, whatever
+    the model says. Cure: the conversion (``t_in_ms``).
+    """
+
+    name = "time_unit"
+
+    def find(self, look: Look) -> Iterator[Finding]:
+        """Yield the unit that fits, or the question."""
+        asked = next((str(n) for n in look.record.notes if getattr(n, "kind", "") == QUESTION), "")
+        unit = _best(look)
+        if unit:
+            sentence = f"the record fits the model if its time is in {unit}, and not in s"
+            cure = _converted(UNITS[unit])
+            yield Finding(self.name, "t", "refuse", sentence, f"t_in_{unit}", "it is taken so", action=cure)
+        elif asked:
+            yield Finding(self.name, "t", "refuse", asked)
+
+
+def _best(look: Look) -> str:
+    """Return the unit in which the base follows the record; empty where that is s, or none."""
+    steps = look.step * look.base.slowest if look.base is not None else 0.0
+    if look.base is None or steps <= OVER:
+        return ""
+    before = look.predicted.left() if look.predicted else 1.0
+    unit = next((unit for unit, factor in UNITS.items() if factor * steps < OVER), "")
+    p = prediction(look.base, _converted(UNITS[unit])(look.record), look.channels) if unit else None
+    return unit if p is not None and p.left() < min(BETTER * before, GOOD) else ""
+
+
+def _converted(factor: float) -> Callable[[ModelData], ModelData]:
+    return lambda record: timed(record, lambda stamps: stamps * factor)

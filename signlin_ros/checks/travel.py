@@ -1,0 +1,63 @@
+"""How the change of a position goes with the integral of a velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+AGREE = 0.9
+"""Least squared correlation of travel and integral where one follows from the other."""
+CLEAR = 10.0
+"""By how much both must exceed what their noise does, for anything to be said."""
+EQUAL = 0.6
+"""Factors nearer to 1 than this are a matter of the sensors' gains, which a diagnosis tells."""
+FEWEST = 100
+
+
+@dataclass(frozen=True)
+class Travel:
+    """How the change of the position goes with the integral of the velocity over the same time: ``factor`` of the
+    velocity over the position's rate, squared ``correlation``, and by how much both exceed their noise.
+    """
+
+    factor: float
+    correlation: float
+    clear: float
+
+    @property
+    def known(self) -> bool:
+        """Whether one follows from the other, so that the factor is known."""
+        return self.clear > CLEAR and self.correlation > AGREE
+
+
+def travel(t: Array, q: Array, v: Array, of_q: float, of_v: float) -> Travel | None:
+    """Return how travel and integral go together, over the stretches in which the position changes most."""
+    path = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+    if q.size < FEWEST:
+        return None
+    widths = [w for w in (2**k for k in range(1, 14)) if w <= q.size // 10]
+    if not widths:
+        return None
+    w = max(widths, key=lambda width: float(np.std(q[width:] - q[:-width])))
+    dq, dp = q[w:] - q[:-w], path[w:] - path[:-w]
+    noise = max(np.sqrt(2.0) * of_q, 1e-300), max(of_v * float(np.median(np.diff(t))) * np.sqrt(w), 1e-300)
+    found = [_regressed(dq, dp, noise), _regressed(dq - dq.mean(), dp - dp.mean(), noise)]
+    return max((one for one in found if one is not None), key=lambda one: one.correlation, default=None)
+
+
+def _regressed(dq: Array, dp: Array, noise: tuple[float, float]) -> Travel | None:
+    """Return how two changes (T,) go together, as they are: a drive that runs one way tells by its mean, another one
+    better without it, for a velocity may have an offset.
+    """
+    sizes = float(np.sqrt(np.mean(dq**2))), float(np.sqrt(np.mean(dp**2)))
+    if min(sizes) == 0.0:
+        return None
+    r = float(np.mean(dq * dp)) / (sizes[0] * sizes[1])
+    return Travel(float(np.sign(r)) * sizes[1] / sizes[0], r * r, min(sizes[0] / noise[0], sizes[1] / noise[1]))
+
+
+__all__ = ["AGREE", "CLEAR", "EQUAL", "Travel", "travel"]

@@ -1,0 +1,112 @@
+"""A channel whose unit or sign does not fit the model as it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+from signlin_ros.checks.base import Check, values_of, with_channel
+from signlin_ros.checks.finding import Finding
+from signlin_ros.checks.look import Look
+from signlin_ros.checks.observer import Prediction
+from signlin_ros.checks.readings import Reading, gears, pairs, signs, units
+from signlin_ros.checks.travel import EQUAL
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+BETTER = 0.4
+"""What is left with another unit or sign, as a share of what is left without (geometric mean over the channels)."""
+GOOD = 0.35
+"""What is left, as a share of what the channels do, where the model follows the record."""
+EACH = 0.7
+"""And what is left of each channel at most."""
+AS_GOOD = 1.25
+"""Explanations that leave no more than so many times the least are told beside it."""
+STRICTER = 0.5
+"""What may be left, as a share of the limit, where two signals are read otherwise."""
+GUESS = 0.5
+"""A tolerance of the model's parameters from which on they are guesses: then a factor is no reason to refuse."""
+
+
+class UnitOrSign(Check):
+    """The model follows the record much better if a channel is in another unit, or reversed.
+
+    Test: a constant observer of the linear base leaves at most `BETTER` of what it leaves otherwise, and at most
+    `GOOD` of what the channels do; the factor that suits best lies within `NEAR` of the unit's. What a model lacks, or
+    has wrong by tens of per cent, does not move its prediction that far: none of 200 clean records and none of those
+    with hidden effects of the benchmark (benchmarks/checks.py) reads better so. Cure: the conversion
+    (``speed_in_rpm``), the other sign (``reverse_voltage``), or a factor where no unit is known (``scale_speed``).
+    """
+
+    name = "unit_or_sign"
+    needs_time = True
+    exclusive = True
+
+    def find(self, look: Look) -> Iterator[Finding]:
+        """Yield the best reading of the record, and others that are as good."""
+        p = look.predicted
+        if p is None:
+            return
+        before = p.left()
+        limit = min(BETTER * before, GOOD)
+        fits = _fitting(look, p, limit, (*signs(look, p), *units(look, p)))
+        fits = fits or _fitting(look, p, STRICTER * limit, pairs(look, p)) or _fitting(look, p, limit, gears(look, p))
+        if not fits:
+            return
+        best = min(left for left, _ in fits)
+        likely = sorted((item for item in fits if item[0] <= AS_GOOD * best), key=lambda item: _rank(look, item[1]))
+        for number, (_, reading) in enumerate(likely[:3]):
+            yield self._finding(look, reading, likely[0][1] if number else None)
+
+    def _finding(self, look: Look, r: Reading, first: Reading | None) -> Finding:
+        names = tuple(r.divided)
+        gear, sign = r.cure.startswith("scale_"), r.only_sign
+        doubt = f" (as well as: {first.words})" if first else ""
+        severity = "offer" if sign or (gear and _guessed(look.model)) else "refuse"
+        return Finding(
+            self.name,
+            ", ".join(names),
+            severity,
+            f"{r.words}{doubt}" + ("" if sign else "; as it is, it fits no model"),
+            cure=r.cure,
+            remedy="it is taken so",
+            action=divided(r.divided),
+        )
+
+
+def _guessed(model: Model) -> bool:
+    """Tell whether the parameters of a model are guesses, by its own tolerance."""
+    tolerance = model.tolerance
+    return max(tolerance.values(), default=0.0) >= GUESS if isinstance(tolerance, dict) else tolerance >= GUESS
+
+
+def divided(factors: Mapping[str, float]) -> Callable[[ModelData], ModelData]:
+    """Return the cure that divides inputs and channels by factors."""
+
+    def cure(record: ModelData) -> ModelData:
+        for name, factor in factors.items():
+            record = with_channel(record, name, values_of(record, name) / factor)
+        return record
+
+    return cure
+
+
+def _fitting(look: Look, p: Prediction, limit: float, readings: Iterable[Reading]) -> list[tuple[float, Reading]]:
+    """Return the readings with which less than the limit is left, and what is; such as position and velocity allow."""
+    possible = [r for r in readings if _consistent(look, r.divided)]
+    left = p.lefts([r.scales for r in possible]) if possible else ()
+    good = [(float(value), r) for value, r in zip(left, possible, strict=True) if value < limit]
+    return [(value, r) for value, r in good if p.shares(r.scales).max() < EACH]
+
+
+def _consistent(look: Look, factors: Mapping[str, float]) -> bool:
+    """Tell whether position and velocity, where they tell of each other, agree when divided by factors."""
+    travel = look.travel
+    if travel is None or not travel.known:
+        return True
+    return abs(travel.factor * factors.get(look.position, 1.0) / factors.get(look.velocity, 1.0) - 1.0) < EQUAL
+
+
+def _rank(look: Look, r: Reading) -> tuple[int, int, bool]:
+    """Signs go before units, one signal before two, an input's sign before a channel's."""
+    first = next(iter(r.divided))
+    return (0 if r.only_sign else 1, len(r.divided), first not in look.record.inputs)

@@ -1,0 +1,569 @@
+"""Every check in both directions: the fault is found and its cure undoes it; nothing is found where there is none."""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from importlib import resources
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from signlin_ros.checks import CHECKS, Finding, check, require_sound, to_json
+from signlin_ros.checks.base import with_channel
+from signlin_ros.cli import main
+from signlin_ros.errors import InputError, RecordError
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.simulate import simulate
+
+Array = NDArray[np.float64]
+FIELD = Path(os.environ.get("SIGNLIN_DATA", "../shared/data")) / "field"
+field = pytest.mark.skipif(not FIELD.is_dir(), reason=f"no records at {FIELD} (set SIGNLIN_DATA)")
+
+STEP, SAMPLES = 0.01, 1600
+NOISE = {"current": 0.02, "speed": 0.1, "position": 0.005, "displacement": 0.002, "velocity": 0.01}
+
+
+def record(model: Model, u: Array, seed: int = 1, quantum: float = 0.0) -> ModelData:
+    """Return what a model does, with noise on its sensors; ``quantum``: the step of its position."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(u.size) * STEP
+    x = simulate(model, t, u[:, None]).x
+    measured = {n: x[:, i] + NOISE[n] * rng.normal(size=u.size) for i, n in enumerate(model.states)}
+    if quantum:
+        measured["position"] = quantum * np.round(x[:, model.states.index("position")] / quantum)
+    return ModelData(t, u[:, None], measured, None, model.inputs, model.states, dict(model.units), "run.csv")
+
+
+def multisine(scale: float = 1.0) -> Array:
+    t = np.arange(SAMPLES) * STEP
+    return scale * (3.0 * np.sin(2.1 * t) + 2.0 * np.sin(5.3 * t + 1.0) + 1.0 * np.sin(11.0 * t + 2.0))
+
+
+@functools.cache
+def motor() -> tuple[Model, ModelData]:
+    """Return a motor without friction, and the record of one with friction."""
+    base = Model.load("dc_motor").without_effect("coulomb_friction").with_options(with_position=True)
+    return base, record(base.with_effect("coulomb_friction", mu=0.033), multisine())
+
+
+@functools.cache
+def oscillator() -> tuple[Model, ModelData]:
+    base = Model.load("mass_spring_damper")
+    return base, record(base, multisine(4.0))
+
+
+def changed(name: str, change: Callable[[Array], Array]) -> tuple[Model, ModelData]:
+    """Return the motor, and its record with one signal changed."""
+    model, data = motor()
+    values = data.measured[name] if name in data.measured else data.u[:, 0]
+    return model, with_channel(data, name, change(values))
+
+
+def found(model: Model, data: ModelData, cures: tuple[str, ...] = ()) -> tuple[ModelData, dict[str, Finding]]:
+    (record,), findings = check(model, [data], cures)
+    return record, {finding.check: finding for finding in findings}
+
+
+def the(name: str, model: Model, data: ModelData) -> Finding:
+    """Return the finding of one check, which must be the only one that is not a note."""
+    _, findings = found(model, data)
+    assert name in findings, findings
+    assert {n for n, f in findings.items() if f.severity != "note"} <= {name}
+    return findings[name]
+
+
+def nothing_but_notes(findings: dict[str, Finding]) -> bool:
+    return all(f.severity == "note" and not f.applied for f in findings.values())
+
+
+# ------------------------------------------------------------------ nothing where there is nothing
+
+
+@pytest.mark.parametrize("drive", [motor, oscillator])
+def test_a_clean_record_is_left_alone(drive: Callable[[], tuple[Model, ModelData]]) -> None:
+    model, data = drive()
+    after, findings = found(model, data)
+    assert findings == {}
+    assert after is data
+
+
+def test_a_coarse_encoder_is_neither_clipped_nor_slow() -> None:
+    base = motor()[0]
+    after, findings = found(base, record(base, multisine(0.3), quantum=0.05))
+    assert nothing_but_notes(findings), findings
+    assert np.isfinite(after.measured["position"]).all()
+
+
+def test_steps_and_binary_inputs_are_not_clipped() -> None:
+    base = motor()[0]
+    steps = np.repeat(np.random.default_rng(3).uniform(-5, 5, SAMPLES // 40), 40)
+    binary = np.repeat(np.random.default_rng(4).choice([-4.0, 4.0], SAMPLES // 20), 20)
+    for u in (steps, binary):
+        assert found(base, record(base, u))[1] == {}
+
+
+# ------------------------------------------------------------------ wraps and overflows
+
+
+@pytest.mark.parametrize("turn", [2 * np.pi, 4096 * 0.003])
+def test_what_wraps_is_unwrapped(turn: float) -> None:
+    model, data = motor()
+    q = 3.0 * data.measured["position"]
+    wrapped = replace(data, measured={"position": (q + 1.0) % turn - 1.0})
+    after, findings = found(model, wrapped)
+    assert findings["wrapped_angle"].applied
+    np.testing.assert_allclose(np.diff(after.measured["position"]), np.diff(q), atol=1e-3 * turn)
+
+
+def test_a_position_that_jumps_is_not_unwrapped() -> None:
+    """A square wave between two stops jumps by its whole range, too, but does not go on through it."""
+    model, data = motor()
+    q = np.where(np.arange(SAMPLES) // 100 % 2, 2.0, -2.0) + 0.005 * np.random.default_rng(1).normal(size=SAMPLES)
+    after, findings = found(model, replace(data, measured={"position": q}))
+    assert "wrapped_angle" not in findings
+    np.testing.assert_array_equal(after.measured["position"], q)
+
+
+def test_an_integer_that_overflows_is_continued() -> None:
+    step = 0.25
+    model, whole = changed("speed", lambda v: step * np.round(v / step))
+    v = whole.measured["speed"]
+    half = 128 * step
+    data = with_channel(whole, "speed", (v + half) % (2 * half) - half)
+    assert np.ptp(v) > 2 * half  # else nothing overflows
+    after, findings = found(model, data)
+    assert findings["integer_overflow"].applied
+    np.testing.assert_allclose(after.measured["speed"], v, atol=1e-9)
+
+
+# ------------------------------------------------------------------ sources, sensors
+
+
+def test_zeros_of_a_second_publisher_are_left_out() -> None:
+    model, data = motor()
+    zeros = np.arange(SAMPLES) % 3 == 2
+    mixed = {n: np.where(zeros, 0.0, v) for n, v in data.measured.items()}
+    after, findings = found(model, replace(data, measured=mixed))
+    assert findings["two_sources"].applied
+    assert len(after) <= SAMPLES - zeros.sum() + 10
+    for name, values in after.measured.items():
+        kept = np.isfinite(values)
+        expected = np.interp(after.t[kept], data.t, data.measured[name])
+        assert np.abs(values[kept] - expected).max() < 1e-9
+
+
+def test_a_source_that_repeats_one_value_is_left_out_too() -> None:
+    model, data = changed("position", lambda q: np.where(np.arange(q.size) % 5 == 2, 50.0, q))
+    after, findings = found(model, data)
+    assert findings["two_sources"].applied
+    assert np.nanmax(after.measured["position"]) < 50.0
+
+
+def test_zeros_in_an_input_are_refused_until_it_is_said_what_they_are() -> None:
+    model, data = motor()
+    mixed = with_channel(data, "voltage", np.where(np.arange(SAMPLES) % 4 == 1, 0.0, data.u[:, 0]))
+    finding = the("two_sources", model, mixed)
+    assert finding.open
+    assert finding.cure == "hold_voltage"
+    after, findings = found(model, mixed, ("hold_voltage",))
+    assert findings["two_sources"].applied
+    assert np.abs(after.u - data.u).max() < np.abs(np.diff(data.u[:, 0])).max() + 1e-12
+
+
+def test_two_curves_by_turns_are_refused() -> None:
+    model, data = changed("speed", lambda v: np.where(np.arange(v.size) % 2, v, 20.0 - 0.5 * v))
+    assert "two_sources" in found(model, data)[1]
+
+
+def test_pulses_of_an_input_are_no_second_source() -> None:
+    base = motor()[0]
+    on_off = 5.0 * (np.arange(SAMPLES) % 3 != 2)
+    assert "two_sources" not in found(base, record(base, on_off))[1]
+
+
+def test_a_slow_sensor_is_taken_at_its_own_rate() -> None:
+    model, data = changed("current", lambda i: np.repeat(i[::4], 4))
+    after, findings = found(model, data)
+    assert findings["repeated_values"].applied
+    assert np.isfinite(after.measured["current"]).sum() == SAMPLES // 4
+    np.testing.assert_array_equal(after.measured["current"][::4], data.measured["current"][::4])
+
+
+def test_a_dead_channel_is_left_out() -> None:
+    model, data = changed("speed", np.zeros_like)
+    after, findings = found(model, data)
+    assert findings["frozen_channel"].channel == "speed"
+    assert "speed" not in after.measured
+    assert "position" in after.measured
+
+
+@pytest.mark.parametrize("part", [0.6, 0.9])
+def test_a_clipped_channel_is_offered_to_be_blanked(part: float) -> None:
+    limit = part * np.abs(motor()[1].measured["speed"]).max()
+    model, data = changed("speed", lambda v: np.clip(v, -limit, limit))
+    _, findings = found(model, data)
+    assert findings["clipped"].cure == "blank_speed"
+    after, _ = found(model, data, ("blank_speed",))
+    kept = np.isfinite(after.measured["speed"])
+    assert np.abs(after.measured["speed"][kept]).max() <= limit
+    assert not kept.all()
+
+
+def test_an_input_at_its_limit_is_noted_only() -> None:
+    base = motor()[0]
+    finding = found(base, record(base, np.clip(multisine(), -3.0, 3.0)))[1]["clipped"]
+    assert finding.severity == "note"
+    assert not finding.cure
+
+
+# ------------------------------------------------------------------ units and signs
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "cure"),
+    [
+        ("current", 1e3, "current_in_mA"),
+        ("voltage", 1e3, "voltage_in_mV"),
+        ("voltage", -1.0, "reverse_voltage"),
+        ("speed", -1.0, "reverse_speed"),
+        ("current", -1.0, "reverse_current"),
+        ("speed", 60 / (2 * np.pi), "speed_in_rpm"),
+        ("speed", 180 / np.pi, "speed_in_deg_s"),
+        ("position", 180 / np.pi, "position_in_degrees"),
+        ("position", 1 / (2 * np.pi), "position_in_turns"),
+    ],
+)
+def test_a_channel_in_another_unit_is_named_and_cured(name: str, factor: float, cure: str) -> None:
+    model, data = changed(name, lambda values: factor * values)
+    _, findings = found(model, data)
+    assert [f.cure for f in findings.values() if f.severity != "note"] == [cure]
+    after, _ = found(model, data, (cure,))
+    np.testing.assert_allclose(after.u, motor()[1].u, rtol=1e-3)
+    for channel, values in after.measured.items():
+        np.testing.assert_allclose(values, motor()[1].measured[channel], rtol=1e-3)
+    assert found(model, after)[1] == {}
+
+
+@pytest.mark.parametrize("kept", [("speed",), ("current", "speed"), ("position",)])
+def test_the_unit_is_told_by_few_channels_too(kept: tuple[str, ...]) -> None:
+    model, data = changed(kept[-1], lambda values: values * 180 / np.pi)
+    _, findings = found(model, replace(data, measured={n: data.measured[n] for n in kept}))
+    assert kept[-1] in findings["unit_or_sign"].channel
+
+
+@pytest.mark.parametrize(("name", "factor"), [("force", 1e-3), ("force", 1 / 4.4482216), ("displacement", 1e3)])
+def test_the_units_of_an_oscillator(name: str, factor: float) -> None:
+    model, data = oscillator()
+    values = data.measured[name] if name in data.measured else data.u[:, 0]
+    _, findings = found(model, with_channel(data, name, factor * values))
+    assert name in {f.channel for f in findings.values()} or "displacement" in str(findings), findings
+
+
+def test_parameters_off_by_tens_of_per_cent_are_no_unit() -> None:
+    model, data = motor()
+    off = model.with_parameters(J=0.0030, K_t=0.06, R_a=1.1)
+    assert "unit_or_sign" not in found(off, data)[1]
+
+
+def test_a_refusal_says_the_way_out() -> None:
+    model, data = changed("speed", lambda v: 60 / (2 * np.pi) * v)
+    _, findings = check(model, [data])
+    with pytest.raises(RecordError, match=r"run\.csv: the speed fits.* in rpm.*--cure speed_in_rpm.*--cure none"):
+        require_sound(findings)
+    require_sound(findings, ("none",))
+    require_sound(check(model, [data], ("speed_in_rpm",))[1])
+
+
+def test_none_leaves_a_record_as_it_is() -> None:
+    model, data = changed("position", lambda q: (q + 1.0) % (2 * np.pi))
+    after, findings = found(model, data, ("none",))
+    assert after is data
+    assert findings["wrapped_angle"].severity == "offer"
+    assert not findings["wrapped_angle"].applied
+
+
+def test_a_cure_that_nothing_offers_is_refused() -> None:
+    model, data = changed("speed", lambda v: 60 / (2 * np.pi) * v)
+    with pytest.raises(InputError, match=r"speed_in_rpn.*speed_in_rpm"):
+        check(model, [data], ("speed_in_rpn",))
+
+
+def test_an_input_without_a_sign_is_refused() -> None:
+    model, data = changed("voltage", np.abs)
+    finding = the("unsigned_input", model, replace(data, unused=("dir",)))
+    assert finding.open
+    assert "'dir'" in finding.sentence
+    assert "sign(dir)" in finding.sentence
+
+
+def test_a_one_way_input_of_a_drive_that_swings_back_is_right() -> None:
+    base = oscillator()[0]
+    assert found(base, record(base, 40.0 + multisine(4.0)))[1] == {}
+
+
+# ------------------------------------------------------------------ position and velocity
+
+
+@pytest.mark.parametrize("tolerance", [0.05, 1.0])
+def test_a_gear_is_refused_where_the_model_is_known_and_offered_where_it_is_guessed(tolerance: float) -> None:
+    model, data = changed("position", lambda q: q / 5.0)
+    _, findings = found(model.with_options(tolerance=tolerance), data)
+    (finding,) = (f for f in findings.values() if f.severity != "note")
+    assert finding.cure == "scale_position"
+    assert finding.open == (tolerance < 0.5)
+    after, _ = found(model, data, ("scale_position",))
+    np.testing.assert_allclose(after.measured["position"], motor()[1].measured["position"], rtol=0.15, atol=1e-9)
+
+
+def test_two_channels_in_other_units_are_told_together() -> None:
+    model, data = changed("current", lambda i: 1e3 * i)
+    both = with_channel(data, "speed", 60 / (2 * np.pi) * data.measured["speed"])
+    _, findings = found(model, replace(both, measured={n: both.measured[n] for n in ("current", "speed")}))
+    assert {"current", "speed"} == set(findings["unit_or_sign"].about)
+    assert "rpm" in findings["unit_or_sign"].sentence
+    assert "mA" in findings["unit_or_sign"].sentence
+
+
+def test_of_two_explanations_one_is_enough() -> None:
+    """A force that is 1000 times too small moves the mass by as much as a displacement in mm."""
+    model, data = oscillator()
+    small = with_channel(data, "force", 1e-3 * data.u[:, 0])
+    only = replace(small, measured={"displacement": small.measured["displacement"]})
+    _, findings = check(model, [only])
+    assert len(findings) > 1
+    assert all(f.open for f in findings)
+    _, findings = check(model, [only], (findings[0].cure,))
+    assert [f.applied for f in findings] == [True]
+
+
+def test_a_velocity_of_another_axis_is_refused() -> None:
+    rng = np.random.default_rng(2)
+    other = 20.0 * np.convolve(rng.normal(size=SAMPLES + 50), np.ones(51) / 7.0, "valid")
+    model, data = changed("speed", lambda _: other)
+    _, findings = found(model, replace(data, measured={n: data.measured[n] for n in ("speed", "position")}))
+    assert findings["position_velocity"].cure == "leave_out_speed"
+    assert findings["position_velocity"].open
+
+
+def test_a_velocity_that_lags_is_noted() -> None:
+    model, data = changed("speed", lambda v: np.concatenate([np.full(8, v[0]), v[:-8]]))
+    _, findings = found(model, data)
+    assert findings["position_velocity"].severity == "note"
+    assert "0.08 s behind" in findings["position_velocity"].sentence
+
+
+# ------------------------------------------------------------------ time
+
+
+def test_an_input_behind_its_effect_is_told() -> None:
+    model, data = changed("voltage", lambda u: np.concatenate([np.full(20, u[0]), u[:-20]]))
+    finding = the("mixed_clocks", model, data)
+    assert finding.cure == "advance_voltage"
+    assert finding.open
+
+
+def test_an_input_before_its_effect_is_none_of_its_business() -> None:
+    model, data = changed("voltage", lambda u: np.concatenate([u[6:], np.full(6, u[-1])]))
+    assert "mixed_clocks" not in found(model, data)[1]
+
+
+def test_jitter_is_noted() -> None:
+    model, data = motor()
+    late = data.t + STEP * 0.3 * np.random.default_rng(1).uniform(size=SAMPLES)
+    assert found(model, replace(data, t=late))[1]["jitter"].severity == "note"
+    even = data.t + STEP * 0.02 * np.random.default_rng(1).uniform(size=SAMPLES)
+    assert "jitter" not in found(model, replace(data, t=even))[1]
+
+
+def test_slow_samples_are_noted_and_impossible_ones_refused() -> None:
+    model, data = motor()
+    fifth = replace(data, t=data.t[::5], u=data.u[::5], measured={n: v[::5] for n, v in data.measured.items()})  # 50 ms
+    finding = found(model, fifth)[1]["slow_sampling"]
+    assert finding.severity == "note"
+    assert "current" in finding.sentence
+    nothing = {n: np.sin(2 * np.pi * 0.2 * np.arange(SAMPLES)) for n in data.measured}
+    assert found(model, replace(data, t=1e3 * data.t, measured=nothing))[1]["slow_sampling"].open
+
+
+def test_a_short_record_is_noted() -> None:
+    model, data = motor()
+    assert "short_record" in found(model, data.part(0, 150))[1]
+
+
+# ------------------------------------------------------------------ motion
+
+
+def test_what_never_moves_is_refused() -> None:
+    model, data = motor()
+    rng = np.random.default_rng(5)
+    still = {n: NOISE[n] * rng.normal(size=SAMPLES) for n in data.measured}
+    finding = the("no_motion", model, replace(data, measured=still))
+    assert finding.open
+    assert "never moved" in finding.sentence
+
+
+def test_little_motion_is_motion() -> None:
+    base = motor()[0]
+    assert "no_motion" not in found(base, record(base, multisine(0.02)))[1]
+
+
+# ------------------------------------------------------------------ as a whole
+
+
+def test_every_check_says_what_it_does() -> None:
+    names = [kind.name for kind in CHECKS]
+    assert len(set(names)) == len(names)
+    for kind in CHECKS:
+        assert "Test:" in (kind.__doc__ or "")
+        assert "Cure:" in (kind.__doc__ or "")
+
+
+def test_findings_follow_the_schema() -> None:
+    schema = json.loads((resources.files("signlin_ros") / "schemas" / "check.json").read_text(encoding="utf-8"))
+    model, data = changed("speed", lambda v: 60 / (2 * np.pi) * v)
+    jsonschema.validate(to_json(check(model, [data])[1]), schema)
+    jsonschema.validate({"findings": []}, schema)
+
+
+CASES = {
+    "plain": (),
+    "encoder_wrap": (("wrapped_angle", True),),
+    "rpm": (("unit_or_sign", False),),
+    "mA": (("unit_or_sign", False),),
+    "sign_reversed": (("unit_or_sign", False),),
+    "no_motion": (("no_motion", False),),
+    "hz20": (("slow_sampling", False),),
+}
+
+
+@field
+@pytest.mark.parametrize("case", CASES)
+def test_channels_of_the_field(case: str, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [str(FIELD / "channels" / "nominal.yaml"), str(FIELD / "channels" / f"{case}.csv")]
+    assert main(["check", *arguments, "--json"]) == 0
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    assert tuple((f["check"], f["applied"]) for f in findings) == CASES[case]
+
+
+BAG = ("--signal", "voltage=/cmd.data", "--signal", "speed=/joint_states.velocity[wheel]",
+       "--signal", "position=/joint_states.position[wheel]")  # fmt: skip
+BAGS = {"wrapped_position": "wrapped_angle", "velocity_zero": "frozen_channel", "two_publishers_4s": "two_sources"}
+
+
+@field
+@pytest.mark.parametrize("case", BAGS)
+def test_bags_of_the_field(case: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["check", "dc_motor", str(FIELD / "bags" / case), *BAG, "--json"]) == 0
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    (finding,) = (f for f in findings if f["check"] != "excitation")  # without the current some move together
+    assert finding["check"] == BAGS[case]
+    assert finding["applied"]
+
+
+@field
+def test_the_sign_column_of_the_field(capsys: pytest.CaptureFixture[str]) -> None:
+    file = str(FIELD / "csv" / "sign_column.csv")
+    assert main(["compare", "dc_motor", file, "--signal", "voltage=pwm"]) == 2
+    assert "the voltage never changes sign while the speed does" in capsys.readouterr().err
+
+
+@field
+def test_nothing_is_concluded_from_rpm(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [str(FIELD / "channels" / "nominal.yaml"), str(FIELD / "channels" / "rpm.csv")]
+    for verb in ("compare", "diagnose"):
+        assert main([verb, *arguments]) == 2
+        assert "the speed fits if it is in rpm" in capsys.readouterr().err
+
+
+# ------------------------------------------------------------------ what a record could tell
+
+
+def test_a_drive_at_one_speed_tells_friction_from_a_load_no_more() -> None:
+    base = Model.load("mass_spring_damper").with_parameters(k=0.0, c=2.0)
+    free, rich = record(base, np.full(SAMPLES, 4.0)), record(base, multisine(4.0))
+    told = found(base, free)[1]["excitation"]
+    assert "viscous friction, Coulomb friction and a constant load only together" in told.sentence
+    assert told.severity == "note"
+    assert "excitation" not in found(base, rich)[1]
+
+
+def test_a_motion_that_is_too_slow_tells_nothing_of_the_damping() -> None:
+    base = oscillator()[0]
+    slow = record(base, np.sin(0.4 * np.arange(SAMPLES) * STEP))
+    assert "nothing of c" in found(base, slow)[1]["excitation"].sentence
+
+
+def test_parameters_that_move_together_are_named() -> None:
+    """Without the current nothing tells a weak motor of much resistance from a strong one of little."""
+    model, data = motor()
+    alone = replace(data, measured={n: data.measured[n] for n in ("speed", "position")})
+    assert "R_a, K_t and J only together" in found(model, alone)[1]["excitation"].sentence
+
+
+# ------------------------------------------------------------------ what the reader did
+
+
+class Said(str):
+    """A note as a reader writes it."""
+
+    kind, channel = "", ""
+
+
+def said(text: str, kind: str) -> Said:
+    note = Said(text)
+    note.kind = kind
+    return note
+
+
+def test_faults_that_the_reader_put_right_are_told() -> None:
+    model, data = motor()
+    notes = (said("the clock jumps back at row 200: two runs", "cut"), said("rpm are converted", "converted"), "plain")
+    (finding,) = found(model, replace(data, notes=notes))[1].values()
+    assert (finding.check, finding.severity) == ("cut", "note")
+    assert finding.sentence.startswith("the clock jumps back")
+
+
+def test_what_the_reader_asks_must_be_answered() -> None:
+    model, data = motor()
+    notes = (said("is the time in ms?", "unit_of_time"),)
+    finding = found(model, replace(data, notes=notes))[1]["time_unit"]
+    assert finding.open
+    assert finding.sentence == "is the time in ms?"
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_the_unit_of_the_time_is_told_by_the_model(unit: str, factor: float) -> None:
+    model, data = motor()
+    other = replace(data, t=factor * data.t)
+    finding = the("time_unit", model, other)
+    assert finding.open
+    assert finding.cure == f"t_in_{unit}"
+    after, _ = found(model, other, (finding.cure,))
+    np.testing.assert_allclose(after.t, data.t, atol=1e-9)
+
+
+def test_a_channel_that_is_seldom_measured_is_noted() -> None:
+    model, data = changed("position", lambda q: np.where(np.arange(q.size) % 50 == 0, q, np.nan))
+    assert found(model, data)[1]["sparse_channel"].channel == "position"
+    model, data = changed("position", lambda q: np.where(np.arange(q.size) % 4 == 0, q, np.nan))
+    assert "sparse_channel" not in found(model, data)[1]
+
+
+@pytest.mark.parametrize("verb", ["check", "simulate", "compare", "diagnose", "add", "refine"])
+def test_every_verb_that_reads_data_takes_cures(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([verb, "--help"]) == 0
+    assert "--cure" in capsys.readouterr().out
+
+
+def test_what_is_too_short_to_look_at_is_left_to_what_comes_next() -> None:
+    model, data = motor()
+    assert check(model, [data.part(0, 5)])[1] == []
+    assert check(model, [replace(data, measured={})])[1] == []
