@@ -1,0 +1,128 @@
+"""One trial: every design on one rig, tuned and then measured."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.control.plants import Rig, mismatched
+from benchmarks.control.search import search
+from signlin_ros.control.designs import DESIGNS, Design, Task, Tuning, feed_along
+from signlin_ros.control.drive import Drive
+from signlin_ros.control.reference import Profile
+from signlin_ros.control.tracking import Bench, Run
+from signlin_ros.errors import InputError
+from signlin_ros.model import Model
+
+TUNED_ON, MEASURED_ON = 2, 4
+"""Mismatched plants beside the nominal one, for the search and, others, for the table."""
+CHATTER = 0.02
+"""Bound on chatter, as a share of the limit of the input; the search pays for what is beyond it."""
+RTOL = 1e-3
+AT_REST = 2.0
+"""Last seconds of a stop, in which an oscillation counts."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A rig, what is tracked, how often, and the seed of noise, mismatch and search."""
+
+    rig: Rig
+    position: bool
+    period: float
+    seed: int
+
+    @property
+    def name(self) -> str:
+        kind = "position" if self.position else "speed"
+        return f"{self.rig.name}-{kind}-{round(1000 * self.period)}ms-{self.seed}"
+
+    @property
+    def task(self) -> Task:
+        """One period, or 20 ms, of delay from a sample to its input."""
+        delay = min(self.period, 0.02)
+        tolerance = 5.0 * self.rig.noise[0] if self.position else 0.0
+        return Task(self.position, self.period, delay, self.rig.limit, self.rig.speed, tolerance)
+
+    def random(self, what: str) -> np.random.Generator:
+        return np.random.default_rng([zlib.crc32(f"{self.name}:{what}".encode())])
+
+    def plants(self, what: str, count: int) -> list[Model]:
+        rng = self.random(what)
+        return [self.rig.model, *(mismatched(self.rig.model, rng) for _ in range(count))]
+
+
+class Stand:
+    """The benches of a trial: plants by references, with noise."""
+
+    def __init__(self, trial: Trial, plants: Iterable[Model], what: str) -> None:
+        self.trial, self.profiles = trial, trial.rig.profiles(trial.position)
+        self.benches = [
+            {name: self._bench(Drive.of(plant, trial.position), profile, what) for name, profile in self.profiles.items()}
+            for plant in plants
+        ]
+
+    def _bench(self, drive: Drive, profile: Profile, what: str) -> Bench:
+        count = Bench(drive, profile, self.trial.period).count
+        noise = self.trial.random(f"noise {what}").standard_normal((count, 2)) * np.array(self.trial.rig.noise)
+        return Bench(drive, profile, self.trial.period, self.trial.task.delay, noise)
+
+    def runs(self, design: Design, model: Model, tuning: Tuning) -> list[dict[str, Run]]:
+        """Return the runs of a design made from a model, by plant and reference."""
+        task = self.trial.task
+        law = design.law(model, task, tuning)
+        found = []
+        for by_name in self.benches:
+            feeds = {n: feed_along(design, model, task, tuning, self.profiles[n], b.count) for n, b in by_name.items()}
+            found.append({name: bench.run(law, feeds[name], RTOL) for name, bench in by_name.items()})
+        return found
+
+
+def cost(trial: Trial, runs: list[dict[str, Run]]) -> float:
+    """Return the mean error over plants and references, each as a share of its reference, dearer with chatter."""
+    total, bound = [], CHATTER * trial.rig.limit
+    for run in (run for by_name in runs for run in by_name.values()):
+        size = float(np.std(run.reference[:, 0 if trial.position else 1]))
+        total.append(min(run.rms / size, 1e3) * (1.0 + 10.0 * max(0.0, min(run.chatter / bound, 1e3) - 1.0)))
+    return float(np.mean(total))
+
+
+def tuned(trial: Trial, design: Design, model: Model) -> dict[str, Any]:
+    """Tune a design made from ``model`` on the rig, and measure it there and on other mismatched plants."""
+    stand = Stand(trial, trial.plants("tuning", TUNED_ON), "tuning")
+
+    def value(tuning: Tuning) -> float:
+        try:
+            return cost(trial, stand.runs(design, model, tuning))
+        except InputError:  # no gain for such weights
+            return 1e6
+
+    found = search(design, trial.task, value, trial.seed)
+    table = Stand(trial, trial.plants("table", MEASURED_ON), "table")
+    runs = table.runs(design, model, found.tuning)
+    return {"tuning": _plain(found.tuning), "cost": found.cost, "runs": [_measured(trial, by_name) for by_name in runs]}
+
+
+def _plain(tuning: Tuning) -> dict[str, float]:
+    weights = tuning.weights
+    numbers = {name: getattr(weights, name) for name in ("bandwidth", "damping", "integral")}
+    return numbers | {name: getattr(tuning, name) for name in ("floor", "friction", "turning")}
+
+
+def _measured(trial: Trial, by_name: Mapping[str, Run]) -> dict[str, dict[str, float]]:
+    found = {}
+    for name, run in by_name.items():
+        standing = trial.position and "stops" in name
+        found[name] = {"rms": run.rms, "effort": run.effort, "chatter": run.chatter}
+        if standing:
+            found[name]["oscillation"] = run.oscillation(AT_REST)
+    return found
+
+
+def all_designs(trial: Trial, names: Iterable[str] = tuple(DESIGNS)) -> dict[str, Any]:
+    """Return every design's result on one trial."""
+    return {name: tuned(trial, DESIGNS[name], trial.rig.model) for name in names}
