@@ -11,7 +11,7 @@ from scipy.stats import qmc
 from signlin_ros.control.designs import Design, Task, Tuning
 from signlin_ros.control.lqr import Weights
 
-WIDE, CLOSE = 20, 20
+WIDE, CLOSE = 16, 16
 """Evaluations of the search, far and near."""
 ALWAYS = ("bandwidth", "damping", "integral")
 
@@ -49,7 +49,7 @@ def search(design: Design, task: Task, cost: Callable[[Tuning], float], seed: in
     """Return the best of `WIDE` + `CLOSE` tunings, the same number for every design."""
     size = len(ALWAYS) + len(design.free)
     rng = np.random.default_rng(seed)
-    points = qmc.Sobol(size, seed=rng).random(32)[:WIDE]
+    points = qmc.Sobol(size, seed=rng).random(WIDE)
     values = [cost(tuning_at(design, task, p)) for p in points]
     for k in range(CLOSE):
         best = points[int(np.argmin(values))]

@@ -27,7 +27,7 @@ AT_REST = 2.0
 """Last seconds of a stop, in which an oscillation counts."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trial:
     """A rig, what is tracked, how often, and the seed of noise, mismatch and search."""
 

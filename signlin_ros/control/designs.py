@@ -27,7 +27,7 @@ from signlin_ros.linearize import Linearizer
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
-POINTS = 12
+POINTS = 8
 """Speeds at which gains are designed."""
 
 
@@ -128,24 +128,38 @@ def known(model: Model, task: Task, bare: bool = False) -> Constants:
     return _known(_key(_bare(key)) if bare else key, task.position, task.speed)
 
 
-def secants(model: Model, speeds: Array, method: str | None = None) -> tuple[Array, Array, Array]:
-    """Return what A_k says at speeds (G,) in terms of the input: kV, kA and the input's constant part (G,) each.
+@dataclass(frozen=True)
+class Reduced:
+    """A_k, B_k, c at P points in terms of the input, with the current as it settles: u = kV v + kA a + kP q + k0.
 
-    A_k, B_k, c at the state that has this speed and is 0 otherwise, with the current as it settles.
+    kV, kA, kP, k0 (P,); ``in_valid_range`` (P,) as of the linearization. Own states of effects are held.
     """
+
+    kV: Array
+    kA: Array
+    kP: Array
+    k0: Array
+    in_valid_range: NDArray[np.bool_]
+
+
+def reduced(model: Model, x: Array, method: str | None = None) -> Reduced:
+    """Return what A_k says of a drive at states x (P, n)."""
     drive = Drive.of(model)
-    linearizer = _linearizer(_key(model), method)
-    x = np.zeros((speeds.size, linearizer.n))
-    x[:, drive.velocity] = speeds
-    result = linearizer.batch(x)
+    result = _linearizer(_key(model), method).batch(x)
     v, B, A, c = drive.velocity, result.B[:, :, 0], result.A, result.c
-    if drive.current == NONE:
-        a, b, d = A[:, v, v], B[:, v], c[:, v]
-    else:
-        i = drive.current
-        share = A[:, v, i] / A[:, i, i]
-        a, b, d = A[:, v, v] - share * A[:, i, v], -share * B[:, i], c[:, v] - share * c[:, i]
-    return -a / b, 1.0 / b, -d / b
+    share = np.zeros(len(x)) if drive.current == NONE else A[:, v, drive.current] / A[:, drive.current, drive.current]
+    i = v if drive.current == NONE else drive.current
+    gone = share[:, None]
+    row, effect, rest = A[:, v] - gone * A[:, i], B[:, v] - share * B[:, i], c[:, v] - share * c[:, i]
+    stiffness = row[:, drive.position] if drive.position != NONE else np.zeros(len(x))
+    return Reduced(-row[:, v] / effect, 1.0 / effect, -stiffness / effect, -rest / effect, result.in_valid_range)
+
+
+def secants(model: Model, speeds: Array, method: str | None = None) -> Reduced:
+    """Return what A_k says at speeds (P,), at the state that has this speed and is 0 otherwise."""
+    x = np.zeros((speeds.size, len(model.states)))
+    x[:, Drive.of(model).velocity] = speeds
+    return reduced(model, x, method)
 
 
 def _grid(task: Task, lowest: float) -> Array:
@@ -182,11 +196,11 @@ def _pid(model: Model, task: Task, tuning: Tuning) -> Law:
 def _scheduled(model: Model, task: Task, tuning: Tuning, floor: float, by_state: bool) -> Law:
     """Return gains designed with A_k at each speed of a grid, not below the floor."""
     grid = _grid(task, 1e-3)
-    kV, kA, _ = secants(model, np.maximum(grid, floor * task.speed))
+    found = secants(model, np.maximum(grid, floor * task.speed))
     kP = known(model, task, bare=True).kP
     rows = [
         lqr_gains(float(v), float(a), kP, tuning.weights, task.period, task.delay, task.position).row
-        for v, a in zip(kV, kA, strict=True)
+        for v, a in zip(found.kV, found.kA, strict=True)
     ]
     return _law(task, grid, np.array(rows), by_state=by_state, width=tuning.floor * task.speed)
 
@@ -198,10 +212,9 @@ def _at_reference(model: Model, task: Task, tuning: Tuning) -> Law:
 def _state_tables(model: Model, task: Task, tuning: Tuning, method: str | None = None) -> tuple[Array, Array]:
     """Return a grid, and of the friction in A_k at the measured speed the slope and the level (G, 2)."""
     grid = _grid(task, 1e-3)
-    kV, _, constant = secants(model, grid, method)
-    viscous, _, offset = secants(_bare(_key(model)), grid, method)
-    slope = kV - viscous
-    level = slope * grid + (constant - offset if method == "jacobian" else 0.0)
+    whole, bare = secants(model, grid, method), secants(_bare(_key(model)), grid, method)
+    slope = whole.kV - bare.kV
+    level = slope * grid + (whole.k0 - bare.k0 if method == "jacobian" else 0.0)
     return grid, tuning.friction * np.column_stack([slope, level])
 
 
@@ -253,6 +266,13 @@ DESIGNS: dict[str, Design] = {
 }
 """Every design by its name, the ones that a node takes and those that are measured beside them."""
 DEFAULT = "turning_integral"
+CALM = 0.6
+"""Bandwidth by default, as a multiple of 1 / (period + delay)."""
+
+
+def default_tuning(period: float, delay: float) -> Tuning:
+    """Return a tuning that suits any drive: a bandwidth that the delay of the loop leaves room for."""
+    return Tuning(Weights(bandwidth=CALM / (period + delay)), turning=1.0)
 
 
 def find_design(name: str) -> Design:

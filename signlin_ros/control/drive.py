@@ -78,3 +78,10 @@ def friction_free(model: Model) -> Model:
         if use.type not in KEPT:
             model = model.without_effect(key)
     return model
+
+
+def resting(plant: Drive, position: float) -> Array:
+    """Return the state (n,) of a drive that stands at a position, with what hangs on it."""
+    names = (plant.model.plant.position,)
+    there = [name in names or name.endswith(".position") for name in plant.model.states]
+    return np.where(there, position, 0.0)

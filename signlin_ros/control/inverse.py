@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.control.drive import Drive
+from signlin_ros.control.drive import Drive, resting
 from signlin_ros.control.reference import Profile
 from signlin_ros.kernels import SWITCH, prepared
 from signlin_ros.native import call_within, compiled, inner
 
 Array = NDArray[np.float64]
-LONGEST_STEP = 1e-3
+LONGEST_STEP = 2e-3
 """Seconds; own states are carried in steps no longer than this."""
 DOUBLINGS, HALVINGS = 40, 60
 """How often a bracket is widened, and narrowed, for the input that gives an acceleration."""
@@ -131,9 +131,9 @@ class Inverse:
     def __post_init__(self) -> None:
         self.reset()
 
-    def reset(self) -> None:
-        """Begin anew at rest."""
-        self.x = np.zeros(len(self.drive.model.states))
+    def reset(self, position: float = 0.0) -> None:
+        """Begin anew at rest at a position; what hangs on the drive is there too."""
+        self.x = resting(self.drive, position)
 
     def along(self, motion: Array, h: float) -> Array:
         """Return the inputs (T,) for a motion (T, 3), position, speed and acceleration every h seconds."""
@@ -156,4 +156,5 @@ def feed_forward(drive: Drive, profile: Profile, period: float, count: int, widt
     h = period / parts
     times = lead + h * (np.arange(count * parts) + 0.5)
     inverse_model = Inverse(drive, width)
+    inverse_model.reset(profile.start)
     return np.asarray(inverse_model.along(np.column_stack(profile.at(times)), h).reshape(count, parts).mean(axis=1))

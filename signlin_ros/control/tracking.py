@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros import kernels
-from signlin_ros.control.drive import Drive
+from signlin_ros.control.drive import Drive, resting
 from signlin_ros.control.law import Law, step
 from signlin_ros.control.reference import Profile
 from signlin_ros.native import compiled
@@ -147,9 +147,7 @@ class Bench:
         X, U = np.full((t.size, 2), np.nan), np.full(t.size, np.nan)
         noise = np.zeros((t.size, 2)) if self.noise is None else self.noise
         model = self.plant.model
-        start = np.zeros(len(model.states))
-        if self.plant.position >= 0:
-            start[self.plant.position] = self.profile.start
+        start = resting(self.plant, self.profile.start)
         arguments = (self.plant.slots, model.p, start, self.lead, self.reference, feed, noise, law.parts, law.memory, rtol)
         status, _ = follow(*self.plant.plan, *arguments, X, U)
         return Run(t, self.reference, X, U, law.position, status == kernels.OK)
