@@ -38,12 +38,16 @@ def trials(names: Iterable[str], seeds: int, periods: Iterable[float]) -> list[T
     ]
 
 
+def _politely() -> None:
+    os.nice(max(0, 10 - os.nice(0)))
+
+
 def work(todo: list[Trial], folder: Path, jobs: int, run: Callable[[Trial], dict[str, Any]]) -> None:
     """Do the trials that have no file yet, and write each when it is done."""
     folder.mkdir(parents=True, exist_ok=True)
     left = [trial for trial in todo if not (folder / f"{trial.name}.json").exists()]
     print(f"{len(todo) - len(left)} of {len(todo)} trials are there")
-    with ProcessPoolExecutor(jobs, initializer=os.nice, initargs=(10,)) as pool:
+    with ProcessPoolExecutor(jobs, initializer=_politely) as pool:
         waiting = {pool.submit(run, trial): trial for trial in left}
         for k, future in enumerate(as_completed(waiting)):
             trial = waiting[future]

@@ -20,7 +20,7 @@ from signlin_ros.control.constants import Constants, constants
 from signlin_ros.control.drive import NONE, Drive, friction_free
 from signlin_ros.control.inverse import feed_forward
 from signlin_ros.control.law import Law
-from signlin_ros.control.lqr import Weights, lqr_gains, pid_gains
+from signlin_ros.control.lqr import Weights, lqr_gains, lqr_rows, pid_gains
 from signlin_ros.control.reference import Profile
 from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.linearize import Linearizer
@@ -198,11 +198,8 @@ def _scheduled(model: Model, task: Task, tuning: Tuning, floor: float, by_state:
     grid = _grid(task, 1e-3)
     found = secants(model, np.maximum(grid, floor * task.speed))
     kP = known(model, task, bare=True).kP
-    rows = [
-        lqr_gains(float(v), float(a), kP, tuning.weights, task.period, task.delay, task.position).row
-        for v, a in zip(found.kV, found.kA, strict=True)
-    ]
-    return _law(task, grid, np.array(rows), by_state=by_state, width=tuning.floor * task.speed)
+    rows = lqr_rows(found.kV, found.kA, kP, tuning.weights, task.period, task.delay, task.position)
+    return _law(task, grid, rows, by_state=by_state, width=tuning.floor * task.speed)
 
 
 def _at_reference(model: Model, task: Task, tuning: Tuning) -> Law:
