@@ -92,7 +92,8 @@ def rigs() -> dict[str, Rig]:
     for name, (parameters, effects) in OSCILLATORS.items():
         model = _model("mass_spring_damper", name, parameters, effects, sign_scale=0.02)
         found[name] = Rig(name, model, 30.0, 0.15, 0.2, (5e-6, 5e-4))
-    return found
+    pairs = zip(MOTORS, OSCILLATORS, strict=True)  # in turn, so that a table half done is one of both kinds
+    return {name: found[name] for pair in pairs for name in pair}
 
 
 def _model(plant: str, name: str, parameters: dict[str, float], effects: dict[str, Any], **more: Any) -> Model:

@@ -62,7 +62,10 @@ class Stand:
     def __init__(self, trial: Trial, plants: Iterable[Model], what: str) -> None:
         self.trial, self.profiles = trial, trial.rig.profiles(trial.position)
         self.benches = [
-            {name: self._bench(Drive.of(plant, trial.position), profile, what) for name, profile in self.profiles.items()}
+            {
+                name: self._bench(Drive.of(plant, trial.position), profile, what)
+                for name, profile in self.profiles.items()
+            }
             for plant in plants
         ]
 

@@ -1,8 +1,8 @@
 """kS, kV, kA, kG, kP: what a drive asks for, as the constants that an engineer sets.
 
-u = kS sign(v) + kV v + kA a + kP q + kG. kA is that of the equations; the others are fitted by least squares to what the
-model asks for along triangles of speed (`signlin_ros.control.inverse`), so that every effect counts as far as constants
-can show it. Only the faster part of a triangle counts: there hysteresis has settled and a play is crossed.
+u = kS sign(v) + kV v + kA a + kP q + kG. kA is that of the equations; the others are fitted by least squares to what
+the model asks for along triangles of speed (`signlin_ros.control.inverse`), so that every effect counts as far as
+constants can show it. Only the faster part of a triangle counts: there hysteresis has settled and a play is crossed.
 """
 
 from __future__ import annotations
@@ -99,4 +99,4 @@ def _fitted(drive: Drive, motion: Array, u: Array, kA: float) -> Constants:
     size = np.linalg.norm(table, axis=0)
     values = np.linalg.lstsq(table / size, left, rcond=None)[0] / size
     found = {"kP": 0.0, "kA": kA, **dict(zip(columns, map(float, values), strict=True))}
-    return Constants(**found, left=float(np.sqrt(np.mean((left - table @ values) ** 2))))  # type: ignore[arg-type]
+    return Constants(**found, left=float(np.sqrt(np.mean((left - table @ values) ** 2))))

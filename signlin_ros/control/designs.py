@@ -57,7 +57,7 @@ class Tuning:
     """What is chosen for a design: the weights, and what some designs have beside them.
 
     ``floor``: speed, as a share of the largest, below which A_k is not taken, and within which the friction along the
-    reference fades; ``friction``: share of the friction that is fed forward; ``turning``: see `signlin_ros.control.law`.
+    reference fades; ``friction``: share of the friction that is fed forward; ``turning``: see `Law`.
     """
 
     weights: Weights
@@ -75,7 +75,7 @@ class Design:
     free: tuple[str, ...]
     law: Callable[[Model, Task, Tuning], Law]
     feed: str = "friction"
-    """What is fed forward along the reference: ``none``, ``linear`` (friction-free model) or ``friction`` (the model)."""
+    """What is fed forward along the reference: ``none``, ``linear`` (friction-free model) or ``friction`` (all)."""
 
 
 # --------------------------------------------------------------------------- what a model says

@@ -40,7 +40,7 @@ class Drive:
         names = (plant.position, plant.velocity, "current")
         slots = [model.states.index(name) if name in model.states else NONE for name in names]
         own = tuple(i for i in range(len(model.states)) if i not in slots)
-        return cls(model, *slots, own)
+        return cls(model, slots[0], slots[1], slots[2], own)
 
     @property
     def slots(self) -> NDArray[np.int64]:

@@ -119,9 +119,7 @@ def _loop(c: Constants, tuning: Tuning, task: Task, position: bool) -> dict[str,
 # --------------------------------------------------------------------------- A_k
 
 
-def _points(
-    model: Model, drive: Drive, at: Mapping[str, float], tuning: Tuning, task: Task
-) -> list[dict[str, Any]]:
+def _points(model: Model, drive: Drive, at: Mapping[str, float], tuning: Tuning, task: Task) -> list[dict[str, Any]]:
     """Return what A_k says at the point named, or at some speeds, and the gains that come of it."""
     if at:
         x = model.state_vector(at)[None, :]
@@ -165,9 +163,7 @@ def predicted(model: Model, wishes: Wishes, position: bool) -> list[dict[str, An
         known_by["all"] = friction_free(model)
     profile = sine(wishes.task(model, position).speed, SWING, cycles=2)
     plant = Drive.of(model, with_position=position)
-    return [
-        {"without": name, **_error(plant, profile, one, wishes, position)} for name, one in known_by.items()
-    ]
+    return [{"without": name, **_error(plant, profile, one, wishes, position)} for name, one in known_by.items()]
 
 
 def _error(plant: Drive, profile: Profile, model: Model, wishes: Wishes, position: bool) -> dict[str, float]:

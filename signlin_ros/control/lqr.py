@@ -45,7 +45,7 @@ class Weights:
 
 @dataclass(frozen=True)
 class Gains:
-    """u = k_q e_q + k_v e_v + k_i (sum of errors) - sum_j past_j w_j, w_j the feedback of past periods, oldest first."""
+    """u = k_q e_q + k_v e_v + k_i (sum of errors) - sum_j past_j w_j, w_j the feedback of past periods."""
 
     k_q: float
     k_v: float
@@ -59,7 +59,7 @@ class Gains:
 
 
 def rigid(kV: ArrayLike, kA: ArrayLike, kP: ArrayLike, position: bool) -> tuple[Array, Array]:
-    """Return A (..., n, n) and B (..., n, 1) of the errors [integral, (position,) speed] of drives u = kV v + kA a + kP q.
+    """Return A (..., n, n), B (..., n, 1) of the errors [integral, (position,) speed] of drives u = kV v + kA a + kP q.
 
     The integral of a speed's error is the error of the position, so that kP belongs to it.
     """

@@ -47,7 +47,9 @@ _BOTH = ("feed_forward", "friction_free")
 
 
 def _row(name: str, values: Mapping[str, Any]) -> list[str]:
-    numbers = ((k, ", ".join(f"{one:.4g}" for one in v) if isinstance(v, list) else f"{v:.5g}") for k, v in values.items())
+    numbers = (
+        (k, ", ".join(f"{one:.4g}" for one in v) if isinstance(v, list) else f"{v:.5g}") for k, v in values.items()
+    )
     return [name, "  ".join(f"{key} {text}" for key, text in numbers if text)]
 
 

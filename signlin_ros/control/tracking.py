@@ -143,11 +143,11 @@ class Bench:
 
     def run(self, law: Law, feed: Array, rtol: float = 1e-5) -> Run:
         """Close the loop with a law and a feed-forward (T,), from rest at the start of the profile."""
-        t = self.period * np.arange(self.count)
+        t: Array = self.period * np.arange(self.count, dtype=float)
         X, U = np.full((t.size, 2), np.nan), np.full(t.size, np.nan)
         noise = np.zeros((t.size, 2)) if self.noise is None else self.noise
         model = self.plant.model
         start = resting(self.plant, self.profile.start)
-        arguments = (self.plant.slots, model.p, start, self.lead, self.reference, feed, noise, law.parts, law.memory, rtol)
-        status, _ = follow(*self.plant.plan, *arguments, X, U)
+        plant = (*self.plant.plan, self.plant.slots, model.p, start, self.lead)
+        status, _ = follow(*plant, self.reference, feed, noise, law.parts, law.memory, rtol, X, U)
         return Run(t, self.reference, X, U, law.position, status == kernels.OK)

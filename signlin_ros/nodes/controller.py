@@ -96,7 +96,9 @@ class ControllerNode(ModelNode):
     def _check_position(self) -> None:
         known = self.model.plant.position in self.model.states or self.options["state_source"] == "joint_state"
         if self.options["track"] == "position" and not known:
-            raise InputError("track: position needs with_position: true in the model file, or state_source: joint_state")
+            raise InputError(
+                "track: position needs with_position: true in the model file, or state_source: joint_state"
+            )
 
     # ---------------------------------------------------------------- messages
 
@@ -170,4 +172,3 @@ class ControllerNode(ModelNode):
 def main() -> int:
     """Run the node; return the exit code."""
     return run("controller", ControllerNode)
-
