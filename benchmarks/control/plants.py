@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -103,10 +104,18 @@ def _model(plant: str, name: str, parameters: dict[str, float], effects: dict[st
 
 def mismatched(model: Model, rng: np.random.Generator) -> Model:
     """Return a plant each of whose numbers is 10 % off, up or down."""
+    return _changed(model, lambda _: float(rng.choice((-1.0, 1.0))))
+
+
+def corner(model: Model, toward: float) -> Model:
+    """Return the plant that answers most (``toward`` 1) or least (-1) to its input: all is lighter, or heavier."""
+    return _changed(model, lambda name: toward if name == "K_t" else -toward)
+
+
+def _changed(model: Model, sign: Callable[[str], float]) -> Model:
     changes = {}
     for name, par in model.par_declarations().items():
         plain = name.split(".", 1)[1]
-        if plain.rsplit(".", 1)[-1] in KEPT or par.structural:
-            continue
-        changes[plain] = model.value(plain) * (1.0 + WRONG * rng.choice((-1.0, 1.0)))
+        if plain.rsplit(".", 1)[-1] not in KEPT and not par.structural:
+            changes[plain] = model.value(plain) * (1.0 + WRONG * sign(plain))
     return model.with_parameters(changes)

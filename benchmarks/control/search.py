@@ -26,9 +26,9 @@ class Found:
 
 def tuning_at(design: Design, task: Task, point: np.ndarray) -> Tuning:
     """Return the tuning at a point of the unit cube: logarithmic scales."""
-    fastest = 3.0 / (task.period + task.delay)
+    fastest = 1.5 / (task.period + task.delay)
     reach = {
-        "bandwidth": (fastest / 60, fastest),
+        "bandwidth": (fastest / 40, fastest),
         "damping": (0.2, 4.0),
         "integral": (0.03, 2.0),
         "floor": (0.003, 0.3),

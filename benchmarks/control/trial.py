@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.control.plants import Rig, mismatched
+from benchmarks.control.plants import Rig, corner, mismatched
 from benchmarks.control.search import search
 from signlin_ros.control.designs import DESIGNS, Design, Task, Tuning, feed_along
 from signlin_ros.control.drive import Drive
@@ -18,11 +18,13 @@ from signlin_ros.control.tracking import Bench, Run
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 
-TUNED_ON, MEASURED_ON = 2, 4
-"""Mismatched plants beside the nominal one, for the search and, others, for the table."""
+MEASURED_ON = 4
+"""Mismatched plants, drawn at random, that the table is measured on beside the nominal one."""
 CHATTER = 0.02
 """Bound on chatter, as a share of the limit of the input; the search pays for what is beyond it."""
 RTOL = 1e-3
+STOPS = "stops"
+"""Word in the name of a reference that ends with a long one."""
 AT_REST = 2.0
 """Last seconds of a stop, in which an oscillation counts."""
 
@@ -51,9 +53,16 @@ class Trial:
     def random(self, what: str) -> np.random.Generator:
         return np.random.default_rng([zlib.crc32(f"{self.name}:{what}".encode())])
 
-    def plants(self, what: str, count: int) -> list[Model]:
-        rng = self.random(what)
-        return [self.rig.model, *(mismatched(self.rig.model, rng) for _ in range(count))]
+    @property
+    def tuned_on(self) -> list[Model]:
+        """The nominal plant, and those that answer most and least to their input."""
+        return [self.rig.model, corner(self.rig.model, 1.0), corner(self.rig.model, -1.0)]
+
+    @property
+    def measured_on(self) -> list[Model]:
+        """The nominal plant, and others that no search has seen."""
+        rng = self.random("table")
+        return [self.rig.model, *(mismatched(self.rig.model, rng) for _ in range(MEASURED_ON))]
 
 
 class Stand:
@@ -86,17 +95,24 @@ class Stand:
 
 
 def cost(trial: Trial, runs: list[dict[str, Run]]) -> float:
-    """Return the mean error over plants and references, each as a share of its reference, dearer with chatter."""
-    total, bound = [], CHATTER * trial.rig.limit
-    for run in (run for by_name in runs for run in by_name.values()):
+    """Return the mean error over plants and references, each as a share of its reference.
+
+    Chatter, and an oscillation at rest, beyond their bounds make it dearer.
+    """
+    total = []
+    for name, run in (pair for by_name in runs for pair in by_name.items()):
         size = float(np.std(run.reference[:, 0 if trial.position else 1]))
-        total.append(min(run.rms / size, 1e3) * (1.0 + 10.0 * max(0.0, min(run.chatter / bound, 1e3) - 1.0)))
+        excess = [run.chatter / (CHATTER * trial.rig.limit)]
+        if trial.position and STOPS in name:
+            excess.append(run.oscillation(AT_REST) / trial.rig.oscillation_bound)
+        beyond = sum(max(0.0, min(one, 1e3) - 1.0) for one in excess)
+        total.append(min(run.rms / size, 1e3) * (1.0 + 10.0 * beyond))
     return float(np.mean(total))
 
 
 def tuned(trial: Trial, design: Design, model: Model) -> dict[str, Any]:
     """Tune a design made from ``model`` on the rig, and measure it there and on other mismatched plants."""
-    stand = Stand(trial, trial.plants("tuning", TUNED_ON), "tuning")
+    stand = Stand(trial, trial.tuned_on, "tuning")
 
     def value(tuning: Tuning) -> float:
         try:
@@ -105,7 +121,7 @@ def tuned(trial: Trial, design: Design, model: Model) -> dict[str, Any]:
             return 1e6
 
     found = search(design, trial.task, value, trial.seed)
-    table = Stand(trial, trial.plants("table", MEASURED_ON), "table")
+    table = Stand(trial, trial.measured_on, "table")
     runs = table.runs(design, model, found.tuning)
     return {"tuning": _plain(found.tuning), "cost": found.cost, "runs": [_measured(trial, by_name) for by_name in runs]}
 
@@ -119,7 +135,7 @@ def _plain(tuning: Tuning) -> dict[str, float]:
 def _measured(trial: Trial, by_name: Mapping[str, Run]) -> dict[str, dict[str, float]]:
     found = {}
     for name, run in by_name.items():
-        standing = trial.position and "stops" in name
+        standing = trial.position and STOPS in name
         found[name] = {"rms": run.rms, "effort": run.effort, "chatter": run.chatter}
         if standing:
             found[name]["oscillation"] = run.oscillation(AT_REST)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.control.designs import DEFAULT, Design, Task, Tuning, default_tuning, find_design
-from signlin_ros.control.drive import NONE, Drive, friction_free
+from signlin_ros.control.drive import Drive, friction_free
 from signlin_ros.control.gains import largest_speed
 from signlin_ros.control.inverse import LONGEST_STEP, Inverse
 from signlin_ros.control.law import Running
@@ -98,7 +98,6 @@ class Controller:
         tuning = settings.tuning(self.task)
         self.law = design.law(model, self.task, tuning)
         self._running, self._ahead = Running(self.law), Ahead(design, model, self.task, tuning)
-        self._follows_position = Drive.of(model, with_position=settings.position).position != NONE
         self.reset(0.0)
         self.step(np.zeros(3), np.zeros(2))  # what is compiled is compiled before time counts
         self.reset(0.0)
@@ -108,12 +107,14 @@ class Controller:
         self._running.reset()
         self._ahead.reset(position)
 
-    def step(self, reference: Array, measured: Array) -> float:
+    def step(self, reference: Array, measured: Array, now: Array | None = None) -> float:
         """Return the input for the next period, within the limit.
 
-        reference : (3,) position, speed, acceleration. measured : (2,) position, speed. Where the speed is tracked, a
-        position that the model knows of is the measured one: waves stand where the drive is.
+        reference : (3,) position, speed, acceleration at the time of what is measured; ``now``: those now, if later.
+        measured : (2,) position, speed. Where the speed is tracked, a position that the model knows of is the measured
+        one: waves stand where the drive is.
         """
-        q = reference[0] if self.settings.position else measured[0]
-        feed = self._ahead(float(q), float(reference[1]), float(reference[2]))
+        ahead = reference if now is None else now
+        q = ahead[0] if self.settings.position else measured[0]
+        feed = self._ahead(float(q), float(ahead[1]), float(ahead[2]))
         return self._running(np.ascontiguousarray(reference[:2]), np.ascontiguousarray(measured), feed)

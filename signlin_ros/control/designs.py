@@ -185,7 +185,11 @@ def _linear(model: Model, task: Task, tuning: Tuning, bare: bool = True) -> Law:
 
 
 def _along(model: Model, task: Task, tuning: Tuning) -> Law:
-    return replace(_linear(model, task, tuning, bare=False), turning=tuning.turning)
+    return _linear(model, task, tuning, bare=False)
+
+
+def _turning(model: Model, task: Task, tuning: Tuning) -> Law:
+    return replace(_along(model, task, tuning), turning=tuning.turning)
 
 
 def _pid(model: Model, task: Task, tuning: Tuning) -> Law:
@@ -247,7 +251,7 @@ DESIGNS: dict[str, Design] = {
             "turning_integral",
             "the same, and an integral action that turns with the reference's direction",
             ("floor", "friction", "turning"),
-            _along,
+            _turning,
         ),
         Design("ak_reference", "gains from A_k at the reference's speed, with a floor", ("floor",), _at_reference),
         Design(
@@ -262,14 +266,14 @@ DESIGNS: dict[str, Design] = {
     )
 }
 """Every design by its name, the ones that a node takes and those that are measured beside them."""
-DEFAULT = "turning_integral"
+DEFAULT = "along_reference"
 CALM = 0.6
 """Bandwidth by default, as a multiple of 1 / (period + delay)."""
 
 
 def default_tuning(period: float, delay: float) -> Tuning:
     """Return a tuning that suits any drive: a bandwidth that the delay of the loop leaves room for."""
-    return Tuning(Weights(bandwidth=CALM / (period + delay)), turning=1.0)
+    return Tuning(Weights(bandwidth=CALM / (period + delay)))
 
 
 def find_design(name: str) -> Design:

@@ -52,7 +52,7 @@ class Wishes:
     def tuning(self, model: Model) -> Tuning:
         """Return the tuning wished for."""
         tuning = default_tuning(self.period, self.delay_of(model))
-        return tuning if self.bandwidth is None else Tuning(Weights(self.bandwidth), turning=tuning.turning)
+        return tuning if self.bandwidth is None else Tuning(Weights(self.bandwidth))
 
     def delay_of(self, model: Model) -> float:
         """Return the delay of the loop: one period, and that of the model's input, unless wished otherwise."""

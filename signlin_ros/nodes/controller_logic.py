@@ -25,6 +25,8 @@ LONGEST_REFERENCE = 3
 """Values of a reference at most: what is tracked, its rate, and the rate of that."""
 GOES_ON = 2
 """Periods for which a reference goes on as it was."""
+LATE = 2
+"""Periods between two inputs from which on the later one counts as late."""
 HEAD = 6
 """Numbers before the matrices in a message of the linearizer."""
 
@@ -66,6 +68,7 @@ class ControllerLogic:
     ) -> None:
         self.refused: Counter[str] = Counter()
         self.last_refusal: Refusal | None = None
+        self.late = 0
         self.timeouts, self.needs_model = timeouts or Timeouts(), needs_model
         self.configure(model, settings)
         self.reset()
@@ -84,7 +87,7 @@ class ControllerLogic:
         self._got: dict[str, _Got] = {}
         self._derivative = CausalDerivative()
         self._running = False
-        self._why = "waiting"
+        self._why, self._before = "waiting", 0
         self.active = False
         self.u = 0.0
 
@@ -192,7 +195,9 @@ class ControllerLogic:
 
     def output(self, now: int) -> Array | None:
         """Return the input (1,) to publish now; 0 while stopped; None until the drive has run for the first time."""
-        self._why = self._fault(now)
+        if self._before and now - self._before > LATE * self.settings.period * NANO:
+            self.late += 1
+        self._before, self._why = now, self._fault(now)
         u = 0.0 if self._why else self._controlled(now)
         if not math.isfinite(u):
             self._why, u = "the design gives no finite input", 0.0
@@ -213,13 +218,18 @@ class ControllerLogic:
         return ""
 
     def _controlled(self, now: int) -> float:
-        reference, state = self._got["reference"], self._got["state"].values
+        reference, state = self._got["reference"], self._got["state"]
         if not self._running:
-            self.controller.reset(float(state[0]))
-        age = min(max(now - reference.when, 0) / NANO, GOES_ON * self.settings.period)
+            self.controller.reset(float(state.values[0]))
+        feed = self._going_on(reference, now)
+        return self.controller.step(self._going_on(reference, state.when), state.values, feed)
+
+    def _going_on(self, reference: _Got, when: int) -> Array:
+        """Return the reference (3,) at a time near that of its message: it goes on, or came, as it is now."""
+        most = GOES_ON * self.settings.period
+        age = min(max((when - reference.when) / NANO, -most), most)
         q, v, a = reference.values
-        motion = np.array([q + v * age + a * age**2 / 2, v + a * age, a])
-        return self.controller.step(motion, state)
+        return np.array([q + v * age + a * age**2 / 2, v + a * age, a])
 
     # ---------------------------------------------------------------- diagnostics
 
@@ -230,6 +240,7 @@ class ControllerLogic:
             "design": self.settings.design,
             "tracks": "position" if self.settings.position else "speed",
             "input": f"{self.u:.6g}",
+            "late inputs": str(self.late),
             "messages refused": str(sum(self.refused.values())),
         }
         for name, got in self._got.items():
