@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.control.plants import rigs
-from benchmarks.control.trial import Trial, all_designs
+from benchmarks.control.trial import Trial, all_designs, untuned
 from signlin_ros.control.designs import DEFAULT
 
 PERIODS = (0.02, 0.2)
@@ -61,6 +61,11 @@ def read(todo: list[Trial], folder: Path) -> dict[Trial, dict[str, Any]]:
     """Return what has been done."""
     files = {trial: folder / f"{trial.name}.json" for trial in todo}
     return {trial: json.loads(file.read_text()) for trial, file in files.items() if file.exists()}
+
+
+def beside(results: Mapping[Trial, dict[str, Any]], others: Mapping[Trial, dict[str, Any]]) -> dict[Trial, Any]:
+    """Return results with others of the same trials beside them, where both are there."""
+    return {trial: {**result, **others[trial]} for trial, result in results.items() if trial in others}
 
 
 # --------------------------------------------------------------------------- the table
@@ -164,8 +169,9 @@ def main() -> None:
     folder = options.output / "designs"
     if not options.only_print:
         work(todo, folder, options.jobs, all_designs)
+        work(todo, options.output / "untuned", options.jobs, untuned)
     print(f"default design: {DEFAULT}\n")
-    print(report(read(todo, folder)))
+    print(report(beside(read(todo, folder), read(todo, options.output / "untuned"))))
 
 
 if __name__ == "__main__":

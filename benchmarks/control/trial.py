@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.control.plants import Rig, corner, mismatched
 from benchmarks.control.search import search
-from signlin_ros.control.designs import DESIGNS, Design, Task, Tuning, feed_along
+from signlin_ros.control.designs import DEFAULT, DESIGNS, Design, Task, Tuning, default_tuning, feed_along
 from signlin_ros.control.drive import Drive
 from signlin_ros.control.reference import Profile
 from signlin_ros.control.tracking import Bench, Run
@@ -121,9 +121,13 @@ def tuned(trial: Trial, design: Design, model: Model) -> dict[str, Any]:
             return 1e6
 
     found = search(design, trial.task, value, trial.seed)
-    table = Stand(trial, trial.measured_on, "table")
-    runs = table.runs(design, model, found.tuning)
-    return {"tuning": _plain(found.tuning), "cost": found.cost, "runs": [_measured(trial, by_name) for by_name in runs]}
+    return {"cost": found.cost, **measured(trial, design, model, found.tuning)}
+
+
+def measured(trial: Trial, design: Design, model: Model, tuning: Tuning) -> dict[str, Any]:
+    """Measure a design made from ``model`` with a tuning on the plants of the table."""
+    runs = Stand(trial, trial.measured_on, "table").runs(design, model, tuning)
+    return {"tuning": _plain(tuning), "runs": [_measured(trial, by_name) for by_name in runs]}
 
 
 def _plain(tuning: Tuning) -> dict[str, float]:
@@ -140,6 +144,12 @@ def _measured(trial: Trial, by_name: Mapping[str, Run]) -> dict[str, dict[str, f
         if standing:
             found[name]["oscillation"] = run.oscillation(AT_REST)
     return found
+
+
+def untuned(trial: Trial) -> dict[str, Any]:
+    """Return the default design's result with the weights that the node takes by itself."""
+    tuning = default_tuning(trial.task.period, trial.task.delay)
+    return {"default, untuned": measured(trial, DESIGNS[DEFAULT], trial.rig.model, tuning)}
 
 
 def all_designs(trial: Trial, names: Iterable[str] = tuple(DESIGNS)) -> dict[str, Any]:

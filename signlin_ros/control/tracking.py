@@ -18,9 +18,23 @@ from signlin_ros import kernels
 from signlin_ros.control.drive import Drive, resting
 from signlin_ros.control.law import Law, step
 from signlin_ros.control.reference import Profile
-from signlin_ros.native import compiled
+from signlin_ros.native import compiled, inner
 
 Array = NDArray[np.float64]
+
+
+@inner
+def _act(at, links, w, t, h, start, part, period, held, value, rtol, events):
+    """March over one period from ``start``: the input changes to ``value`` after its part; returns (status, t, h)."""
+    status = kernels.OK
+    if part > 0.0:
+        status, t, h, _ = kernels.march(at, links, w, t, start + part, h, rtol, events, 0)
+    if status == kernels.OK:
+        held[0] = value
+        kernels.hold(at, w, held)
+        kernels.begin(at, links, w, False)
+        status, t, h, _ = kernels.march(at, links, w, t, start + period, h, rtol, events, 0)
+    return status, t, h
 
 
 @compiled
@@ -36,9 +50,7 @@ def follow(at, links, slots, p, x0, delay, references, feed, noise, law, memory,
         w[at.s + j], w[at.mode + j] = 1.0, kernels.SIGNED
     period = settings[1]
     behind = int(np.floor(delay / period + 1e-9))
-    part = max(delay - behind * period, 0.0)
-    if part < 1e-9 * period:
-        part = 0.0
+    part = delay - behind * period if delay - behind * period > 1e-9 * period else 0.0
     waiting, held, measured = np.zeros(behind + 1), np.zeros(at.m), np.zeros(2)
     events = np.zeros((0, 3))
     t, h, status = 0.0, np.inf, kernels.OK
@@ -51,15 +63,7 @@ def follow(at, links, slots, p, x0, delay, references, feed, noise, law, memory,
         for i in range(behind):
             waiting[i] = waiting[i + 1]
         U[k] = waiting[behind] = step(grid, gains, tables, settings, memory, references[k], measured, feed[k])
-        end = (k + 1) * period
-        if part > 0.0:
-            status, t, h, _ = kernels.march(at, links, w, t, k * period + part, h, rtol, events, 0)
-            if status != kernels.OK:
-                return status, k
-        held[0] = waiting[0]
-        kernels.hold(at, w, held)
-        kernels.begin(at, links, w, False)
-        status, t, h, _ = kernels.march(at, links, w, t, end, h, rtol, events, 0)
+        status, t, h = _act(at, links, w, t, h, k * period, part, period, held, waiting[0], rtol, events)
         if status != kernels.OK:
             return status, k
     return kernels.OK, references.shape[0]

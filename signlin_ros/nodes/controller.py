@@ -107,7 +107,7 @@ class ControllerNode(ModelNode):
         self.logic.take_reference(convert.read_vector(message, length), self.now())
 
     def _on_state(self, message: Float64MultiArray) -> None:
-        self.logic.take_state(convert.read_vector(message, len(self.logic.model.states)), self.now())
+        self.logic.take_state(convert.read_vector(message, len(self.logic.measured)), self.now())
 
     def _on_joint_state(self, message: JointState) -> None:
         joint = convert.read_joint(message, self.options["joint_name"])

@@ -70,6 +70,7 @@ class ControllerLogic:
         self.last_refusal: Refusal | None = None
         self.late = 0
         self.timeouts, self.needs_model = timeouts or Timeouts(), needs_model
+        self.measured = model.states
         self.configure(model, settings)
         self.reset()
 
@@ -114,12 +115,15 @@ class ControllerLogic:
         return (value - float(before.values[place])) / (age / NANO)
 
     def take_state(self, value: Array | Refusal, now: int) -> None:
-        """Take a whole state (n,) as the sensors show it."""
+        """Take a state as the sensors show it, in the order of ``measured``: the states of the model at the start.
+
+        A model that comes later may have states of its own that nobody measures.
+        """
         if isinstance(value, Refusal):
             self._refuse(value)
             return
-        x = dict(zip(self.model.states, self.model.true_states(value).tolist(), strict=True))
-        self._take({name: x[name] for name in self._names if name in x}, now, now)
+        shown = dict(zip(self.measured, value.tolist(), strict=True))
+        self._take({name: self._without_sensor(name, shown[name]) for name in self._names if name in shown}, now, now)
 
     def take_measured(self, value: Mapping[str, float] | Refusal, stamp: int, now: int) -> None:
         """Take what the sensors show of a joint by name, ``position`` and ``velocity``, with its own stamp."""
@@ -142,9 +146,11 @@ class ControllerLogic:
     def _true(self, joint: Mapping[str, float]) -> dict[str, float]:
         """Return position and speed by the model's names, without what its sensors add."""
         named = zip(("position", "velocity"), self._names, strict=True)
-        shown = {name: joint[field] for field, name in named if field in joint}
+        return {name: self._without_sensor(name, joint[field]) for field, name in named if field in joint}
+
+    def _without_sensor(self, name: str, shown: float) -> float:
         sensors = self.model.sensors
-        return {name: float(sensors[name].true(y)) if name in sensors else y for name, y in shown.items()}
+        return float(sensors[name].true(shown)) if name in sensors else shown
 
     def _take(self, found: Mapping[str, float], stamp: int, now: int) -> None:
         position, velocity = self._names

@@ -118,6 +118,17 @@ def test_a_model_of_the_linearizer_changes_the_feed_forward_without_a_restart():
     assert np.std(after) < 0.4 * np.std(before)
 
 
+def test_a_model_with_states_that_nobody_measures_is_taken():
+    loop = Loop(ControllerLogic(MODEL, SETTINGS))
+    loop.run(1.0, sine)
+    more = MODEL.without_effect("coulomb_friction").with_effect("dahl_presliding", sigma=3.0, F_c=0.033)
+    loop.logic.take_yaml(more.to_yaml())
+    loop.run(3.0, sine)
+    assert loop.logic.model.states == ("current", "speed", "dahl_presliding.z")
+    assert loop.logic.health(loop.now).message == "tracking"
+    assert np.std(loop.errors[100:]) < 0.3
+
+
 def test_positions_without_speeds_and_without_rates_of_the_reference_suffice():
     settings = Settings(limit=12.0, speed=5.0, position=True)
     logic = ControllerLogic(MODEL, settings, needs_model=False)
