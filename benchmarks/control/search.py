@@ -1,4 +1,4 @@
-"""One search for every design: points of a Sobol sequence, then points around the best, ever closer."""
+"""One search for every design: what the node takes, points of a Sobol sequence, then points around the best."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import qmc
 
-from signlin_ros.control.designs import Design, Task, Tuning
+from signlin_ros.control.designs import Design, Task, Tuning, default_tuning
 from signlin_ros.control.lqr import Weights
 
 WIDE, CLOSE = 16, 16
@@ -24,32 +24,43 @@ class Found:
     cost: float
 
 
-def tuning_at(design: Design, task: Task, point: np.ndarray) -> Tuning:
-    """Return the tuning at a point of the unit cube: logarithmic scales."""
+def reaches(task: Task) -> dict[str, tuple[float, float]]:
+    """Return the smallest and the largest value of what is searched."""
     fastest = 1.5 / (task.period + task.delay)
-    reach = {
+    return {
         "bandwidth": (fastest / 40, fastest),
         "damping": (0.2, 4.0),
-        "integral": (0.03, 2.0),
+        "integral": (0.03, 3.0),
         "floor": (0.003, 0.3),
         "friction": (0.5, 1.2),
         "turning": (0.05, 5.0),
     }
+
+
+def tuning_at(design: Design, task: Task, point: np.ndarray) -> Tuning:
+    """Return the tuning at a point of the unit cube: logarithmic scales."""
+    reach = reaches(task)
     names = (*ALWAYS, *design.free)
-    values = {n: float(low * (high / low) ** p) for (n, (low, high)), p in zip(_of(reach, names), point, strict=True)}
+    pairs = zip(names, point, strict=True)
+    values = {name: float(reach[name][0] * (reach[name][1] / reach[name][0]) ** p) for name, p in pairs}
     weights = Weights(*(values.pop(name) for name in ALWAYS))
     return replace(Tuning(weights), **values)
 
 
-def _of(reach: dict[str, tuple[float, float]], names: tuple[str, ...]) -> list[tuple[str, tuple[float, float]]]:
-    return [(name, reach[name]) for name in names]
+def shipped(design: Design, task: Task) -> np.ndarray:
+    """Return the point of the unit cube at which every search begins: what the node takes by itself, turning 1."""
+    reach, tuning = reaches(task), default_tuning(task.period, task.delay)
+    start = {name: getattr(tuning.weights, name) for name in ALWAYS}
+    start |= {"floor": tuning.floor, "friction": tuning.friction, "turning": 1.0}
+    names = (*ALWAYS, *design.free)
+    return np.array([np.log(start[n] / reach[n][0]) / np.log(reach[n][1] / reach[n][0]) for n in names])
 
 
 def search(design: Design, task: Task, cost: Callable[[Tuning], float], seed: int) -> Found:
     """Return the best of `WIDE` + `CLOSE` tunings, the same number for every design."""
     size = len(ALWAYS) + len(design.free)
     rng = np.random.default_rng(seed)
-    points = qmc.Sobol(size, seed=rng).random(WIDE)
+    points = np.vstack([shipped(design, task), qmc.Sobol(size, seed=rng).random(WIDE)[1:]])
     values = [cost(tuning_at(design, task, p)) for p in points]
     for k in range(CLOSE):
         best = points[int(np.argmin(values))]

@@ -35,8 +35,8 @@ class Settings:
     tolerance: float = 0.0
     bandwidth: float = 0.0
     damping: float = 1.0
-    integral: float = 0.3
-    floor: float = 0.01
+    integral: float = 1.0
+    floor: float = 0.02
     friction: float = 1.0
     turning: float = 1.0
 

@@ -61,7 +61,7 @@ class Tuning:
     """
 
     weights: Weights
-    floor: float = 0.01
+    floor: float = 0.02
     friction: float = 1.0
     turning: float = 0.0
 
@@ -267,7 +267,7 @@ DESIGNS: dict[str, Design] = {
 }
 """Every design by its name, the ones that a node takes and those that are measured beside them."""
 DEFAULT = "along_reference"
-CALM = 0.6
+CALM = 1.2
 """Bandwidth by default, as a multiple of 1 / (period + delay)."""
 
 

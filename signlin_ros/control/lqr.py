@@ -27,7 +27,7 @@ class Weights:
 
     bandwidth: float
     damping: float = 1.0
-    integral: float = 0.3
+    integral: float = 1.0
 
     def __post_init__(self) -> None:
         for name in ("bandwidth", "damping", "integral"):

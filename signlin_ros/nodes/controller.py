@@ -34,9 +34,9 @@ OPTIONS = {
     "tolerance_at_rest": Entry(0.0, "error that may stay where the reference stands still", 0.0, 1e9, read_only=False),
     "bandwidth": Entry(0.0, "of the feedback [rad/s]; 0: what the delay leaves room for", 0.0, 1e5, read_only=False),
     "damping": Entry(1.0, "weight of the speed in a position loop [-]", 0.0, 100.0, read_only=False),
-    "integral": Entry(0.3, "weight of the summed error [-]", 0.0, 100.0, read_only=False),
+    "integral": Entry(1.0, "weight of the summed error [-]", 0.0, 100.0, read_only=False),
     "floor": Entry(
-        0.01, "share of the largest speed below which friction fades and A_k is not taken", 1e-6, 1.0, read_only=False
+        0.02, "share of the largest speed below which friction fades and A_k is not taken", 1e-6, 1.0, read_only=False
     ),
     "friction_share": Entry(1.0, "share of the model's effects that is fed forward [-]", 0.0, 2.0, read_only=False),
     "turning": Entry(
