@@ -1,4 +1,4 @@
-"""One search for every design: what the node takes, points of a Sobol sequence, then points around the best."""
+"""One search for every design: a point that suits most, points of a Sobol sequence, then points around the best."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import qmc
 
-from signlin_ros.control.designs import Design, Task, Tuning, default_tuning
+from signlin_ros.control.designs import Design, Task, Tuning
 from signlin_ros.control.lqr import Weights
 
 WIDE, CLOSE = 16, 16
 """Evaluations of the search, far and near."""
+FIRST = {"bandwidth": 1.2, "damping": 1.0, "integral": 1.0, "floor": 0.02, "friction": 1.0, "turning": 1.0}
+"""Where every search begins; the bandwidth as a multiple of 1 / (period + delay)."""
 ALWAYS = ("bandwidth", "damping", "integral")
 
 
@@ -47,11 +49,10 @@ def tuning_at(design: Design, task: Task, point: np.ndarray) -> Tuning:
     return replace(Tuning(weights), **values)
 
 
-def shipped(design: Design, task: Task) -> np.ndarray:
-    """Return the point of the unit cube at which every search begins: what the node takes by itself, turning 1."""
-    reach, tuning = reaches(task), default_tuning(task.period, task.delay)
-    start = {name: getattr(tuning.weights, name) for name in ALWAYS}
-    start |= {"floor": tuning.floor, "friction": tuning.friction, "turning": 1.0}
+def first(design: Design, task: Task) -> np.ndarray:
+    """Return the point of the unit cube at which every search begins."""
+    reach = reaches(task)
+    start = {**FIRST, "bandwidth": FIRST["bandwidth"] / (task.period + task.delay)}
     names = (*ALWAYS, *design.free)
     return np.array([np.log(start[n] / reach[n][0]) / np.log(reach[n][1] / reach[n][0]) for n in names])
 
@@ -60,7 +61,7 @@ def search(design: Design, task: Task, cost: Callable[[Tuning], float], seed: in
     """Return the best of `WIDE` + `CLOSE` tunings, the same number for every design."""
     size = len(ALWAYS) + len(design.free)
     rng = np.random.default_rng(seed)
-    points = np.vstack([shipped(design, task), qmc.Sobol(size, seed=rng).random(WIDE)[1:]])
+    points = np.vstack([first(design, task), qmc.Sobol(size, seed=rng).random(WIDE)[1:]])
     values = [cost(tuning_at(design, task, p)) for p in points]
     for k in range(CLOSE):
         best = points[int(np.argmin(values))]

@@ -267,7 +267,7 @@ DESIGNS: dict[str, Design] = {
 }
 """Every design by its name, the ones that a node takes and those that are measured beside them."""
 DEFAULT = "along_reference"
-CALM = 1.2
+CALM = 0.8
 """Bandwidth by default, as a multiple of 1 / (period + delay)."""
 
 

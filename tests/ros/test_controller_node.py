@@ -29,6 +29,8 @@ pytestmark = pytest.mark.skipif(not EXECUTABLE.exists(), reason="the package is 
 
 
 PERIOD = 20_000_000
+PATIENCE = 300.0
+"""Seconds for a first start, which compiles."""
 MODEL = Model.load("dc_motor")
 
 
@@ -41,6 +43,7 @@ class Rig:
     def __init__(self, graph: Any, *parameters: str, model: str | Path = "dc_motor.yaml") -> None:
         numbers = ("limit:=12.0", "largest_speed:=5.0", "bandwidth:=8.0")
         self.process = graph.start("controller", *numbers, *parameters, model=model, sim_time=True)
+        graph.wait(lambda: graph.node.count_subscribers("/state"), "the controller", PATIENCE)
         self.graph, self.plant, self.now, self.u = graph, Stepper(MODEL), 10 * NANO, 0.0
         self.inputs = graph.collect(Float64MultiArray, "/input")
         kinds = {"/reference": Float64MultiArray, "/state": Float64MultiArray, "/clock": Clock}
@@ -105,13 +108,14 @@ def test_it_takes_the_model_of_the_linearizer_while_it_runs(graph, tmp_path):
 
 def test_without_a_limit_it_does_not_start(graph):
     process = graph.start("controller")
-    graph.wait(lambda: not process.running, "the end")
+    graph.wait(lambda: not process.running, "the end", PATIENCE)
     assert process.popen.returncode == 2
     assert "limit: found 0; say the largest |input|" in process.output
 
 
 def test_design_and_bandwidth_change_at_run_time_and_nonsense_is_refused(graph):
     graph.start("controller", "limit:=12.0", "largest_speed:=5.0")
+    graph.wait(lambda: graph.node.count_subscribers("/state"), "the controller", PATIENCE)
     assert graph.set_parameter("design", "friction_free", "/controller").successful
     assert graph.set_parameter("bandwidth", 10.0, "/controller").successful
     result = graph.set_parameter("design", "lqg", "/controller")
