@@ -64,8 +64,10 @@ def read(todo: list[Trial], folder: Path) -> dict[Trial, dict[str, Any]]:
 
 
 def beside(results: Mapping[Trial, dict[str, Any]], others: Mapping[Trial, dict[str, Any]]) -> dict[Trial, Any]:
-    """Return results with others of the same trials beside them, where both are there."""
-    return {trial: {**result, **others[trial]} for trial, result in results.items() if trial in others}
+    """Return results with others of the same trials beside them, once all of those are there."""
+    if any(trial not in others for trial in results):
+        return dict(results)
+    return {trial: {**result, **others[trial]} for trial, result in results.items()}
 
 
 # --------------------------------------------------------------------------- the table
@@ -81,10 +83,10 @@ def ratios(result: Mapping[str, Any], design: str, reference: str, base: str = B
 def table(results: Mapping[Trial, dict[str, Any]], period: float, designs: Iterable[str], base: str = BASE) -> str:
     """Return medians over rigs of medians over seeds: nominal / mismatched, by design and reference."""
     kinds = {name: position for t in results for position in (t.position,) for name in t.rig.profiles(position)}
-    lines = [f"updates every {1000 * period:g} ms".ljust(22) + "".join(name.rjust(28) for name in kinds)]
+    lines = [f"updates every {1000 * period:g} ms".ljust(22) + "".join(name.rjust(34) for name in kinds)]
     for design in designs:
         cells = [_cell(results, period, design, name, position, base) for name, position in kinds.items()]
-        lines.append(design.ljust(22) + "".join(cell.rjust(28) for cell in cells))
+        lines.append(design.ljust(22) + "".join(cell.rjust(34) for cell in cells))
     return "\n".join(lines)
 
 
