@@ -619,6 +619,41 @@ def plants(name: str | None) -> Report:
     return {"plants": catalogue.plants(name)}, console.plant_text if name else console.plants_text
 
 
+@signlin.command(
+    cls=_Examples,
+    epilog="""signlin gains dc_motor
+signlin gains my_motor.yaml --at speed=2 --bandwidth 20
+signlin gains my_servo.yaml --period 0.005 --speed 3 --limit 12 --json""",
+)
+@click.argument("model")
+@click.option("--at", "at", multiple=True, metavar="NAME=NUMBER,...", help="The operating point's states.")
+@click.option("--period", type=float, default=0.02, show_default=True, help="Time between updates in s.")
+@click.option("--delay", type=float, help="From a sample until its input acts, in s; default: one period.")
+@click.option("--speed", type=float, help="Largest speed of the references; default: what the model is made for.")
+@click.option("--limit", type=float, help="Largest |input|; default: where MODEL's input saturates, else none.")
+@click.option("--bandwidth", type=float, help="Of the feedback in rad/s; default: what the delay leaves room for.")
+@_json_option
+def gains(model: str, at: tuple[str, ...], **numbers: float | None) -> Report:
+    """Print the gains and constants that an engineer sets for MODEL, and what each effect is worth to them.
+
+    Feed-forward constants, LQR gains with integral action at a speed loop and a position loop, PI(D) gains from
+    the same weights, what A_k says at operating points, and the tracking error that simulation predicts with and
+    without each effect.
+    """
+    point = _numbers(at, "--at")
+    for name, value in numbers.items():
+        if value is not None and not (0.0 < value < math.inf or (name == "delay" and value == 0.0)):
+            raise InputError(f"--{name}: found {value:g}; allowed: a positive number")
+    from signlin_ros.control.gains import Wishes, gains_content
+    from signlin_ros.control.text import gains_text
+    from signlin_ros.model import Model
+
+    loaded = Model.load(model)
+    own = _by_own_name(loaded, point, "--at", loaded.states)
+    _progress("designing and simulating (the first run on a machine compiles for some seconds) ...")
+    return gains_content(loaded, own, Wishes(**cast("dict[str, Any]", numbers))), gains_text
+
+
 @signlin.command(cls=_Examples, epilog="signlin figures -o out")
 @click.option("-o", "--output", required=True, metavar="DIR", help="The folder to write to; it is made if need be.")
 @_json_option

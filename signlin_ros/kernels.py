@@ -164,7 +164,7 @@ def _accept(w, x, x_new, peak, n):
 
 
 @compiled
-def _prepared(at, constants):
+def prepared(at, constants):
     """Return a work array with the constants in it."""
     w = np.zeros(at.size)
     for i in range(constants.size):
@@ -173,14 +173,14 @@ def _prepared(at, constants):
 
 
 @inner
-def _put(at, w, x):
+def put(at, w, x):
     """Make x (n,) the present state, with nothing before it."""
     for i in range(at.n):
         w[at.x + i], w[at.peak + i] = x[i], abs(x[i])
 
 
 @inner
-def _hold(at, w, u):
+def hold(at, w, u):
     """Hold the input u (m,) from now on."""
     for i in range(at.m):
         w[at.z + at.n + i] = u[i]
@@ -469,7 +469,7 @@ def _land(at, links, w, h):
 
 
 @inner
-def _begin(at, links, w, anew):
+def begin(at, links, w, anew):
     """Set signs, branches and the slope for a new input; choose them afresh if something may have changed."""
     _copy(w, at.x, at.z, at.n)
     for j in range(at.q):
@@ -528,7 +528,7 @@ def _note(at, links, w, t, events, count):
 
 
 @inner
-def _march(at, links, w, t, target, h, rtol, events, count):
+def march(at, links, w, t, target, h, rtol, events, count):
     """Integrate to ``target`` with the input held; returns (status, time, next step, number of events)."""
     idle = 0
     for _ in range(MAX_STEPS):
@@ -564,8 +564,8 @@ def run_exact(at, links, times, breaks, inputs, x0, p, rtol, X, Y, events):
 
     ``events`` (E, 3) takes time, surface and kind (0 crossed, 1 stuck, 2 slips). Returns (status, time, events).
     """
-    w = _prepared(at, p)
-    _put(at, w, x0)
+    w = prepared(at, p)
+    put(at, w, x0)
     for j in range(at.q):
         w[at.s + j], w[at.mode + j] = 1.0, SIGNED
     t, h, count, next_break, status = times[0], np.inf, 0, 0, OK
@@ -573,17 +573,17 @@ def run_exact(at, links, times, breaks, inputs, x0, p, rtol, X, Y, events):
         while True:
             fresh = sample == 0
             while next_break < breaks.size and breaks[next_break] <= t:
-                _hold(at, w, inputs[next_break])
+                hold(at, w, inputs[next_break])
                 next_break += 1
                 fresh = True
             if fresh:
-                _begin(at, links, w, sample == 0)
+                begin(at, links, w, sample == 0)
             target = times[sample]
             if next_break < breaks.size:
                 target = min(target, breaks[next_break])
             if t >= target:
                 break
-            status, t, h, count = _march(at, links, w, t, target, h, rtol, events, count)
+            status, t, h, count = march(at, links, w, t, target, h, rtol, events, count)
             if status != OK:
                 return status, t, count
         _copy(w, at.s, at.signs, at.q)
@@ -698,13 +698,13 @@ def _flow(at, w, t, target, h, rtol):
 @compiled
 def run_smooth(at, times, breaks, inputs, x0, constants, rtol, X, Y):
     """Integrate f_j; inputs (K, m) hold from breaks (K,) on. ``constants``: p and scales. Returns (status, time)."""
-    w = _prepared(at, constants)
-    _put(at, w, x0)
+    w = prepared(at, constants)
+    put(at, w, x0)
     t, h, next_break, status = times[0], np.inf, 0, OK
     for sample in range(times.size):
         while True:
             while next_break < breaks.size and breaks[next_break] <= t:
-                _hold(at, w, inputs[next_break])
+                hold(at, w, inputs[next_break])
                 next_break += 1
             target = times[sample]
             if next_break < breaks.size and breaks[next_break] < target:
@@ -721,10 +721,10 @@ def run_smooth(at, times, breaks, inputs, x0, constants, rtol, X, Y):
 @compiled
 def flow_many(at, points, inputs, constants, span, rtol):
     """Carry every point (T, n) under f_j over ``span`` seconds with its input (T, m) held; in place."""
-    w = _prepared(at, constants)
+    w = prepared(at, constants)
     for k in range(points.shape[0]):
-        _hold(at, w, inputs[k])
-        _put(at, w, points[k])
+        hold(at, w, inputs[k])
+        put(at, w, points[k])
         status, _, _ = _flow(at, w, 0.0, span, span, rtol)
         for i in range(at.n):
             points[k, i] = w[at.x + i] if status == OK else np.nan
@@ -813,13 +813,13 @@ def run_piecewise(at, times, breaks, inputs, x0, constants, updates, half, X, Y)
 
     ``half`` > 0: linearize where f_j arrives after ``half`` seconds (midpoint). Returns (status, time).
     """
-    w = _prepared(at, constants)
-    _put(at, w, x0)
+    w = prepared(at, constants)
+    put(at, w, x0)
     t, next_break, next_update = times[0], 0, 0
     for sample in range(times.size):
         while True:
             while next_break < breaks.size and breaks[next_break] <= t:
-                _hold(at, w, inputs[next_break])
+                hold(at, w, inputs[next_break])
                 next_break += 1
             due = False
             while next_update < updates.size and updates[next_update] <= t:
@@ -844,9 +844,14 @@ def run_piecewise(at, times, breaks, inputs, x0, constants, updates, half, X, Y)
 
 
 __all__ = [
+    "begin",
     "causal_slopes",
     "exact_plan",
     "flow_many",
+    "hold",
+    "march",
+    "prepared",
+    "put",
     "run_exact",
     "run_piecewise",
     "run_smooth",

@@ -52,6 +52,9 @@ RESERVED_KEYS = ("use_sim_time", "qos_overrides", "start_type_description_servic
 NODE_KEYS = (
     *("publish_rate", "noise", "seed", "input_signal", "amplitude", "input_period", "joint_name"),
     *("state_source", "state_timeout", "record", "rate", "loop", "publish_clock"),
+    *("design", "track", "control_period", "limit", "loop_delay", "largest_speed", "bandwidth", "damping", "integral"),
+    *("tolerance_at_rest", "floor", "friction_share", "turning", "reference_timeout", "model_timeout"),
+    "needs_model",
 )
 """Keys of the nodes (docs/nodes), accepted by every verb."""
 
@@ -118,6 +121,15 @@ class Model:
         except ModelError as error:
             raise ModelError(f"{file}: {error}") from error
         return cls.from_dict(_parameters_of(content, str(file)), source=str(file), folder=file.parent)
+
+    @classmethod
+    def from_yaml(cls, text: str, source: str = "model", folder: Path = Path()) -> Model:
+        """Read the text of a model file; ``folder`` is what effect files are relative to."""
+        try:
+            content = yaml.load(text, Loader=_Loader)
+        except yaml.YAMLError as error:
+            raise ModelError(f"{source}: not a YAML file: {' '.join(str(error).split())}") from error
+        return cls.from_dict(_parameters_of(content, source), source, folder)
 
     @classmethod
     def from_dict(cls, mapping: Mapping[str, Any], source: str = "model", folder: Path = Path()) -> Model:

@@ -130,6 +130,11 @@ def _exact_plan(structure: Structure) -> tuple[np.void, NDArray[np.int64]]:
     return kernels.exact_plan(native(exact_tape(structure)), *sizes), links
 
 
+def exact_plan_of(model: Model) -> tuple[np.void, NDArray[np.int64]]:
+    """Return what kernels of one's own need to know of a model: a plan, and the links of its surfaces."""
+    return _exact_plan(model.structure)
+
+
 @functools.lru_cache(maxsize=256)
 @symbolic
 def _smooth_plan(structure: Structure, order: int) -> np.void:

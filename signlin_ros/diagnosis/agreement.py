@@ -20,6 +20,7 @@ from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.search import search
+from signlin_ros.diagnosis.motion.trials import trials_of
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import SignlinError
@@ -101,7 +102,8 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     """Return what both witnesses can stand for.
 
     What the force witness proposes is fitted by simulation. Where that leaves noise, both agree. Else the motion
-    witness searches by itself, and goes on from there; what it adds must not leave more force.
+    witness looks for what no force shows, beside it and instead of it; what it adds must not leave more force. Where
+    the force witness proposes nothing, or nothing that the motion confirms, the motion witness searches by itself.
     """
     left: dict[int, Array] = {}
     tried: list[Fitted] = []
@@ -110,12 +112,32 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     first = _confirmed(motion, force, criteria, tried) if force and force.effects else None
     if first is not None and first.white:
         return Agreed(motion, force, base, first, "", tuple(tried), proposed, (), left)
-    path = search(motion, depth)
-    second = path[-1][0]
-    tried += [f for step in path for f in step]
-    further = _followed(motion, first, depth, tried) if first is not None and not second.white else first
-    final, conflict = _chosen(motion, force, [f for f in (first, further) if f], second, criteria, left)
-    return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, second.effects, left)
+    if first is None:
+        path = search(motion, depth)
+        tried += [f for step in path for f in step]
+        final, conflict = _chosen(motion, force, [], path[-1][0], criteria, left)
+        return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, path[-1][0].effects, left)
+    hidden = sorted(_unseen(force))
+    alone, beside = _best_of(motion, base, hidden, tried), _best_of(motion, first, hidden, tried, depth)
+    found = alone or base
+    final, conflict = _chosen(motion, force, [f for f in (first, beside) if f], found, criteria, left)
+    return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, found.effects, left)
+
+
+def _best_of(
+    motion: Motion, of: Fitted, names: Sequence[str], tried: list[Fitted], depth: int | None = None
+) -> Fitted | None:
+    """Return the simplest of the best steps beyond a model with one more of some effects; None where there is none."""
+    if depth is not None and len(of.effects) >= depth:
+        return None
+    options = motion.extensions(of, [n for n in names if _tryable(motion, n)])
+    tried += options
+    return next(iter(motion.alike(of, options)), None)
+
+
+def _tryable(motion: Motion, name: str) -> bool:
+    """Tell whether a diagnosis tries an effect by itself, and the plant can have it."""
+    return EFFECTS[name].proposed and bool(trials_of(motion.problem, name))
 
 
 def _chosen(
@@ -240,15 +262,6 @@ def _key(model: Model, name: str) -> str:
     while key in model.effects:
         key, count = f"{name}_{count}", count + 1
     return key
-
-
-def _followed(motion: Motion, first: Fitted, depth: int, tried: list[Fitted]) -> Fitted:
-    """Return a model with what the motion witness adds to it."""
-    if len(first.effects) >= depth:
-        return first
-    path = search(motion, depth, first)
-    tried += [f for step in path for f in step]
-    return path[-1][0]
 
 
 def _words(f: Fitted) -> str:

@@ -46,6 +46,11 @@ def trials(problem: Problem, names: Sequence[str] | None = None) -> list[Trial]:
     return found
 
 
+def trials_of(problem: Problem, name: str) -> list[Trial]:
+    """Return what can be tried of one effect, nothing where it cannot be added."""
+    return _trials(problem, name, False)
+
+
 def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
     effect = find_effect(name, "effect")
     if any(use.type == name for use in problem.base.effects.values()) and not effect.periodic:
@@ -167,4 +172,4 @@ def from_nominal(problem: Problem, c: Candidate) -> Candidate:
     return replace(c, values={n: given.get(n, v) for n, v in values.items()})
 
 
-__all__ = ["Parts", "Trial", "completed", "extended", "from_nominal", "rescanned", "sensors_of", "trials"]
+__all__ = ["Parts", "Trial", "completed", "extended", "from_nominal", "rescanned", "sensors_of", "trials", "trials_of"]
