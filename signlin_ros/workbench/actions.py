@@ -18,7 +18,7 @@ async def take(s: Session, args: Args) -> None:
     names = [str(name) for name in args.get("files", ())]
     if not names or any(not (s.project.folder / name).is_file() or "/" in name or "\\" in name for name in names):
         raise InputError("no such file in this project")
-    s.start("record", "reading", lambda: s.take(names))
+    s.start("record", "reading", lambda: s.take(names), waits=True)
 
 
 async def sample(s: Session, args: Args) -> None:

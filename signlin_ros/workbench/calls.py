@@ -55,8 +55,9 @@ def describe(args: Args, say: Say) -> Answer:
     return {
         "name": path,
         "plant": model.plant.name,
-        "summary": (model.plant.__doc__ or "").strip().split("\n")[0],
+        "summary": (model.plant.__doc__ or "").strip().split("\n")[0].replace("`", ""),
         "inputs": list(model.inputs),
+        "states": list(model.states),
         "signals": {name: model.units[name] for name in signals},
         "effects": list(model.effects),
         "parameters": tuning.parameters(model),

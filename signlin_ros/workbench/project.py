@@ -123,6 +123,10 @@ class Project:
             return name
         return os.path.relpath(name if Path(name).is_absolute() else self.folder / name)
 
+    def place(self, name: str = "") -> str:
+        """Return how the folder, or something in it, is called from where the server was started."""
+        return os.path.relpath(self.folder / name)
+
     def free_name(self, name: str) -> Path:
         """Return a safe path in the folder for a file that is dropped, beside those of the same name."""
         plain = Path(safe_name(name))

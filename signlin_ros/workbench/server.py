@@ -21,9 +21,10 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from signlin_ros.errors import InputError
-from signlin_ros.workbench import safety
+from signlin_ros.workbench import safety, stages
 from signlin_ros.workbench.actions import ACTIONS
 from signlin_ros.workbench.lane import CancelledError, FaultError, RefusedError
+from signlin_ros.workbench.live import Live
 from signlin_ros.workbench.project import STORE, Project
 from signlin_ros.workbench.session import Session
 
@@ -46,6 +47,7 @@ class Workbench:
     def __init__(self, store: Path, given: Sequence[str] = (), sample: bool = False) -> None:
         self.store, self.given, self.sample = store, tuple(given), sample
         self.sessions: dict[str, Session] = {}
+        self.live = Live()
 
     def session(self, identity: str) -> Session:
         """Return the session of a project, opened if need be; raises `InputError` where there is no such project."""
@@ -149,8 +151,6 @@ async def curves(request: Request) -> Response:
 
 def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return verb and arguments of a view; files are named by the project, never by the page."""
-    from signlin_ros.workbench import stages
-
     wanted = {k: args.get(k) for k in ("from", "to", "points", "stretch", "how", "at")}
     records = [session.project.path(r["file"]) for r in session.project.choices["records"]]
     if what == "record" and records:
@@ -227,6 +227,34 @@ async def _next(listener: asyncio.Queue[dict[str, Any]]) -> dict[str, Any] | Non
         return None
 
 
+async def live(request: Request) -> Response:
+    """Stream what a running system does."""
+    feed = _bench(request).live
+    lines = await feed.join()
+
+    async def stream() -> AsyncIterator[str]:
+        try:
+            while True:
+                yield f"data: {await lines.get()}\n\n"
+        finally:
+            await feed.leave(lines)
+
+    return StreamingResponse(stream(), media_type="text/event-stream")
+
+
+async def take_live(request: Request) -> Response:
+    """Take the last seconds of a running system as a record of the project."""
+    session, args = _session(request), await request.json()
+    target = session.project.free_name("live.csv")
+    model = stages.described(session) or {}
+    names = [list(model.get(k, ())) for k in ("states", "inputs")]
+    done = await _bench(request).live.take(float(args.get("seconds") or 30.0), str(target), *names)
+    if not done["taken"]:
+        raise InputError(done["why"])
+    session.start("record", "reading", lambda: session.take([target.name]), waits=True)
+    return JSONResponse({"file": target.name, "samples": done["samples"]})
+
+
 async def exported(request: Request) -> Response:
     """Return one of the exported files."""
     session, name = _session(request), request.path_params["name"]
@@ -260,6 +288,8 @@ def application(bench: Workbench, hosts: Sequence[str] = safety.LOCAL, token: st
         Route("/show/{what}", curves, methods=["POST"]),
         Route("/files", upload, methods=["PUT"]),
         Route("/events", events),
+        Route("/live", live),
+        Route("/live/take", take_live, methods=["POST"]),
         Route("/export/{name}", exported),
     ]
     routes = [
@@ -280,7 +310,7 @@ def application(bench: Workbench, hosts: Sequence[str] = safety.LOCAL, token: st
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
         yield
-        await asyncio.gather(*(s.close() for s in bench.sessions.values()))
+        await asyncio.gather(bench.live.close(), *(s.close() for s in bench.sessions.values()))
 
     gate = Middleware(safety.Gate, hosts=hosts, token=token)
     app = Starlette(routes=routes, middleware=[gate], exception_handlers=handlers, lifespan=lifespan)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from signlin_ros.workbench.lane import CancelledError, FaultError, Lane, Refused
 from signlin_ros.workbench.project import MODELS, Project
 
 Args = dict[str, Any]
+Job = Callable[[], Coroutine[Any, Any, None]]
 
 
 class Session:
@@ -28,6 +29,8 @@ class Session:
         self.shipped: list[dict[str, Any]] = []
         self.listeners: set[asyncio.Queue[dict[str, Any]]] = set()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._turn = asyncio.Lock()
+        self.later(self._look_around)
 
     # ---------------------------------------------------------------- telling the page
 
@@ -58,30 +61,48 @@ class Session:
             self.project.keep(key, found)
         return found
 
-    def start(self, stage: str, what: str, job: Callable[[], Awaitable[None]]) -> None:
-        """Do something that takes its time; one thing at a time. Raises `InputError` where something runs already."""
-        if self.busy is not None:
+    def start(self, stage: str, what: str, job: Job, *, waits: bool = False) -> None:
+        """Do something that takes its time; one thing at a time, after what runs already if it ``waits``.
+
+        Raises `InputError` where something runs already and it does not wait.
+        """
+        if self.busy is not None and not waits:
             raise InputError(f"{self.busy['stage']} is still running; wait for it or cancel it")
-        self.busy = {"stage": stage, "what": what, "share": 0.0, "found": None}
-        self.errors.pop(stage, None)
-        self.tell()
-        task = asyncio.get_running_loop().create_task(self._guarded(stage, job))
+        self.later(lambda: self._guarded({"stage": stage, "what": what, "share": 0.0, "found": None}, job))
+        if self.busy is None:
+            self.busy = {"stage": stage, "what": what, "share": 0.0, "found": None}
+
+    def later(self, job: Job) -> None:
+        """Do something beside all else."""
+        task = asyncio.get_running_loop().create_task(job())
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    async def _guarded(self, stage: str, job: Callable[[], Awaitable[None]]) -> None:
-        try:
-            await job()
-        except CancelledError:
-            self.errors[stage] = {"what": "Cancelled.", "do": "Nothing was changed; start it again when you like."}
-        except (RefusedError, InputError) as error:
-            self.errors[stage] = stages.advice(stage, str(error))
-        except FaultError as error:
-            text = "This is a fault of signlin; please report it with the command and its files."
-            self.errors[stage] = {"what": str(error), "do": text}
-        finally:
-            self.busy = None
+    async def _guarded(self, busy: dict[str, Any], job: Job) -> None:
+        stage = busy["stage"]
+        async with self._turn:
+            self.busy = busy
+            self.errors.pop(stage, None)
             self.tell()
+            try:
+                await job()
+            except CancelledError:
+                self.errors[stage] = {"what": "Cancelled.", "do": "Nothing was changed; start it again when you like."}
+            except (RefusedError, InputError) as error:
+                self.errors[stage] = stages.advice(stage, str(error))
+            except FaultError as error:
+                text = "This is a fault of signlin; please report it with the command and its files."
+                self.errors[stage] = {"what": str(error), "do": text}
+            finally:
+                self.busy = None
+                self.tell()
+
+    async def _look_around(self) -> None:
+        """Start the workers, and learn which models are shipped."""
+        with contextlib.suppress(CancelledError, RefusedError, FaultError):
+            self.shipped = (await self.view.call("models", {}))["models"]
+            self.tell()
+            await self.work.call("ready", {})
 
     async def cancel(self) -> None:
         """Stop what runs."""
@@ -116,7 +137,6 @@ class Session:
     async def look(self) -> None:
         """Read what is chosen: columns, model, mapping; then check it."""
         self.errors = {}
-        self.shipped = self.shipped or (await self.view.call("models", {}))["models"]
         choices = self.project.choices
         for record in choices["records"]:
             await self.asked(self.view, "columns", {"file": self.project.path(record["file"])})
@@ -152,9 +172,7 @@ class Session:
 
     async def _checked(self) -> None:
         await self.asked(self.work, "check", stages.question(self, "check"))
-        step = stages.step(self, "check")
-        if step is not None:
-            self.project.amend(path=[*self.project.choices["path"], step])
+        self._done(stages.step(self, "check"))
 
     # ---------------------------------------------------------------- compare, diagnose, add
 
@@ -178,6 +196,7 @@ class Session:
         path = [*self.project.choices["path"], {"verb": "add", **asked}]
         self.project.change(f"add {effect.replace('_', ' ')}", model=output, path=path)
         await self._map()
+        await self._checked()
         await self.compare()
 
     def _done(self, step: dict[str, Any] | None) -> None:
@@ -196,6 +215,7 @@ class Session:
         step = {"verb": "set", "model": before, "data": [], "output": args["output"], "text": text}
         self.project.change("keep the sliders", model=output, path=[*self.project.choices["path"], step])
         await self._map()
+        await self._checked()
         await self.compare()
 
     async def export(self) -> None:

@@ -99,7 +99,7 @@ def script(s: Session) -> str:
     """Return the script of what was done."""
     steps = commands.distinct(s.project.choices["path"])
     texts = {step["output"]: step["text"] for step in steps if step["verb"] == "set"}
-    return commands.script(Path.cwd(), s.project.path("replay/x").removesuffix("/x"), steps, texts)
+    return commands.script(Path.cwd(), s.project.place("replay"), steps, texts)
 
 
 def last_key(s: Session) -> str | None:
@@ -123,7 +123,7 @@ def shown(s: Session) -> dict[str, Any]:
         block["error"] = s.errors.get(block["id"])
     return {
         "id": p.id,
-        "folder": p.path("x").removesuffix("/x"),
+        "folder": p.place(),
         "busy": s.busy,
         "undo": past[-1]["label"] if past else None,
         "redo": future[-1]["label"] if future else None,
@@ -245,6 +245,8 @@ def _diagnose(s: Session) -> dict[str, Any]:
     found, command = _result(s, "diagnose", asked), commands.command({"verb": "diagnose", **asked})
     if found is None:
         text = "Which effect is missing? All of the catalogue compete; the records for validation decide."
+        if _added(s):
+            text = "Ask again: does the model lack anything else now?"
         return _block("diagnose", "", False, text, command)
     content = found["json"]
     text = f"{content['verdict'].capitalize()}: {content['sentence']}"
@@ -328,7 +330,7 @@ def _use(s: Session) -> dict[str, Any]:
     done = bool(s.project.choices.get("exported")) and bool(there)
     model = s.project.path(s.project.choices["model"])
     text = "Take the model, the report, and the script of what was done."
-    text = f"Written to {s.project.path('export')}." if done else text
+    text = f"Written to {s.project.place('export')}." if done else text
     files = there if done else []
     return _block("use", "", done, text, commands.launch_line(model), files=files, script=script(s))
 

@@ -3,7 +3,7 @@
 import * as api from "./api.js";
 import { h, fill, say } from "./dom.js";
 import { RENDER, command, restyle, restyleTuner } from "./stages.js";
-import { live } from "./live.js";
+import { live, restyleLive } from "./live.js";
 
 const DO = { compare: "Compare", diagnose: "Diagnose", use: "Export" };
 const NAMES = { use: "export" };
@@ -95,7 +95,7 @@ function head(block, working) {
   return [
     h("div", { class: "title" }, h("h2", { id: `stage-${block.id}-title` }, block.title),
       h("p", { class: block.why ? "sentence quiet" : "sentence", id: `says-${block.id}` }, block.why || block.sentence),
-      can && h("button", { id: `do-${block.id}`, class: fresh ? "primary" : "", disabled: Boolean(state.busy), onclick: () => go(NAMES[block.id] ?? block.id) }, DO[block.id])),
+      (fresh || (can && block.id === "use")) && h("button", { id: `do-${block.id}`, class: fresh ? "primary" : "", disabled: Boolean(state.busy), onclick: () => go(NAMES[block.id] ?? block.id) }, DO[block.id])),
     block.id === "record" && uploading && h("p", { class: "busy", role: "status" }, h("progress", {}), h("span", { id: "uploading" }, uploading)),
     working && h("div", { class: "busy", role: "status" },
       h("progress", { id: `progress-${block.id}`, max: 1, ...(state.busy.share > 0 ? { value: state.busy.share } : {}), "aria-label": state.busy.what }),
@@ -171,6 +171,7 @@ function theme() {
     tell();
     restyle();
     restyleTuner();
+    restyleLive();
     draw();
   });
   tell();
@@ -184,7 +185,7 @@ function tabs() {
       one.tabIndex = one === tab ? 0 : -1;
       document.getElementById(one.getAttribute("aria-controls")).hidden = one !== tab;
     }
-    live(tab.id === "tab-live");
+    live(tab.id === "tab-live", state);
     tab.focus();
   };
   all.forEach((tab, k) => {

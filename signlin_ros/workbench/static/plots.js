@@ -1,9 +1,9 @@
 // Curves over time, one plot below the other, zoomed together: by dragging, by the wheel, by the keyboard.
 
 import { decode } from "./api.js";
-import { h, number, unit } from "./dom.js";
+import { h, number, unit, words } from "./dom.js";
 
-const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+export const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const LOOKS = {
   recorded: { stroke: "--measured", width: 1.2 },
   measured: { stroke: "--measured", width: 1.2 },
@@ -82,23 +82,24 @@ export class Stack {
     const holder = h("div", { class: "plot", role: "img", "aria-label": `${p.name}${unit(p.unit)}: ${names.join(", ")} over time in s` });
     this.element.append(holder);
     const axis = { stroke: css("--text"), grid: { stroke: css("--grid"), width: 1 }, ticks: { stroke: css("--line"), width: 1 }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
-    const label = `${names[0] === "residual" ? "left of " : ""}${p.name}${unit(p.unit)}`;
+    const label = `${names[0] === "residual" ? "residual" : words(p.name)}${unit(p.unit)}`;
+    const chart = { name: p.name, names, data };
     const u = new uPlot({
       width: Math.max(this.element.clientWidth, 300),
       height: row.height + (last ? 34 : 0),
       legend: { show: false },
       cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
-      scales: { x: { time: false }, y: { range: ranged } },
+      scales: { x: { time: false }, y: { range: () => ranged(chart.data) } },
       axes: [
-        { ...axis, show: true, size: last ? 42 : 8, values: last ? undefined : (_, s) => s.map(() => ""), label: last ? "time [s]" : undefined, labelSize: last ? 18 : 0 },
-        { ...axis, size: 64, label, labelSize: 18, values: (_, s) => s.map((v) => number(v, 4)) },
+        { ...axis, ticks: { ...axis.ticks, show: last }, size: last ? 42 : 8, values: last ? undefined : (_, s) => s.map(() => ""), label: last ? "time [s]" : undefined, labelSize: last ? 18 : 0 },
+        { ...axis, size: 64, space: 22, label, labelSize: 18, values: (_, s) => s.map((v) => number(v, 4)) },
       ],
       series: [{}, ...names.map((n) => ({ label: n, stroke: css(LOOKS[n].stroke), width: LOOKS[n].width, dash: LOOKS[n].dash, points: { show: false } }))],
       hooks: { setSelect: [(v) => this.selected(v)], drawClear: [(v) => this.shade(v)] },
     }, data, holder);
     u.over.addEventListener("dblclick", () => this.load([null, null]));
     u.over.addEventListener("wheel", (e) => this.wheel(e, u), { passive: false });
-    const chart = { u, name: p.name, names, data };
+    chart.u = u;
     if (this.whole) this.scale(u);
     return chart;
   }
@@ -182,8 +183,16 @@ export class Stack {
   }
 }
 
-function ranged(u, low, high) {
-  if (low === null || high === null || !Number.isFinite(low) || !Number.isFinite(high)) return [-1, 1];
-  const room = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
+// The range of all curves (what is not a number is left out), and some room.
+function ranged(data) {
+  let low = Infinity, high = -Infinity;
+  for (const curve of data.slice(1)) {
+    for (const v of curve) {
+      if (v < low) low = v;
+      if (v > high) high = v;
+    }
+  }
+  if (low > high) return [-1, 1];
+  const room = 0.06 * (high - low) || 0.1 * Math.abs(high) || 1;
   return [low - room, high + room];
 }

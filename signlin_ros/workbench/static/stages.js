@@ -184,7 +184,7 @@ function compare(block, state, go) {
     modes, legend(["measured", "simulated", "residual"]), holder,
     where.length ? [h("h3", {}, "Where it fails"), h("ul", { class: "regions" }, where)] : null,
     h("details", {}, h("summary", {}, "Scores"), scores(json, channels)),
-    json.notes.length > 0 && h("details", {}, h("summary", {}, `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
+    json.notes.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
   ];
 }
 
@@ -211,7 +211,7 @@ function diagnose(block, state, go) {
     pictures,
     h("details", { id: "ranking" }, h("summary", {}, "All effects that competed, best first"), ranking(json.ranking)),
     json.experiments?.length > 0 && h("details", {}, h("summary", {}, "What to record to find out more"), h("ul", {}, json.experiments.map((n) => h("li", {}, n)))),
-    json.notes?.length > 0 && h("details", {}, h("summary", {}, `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
+    json.notes?.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
   ];
 }
 

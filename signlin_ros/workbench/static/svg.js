@@ -97,7 +97,7 @@ export function ladder(rungs, channel, unitText) {
   const scores = rungs.map((r) => r.validation[channel]).filter(Boolean);
   const top = Math.max(...scores.map((s) => s.rmse ?? 0), 1e-300);
   const noise = scores.find((s) => s.rmse_over_noise)?.rmse / scores.find((s) => s.rmse_over_noise)?.rmse_over_noise;
-  const width = 520, left = 190, full = 220, step = 34;
+  const width = 620, left = 190, full = 280, step = 34;
   const svg = h("svg", { viewBox: `0 0 ${width} ${rungs.length * step + 40}`, width: "100%", role: "img" }, h("title", {}, `RMS error of ${channel} on unseen data, step by step`));
   svg.append(h("text", { x: 0, y: 14, "font-weight": 600 }, `${channel}${unit(unitText)}: RMS error on unseen data`));
   rungs.forEach((r, k) => {
