@@ -87,7 +87,7 @@ async def cure(s: Session, args: Args) -> None:
     """Apply a cure that the check has offered, or take it back."""
     name, cures = str(args.get("name")), list(s.project.choices["cures"])
     offered = {f["cure"] for b in s.shown()["stages"] for f in b.get("findings", ()) if f.get("cure")}
-    if name not in {*offered, *cures}:
+    if name not in {*offered, *cures, stages.AS_THEY_ARE}:
         raise InputError(f"no such cure: {name!r}")
     changed = [c for c in cures if c != name] if name in cures else [*cures, name]
     s.project.change(f"{'without ' * (name in cures)}cure {name}", cures=changed)

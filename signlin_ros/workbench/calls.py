@@ -141,34 +141,46 @@ def _accepted(function: Callable[..., Any], **options: Any) -> dict[str, Any]:
 
 
 def _loaded(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData]]:
+    """Return model and records as the verbs take them: checked and cured, where this version checks."""
+    model, records = _as_read(args, files)
+    if _has_checks():
+        records, _ = import_module("signlin_ros.guard").check_records(model, records, _cures(args))
+    return model, list(records)
+
+
+def _as_read(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData]]:
     from signlin_ros.diagnosis import load_records
 
-    more = _accepted(load_records, cures=tuple(args.get("cures") or ()))
-    model, records = load_records(Model.load(args["model"]), list(files), args.get("signals") or {}, **more)
+    model, records = load_records(Model.load(args["model"]), list(files), args.get("signals") or {})
     return model, list(records)
+
+
+def _cures(args: Args) -> tuple[str, ...]:
+    return tuple(args.get("cures") or ())
+
+
+def _of(records: Sequence[ModelData], own: Sequence[str], others: Sequence[str]) -> list[ModelData]:
+    """Return the records that come from some files: one file may hold several."""
+
+    def file(record: ModelData) -> str:
+        return max((f for f in (*own, *others) if record.source.startswith(f)), key=len, default="")
+
+    return [record for record in records if file(record) in own]
 
 
 def check(args: Args, say: Say) -> Answer:
     """Return the findings of the record check; where this version has none, what the reader noted."""
-    files = [*args["data"], *args["validation"]]
-    _, records = _loaded(args, files)
+    model, records = _as_read(args, [*args["data"], *args["validation"]])
     if _has_checks():
-        run = import_module("signlin_ros.checks").check
-        more = _accepted(run, cures=tuple(args.get("cures") or ()), signals=args.get("signals") or {})
-        return _findings(run(Model.load(args["model"]), records, **more))
+        checks = import_module("signlin_ros.checks")
+        _, findings = checks.check(model, records, _cures(args))
+        return {"json": checks.to_json(findings), "limited": False}
     noted = [
-        {"check": "reading", "channel": "", "severity": "note", "sentence": note, "cure": "", "applied": True}
+        {"check": "reading", "channel": "", "severity": "note", "sentence": note, "cure": None, "applied": False}
         for record in records
         for note in (f"{Path(record.source).name}: {text}" for text in record.notes)
     ]
     return {"json": {"findings": noted}, "limited": True}
-
-
-def _findings(found: Any) -> Answer:
-    content = found.to_json() if hasattr(found, "to_json") else found
-    if not isinstance(content, Mapping):
-        content = {"findings": [f.to_json() if hasattr(f, "to_json") else dict(f) for f in content]}
-    return {"json": dict(content), "limited": False}
 
 
 def compare(args: Args, say: Say) -> Answer:
@@ -242,8 +254,8 @@ def _diagnosed(verb: str, args: Args, say: Say) -> Any:
     from signlin_ros import diagnosis
 
     model, records = _loaded(args, [*args["data"], *args["validation"]])
-    count, effect = len(args["data"]), args.get("effect")
-    first, second = records[:count], records[count:] or None
+    given, unseen, effect = list(args["data"]), list(args["validation"]), args.get("effect")
+    first, second = _of(records, given, unseen), _of(records, unseen, given) or None
     run = getattr(diagnosis, verb)
     with ThreadPoolExecutor(os.cpu_count() or 1) as executor:
         more = _accepted(run, jobs=executor, progress=_told(say))

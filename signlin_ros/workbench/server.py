@@ -304,7 +304,8 @@ def application(bench: Workbench, hosts: Sequence[str] = safety.LOCAL, token: st
         RefusedError: refused,
         CancelledError: refused,
         FaultError: failed,
-        json.JSONDecodeError: refused,
+        ValueError: refused,
+        TypeError: refused,
     }
 
     @contextlib.asynccontextmanager

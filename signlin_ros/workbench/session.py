@@ -90,6 +90,9 @@ class Session:
                 self.errors[stage] = {"what": "Cancelled.", "do": "Nothing was changed; start it again when you like."}
             except (RefusedError, InputError) as error:
                 self.errors[stage] = stages.advice(stage, str(error))
+            except OSError as error:
+                what = f"{error.filename or self.project.place()}: {error.strerror or error}"
+                self.errors[stage] = {"what": what, "do": "Make room, or the right to write there, and try again."}
             except FaultError as error:
                 text = "This is a fault of signlin; please report it with the command and its files."
                 self.errors[stage] = {"what": str(error), "do": text}
@@ -105,8 +108,9 @@ class Session:
             await self.work.call("ready", {})
 
     async def cancel(self) -> None:
-        """Stop what runs."""
-        await self.work.cancel()
+        """Stop what runs, wherever it runs."""
+        lanes = [self.work, *([self.view] if self.busy and self.busy["stage"] == "record" else [])]
+        await asyncio.gather(*(lane.cancel() for lane in lanes))
 
     async def close(self) -> None:
         """End the worker processes."""

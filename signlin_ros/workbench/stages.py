@@ -18,6 +18,8 @@ TITLES = {
     "add": "Add",
     "use": "Use",
 }
+AS_THEY_ARE = "none"
+"""The cure that takes records as they are."""
 ADVICE = {
     "record": "Drop another file, or correct the mapping below.",
     "check": "Correct the mapping in Record, or drop another record.",
@@ -50,7 +52,17 @@ def question(s: Session, verb: str) -> dict[str, Any]:
     if verb == "compare":
         data, validation = validation or data, []
     base = {"model": p.path(c["model"]), "data": data, "validation": validation, "signals": c["signals"]}
-    return {**base, "cures": c["cures"]} if c["cures"] else base
+    cures = _cures(s, [*data, *validation]) if verb == "compare" else c["cures"]
+    return {**base, "cures": cures} if cures else base
+
+
+def _cures(s: Session, files: list[str]) -> list[str]:
+    """Return the chosen cures that the check offers for some of the records: the others would be refused there."""
+    chosen: list[str] = s.project.choices["cures"]
+    found = _result(s, "check", question(s, "check"))
+    findings = found["json"]["findings"] if found else []
+    offered = {f["cure"] for f in findings if str(f.get("record", "")).startswith(tuple(files))}
+    return [cure for cure in chosen if cure in offered or cure == AS_THEY_ARE]
 
 
 def step(s: Session, verb: str) -> dict[str, Any] | None:
@@ -184,8 +196,17 @@ def _check(s: Session) -> dict[str, Any]:
         return _block("check", "", False, "Not checked yet.", command)
     findings = found["json"].get("findings", [])
     limited = found["limited"]
-    done = not any(f["severity"] == "refuse" and not f.get("applied") for f in findings)
-    return _block("check", "", done, _checked(findings, limited), "" if limited else command, findings=findings)
+    cures = s.project.choices["cures"]
+    done = AS_THEY_ARE in cures or not any(f["severity"] == "refuse" and not f.get("applied") for f in findings)
+    return _block(
+        "check",
+        "",
+        done,
+        _checked(findings, limited),
+        "" if limited else command,
+        findings=findings,
+        cures=s.project.choices["cures"],
+    )
 
 
 def _checked(findings: list[dict[str, Any]], limited: bool) -> str:

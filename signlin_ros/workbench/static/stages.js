@@ -140,13 +140,23 @@ function units(wanted, now) {
 const MARKS = { note: "ℹ noted", offer: "△ on offer", refuse: "✕ in the way" };
 
 function check(block, state, go) {
+  const chosen = block.cures ?? [];
+  const button = (f, k) => {
+    if (!f.cure || (f.applied && !chosen.includes(f.cure))) return null;
+    const urgent = f.severity === "refuse" && !f.applied;
+    return h("button", { id: `cure-${k}`, class: urgent ? "small primary" : "small", onclick: () => go("cure", { name: f.cure }) },
+      chosen.includes(f.cure) ? `take back: ${words(f.cure)}` : words(f.cure));
+  };
+  const file = (f) => f.record?.split("/").at(-1) ?? "";
   const rows = (block.findings ?? []).map((f, k) => h("tr", {},
-    h("td", { class: "status" }, f.applied && f.cure ? "✓ cured" : MARKS[f.severity] ?? f.severity),
-    h("td", {}, words(f.channel ?? "")), h("td", {}, f.sentence),
-    h("td", {}, f.cure && h("button", { id: `cure-${k}`, class: f.severity === "refuse" && !f.applied ? "small primary" : "small", onclick: () => go("cure", { name: f.cure }) },
-      f.applied ? `take back: ${words(f.cure)}` : words(f.cure)))));
+    h("td", { class: "status" }, f.applied ? "✓ cured" : MARKS[f.severity] ?? f.severity), h("td", {}, file(f)),
+    h("td", {}, words(f.channel ?? "")), h("td", {}, f.sentence), h("td", {}, button(f, k))));
+  const open = (block.findings ?? []).some((f) => f.severity === "refuse" && !f.applied);
+  const asTheyAre = chosen.includes("none");
   return [
-    block.findings && rows.length > 0 && h("table", {}, h("thead", {}, h("tr", {}, ["", "channel", "finding", "cure"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, rows)),
+    rows.length > 0 && h("table", {}, h("thead", {}, h("tr", {}, ["", "record", "channel", "finding", "cure"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, rows)),
+    (open || asTheyAre) && h("div", { class: "row" }, h("button", { id: "as-they-are", onclick: () => go("cure", { name: "none" }) },
+      asTheyAre ? "Cure the records after all" : "Take the records as they are")),
   ];
 }
 

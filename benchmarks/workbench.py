@@ -1,0 +1,181 @@
+"""How quick the workbench is in a real browser: first view, sliders, a large record, zooming.
+
+    python -m benchmarks.workbench [--pictures DIR]
+
+Prints one line for each figure, with what is asked of it, and the load of the machine. Needs Chromium and its driver
+(on Debian: apt-get install chromium chromium-driver) and the extras ``web`` and ``dev``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ARGUMENTS = (
+    *("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"),
+    *("--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--window-size=1920,1080"),
+)
+LARGE, LONG = 1_000_000, 10_000
+
+
+def browser(folder: Path) -> Any:
+    from selenium.webdriver import Chrome, ChromeOptions
+    from selenium.webdriver.chrome.service import Service
+
+    options = ChromeOptions()
+    options.binary_location = shutil.which("chromium") or ""
+    for argument in (*ARGUMENTS, f"--user-data-dir={folder / 'profile'}"):
+        options.add_argument(argument)
+    driver = Chrome(options=options, service=Service(shutil.which("chromedriver")))
+    driver.get("about:blank")
+    return driver
+
+
+def start(folder: Path, *arguments: str) -> tuple[subprocess.Popen[str], str]:
+    command = [sys.executable, "-m", "signlin_ros.cli", "workbench", *arguments, "--no-browser"]
+    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
+    line = process.stdout.readline() if process.stdout else ""
+    return process, line.split()[1]
+
+
+def until(condition: Callable[[], Any], patience: float = 120.0) -> Any:
+    end = time.monotonic() + patience
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.01)
+    raise TimeoutError("it does not come")
+
+
+def shown(driver: Any, selector: str) -> Any:
+    return until(lambda: driver.find_elements("css selector", selector))[0]
+
+
+def told(what: str, value: float, unit: str, asked: str) -> None:
+    load = os.getloadavg()[0]
+    print(f"{what:<58}{value:10.3g} {unit:<7} asked: {asked:<12} load {load:.1f} on {os.cpu_count()} cores", flush=True)
+
+
+def large_record(file: Path) -> None:
+    """Write 1,000,000 samples of 7 signals and the time."""
+    random = np.random.default_rng(0)
+    t = np.arange(LARGE) * 1e-3
+    waves = [np.sin(2 * np.pi * (0.1 + 0.05 * k) * t) + 0.01 * random.standard_normal(LARGE) for k in range(7)]
+    header = "t,voltage,current,speed,position,temperature,aux1,aux2"
+    np.savetxt(file, np.column_stack([t, *waves]), fmt="%.6g", delimiter=",", header=header, comments="")
+
+
+def motor_record(folder: Path) -> tuple[Path, Path]:
+    """Write a model with dry friction and a record of 10,000 samples."""
+    from signlin_ros.model import Model
+    from signlin_ros.records import Record, Signal, write_record
+    from signlin_ros.simulate import simulate
+
+    model, t = Model.load("dc_motor"), np.arange(LONG) / 500.0
+    voltage = 2.0 * np.sin(2 * np.pi * 0.4 * t) + np.sin(2 * np.pi * 1.7 * t)
+    run = simulate(model, t, voltage[:, None])
+    random = np.random.default_rng(1)
+    signals = {"voltage": Signal(voltage, "V")}
+    for name, sigma in {"current": 0.02, "speed": 0.1}.items():
+        signals[name] = Signal(run[name] + sigma * random.standard_normal(LONG), model.units[name])
+    write_record(Record(t, signals), folder / "run.csv")
+    model.save(folder / "motor.yaml")
+    return folder / "motor.yaml", folder / "run.csv"
+
+
+def first_view(driver: Any, folder: Path) -> None:
+    before = time.perf_counter()
+    process, address = start(folder)
+    driver.get(address)
+    shown(driver, "#stage-use")
+    told("first view, from the start of the process", time.perf_counter() - before, "s", "2 s")
+    process.terminate()
+    process.wait()
+
+
+def large(driver: Any, folder: Path, file: Path) -> None:
+    process, address = start(folder)
+    driver.get(address)
+    shown(driver, "#stage-use")
+    until(lambda: len(driver.find_elements("css selector", "#model option")) > 3)
+    chooser = driver.find_element("id", "files")
+    before = time.perf_counter()
+    chooser.send_keys(str(file))
+    plots = shown(driver, "#plots-record[data-drawn]")
+    told("1,000,000 samples x 8 columns on the screen after the drop", time.perf_counter() - before, "s", "5 s")
+    told("points of a curve at most", float(plots.get_attribute("data-points")), "", "5000")
+    script = """
+      const done = arguments[0], plots = document.getElementById('plots-record'), from = performance.now();
+      const before = plots.dataset.drawn;
+      plots.dispatchEvent(new KeyboardEvent('keydown', {key: '+'}));
+      const look = () => plots.dataset.drawn !== before ? requestAnimationFrame(() => done(performance.now() - from))
+        : setTimeout(look, 1);
+      look();
+    """
+    until(lambda: driver.find_element("id", "stage-check").get_attribute("data-busy") == "false")
+    zooms = [driver.execute_async_script(script) for _ in range(15)]
+    told("zoom, median of 15", float(np.median(zooms)), "ms", "200 ms")
+    told("zoom, slowest of 15", float(np.max(zooms)), "ms", "")
+    process.terminate()
+    process.wait()
+
+
+def sliders(driver: Any, folder: Path, pictures: Path | None) -> None:
+    model, record = motor_record(folder)
+    process, address = start(folder, str(model), str(record))
+    driver.get(address)
+    until(lambda: driver.find_element("id", "stage-check").get_attribute("data-done") == "true")
+    driver.execute_script("document.getElementById('stage-add').scrollIntoView()")
+    driver.execute_script("document.getElementById('tuner').open = true")
+    shown(driver, "#plots-tune[data-drawn]")
+    script = """
+      const done = arguments[1], plots = document.getElementById('plots-tune'), before = plots.dataset.drawn;
+      const slider = document.getElementById('slide-coulomb_friction.mu');
+      slider.value = arguments[0];
+      const from = performance.now();
+      slider.dispatchEvent(new Event('input'));
+      const look = () => plots.dataset.drawn !== before ? requestAnimationFrame(() => done(performance.now() - from))
+        : setTimeout(look, 1);
+      look();
+    """
+    driver.execute_async_script(script, 100)
+    times = [driver.execute_async_script(script, 100 + 5 * k) for k in range(1, 31)]
+    told("a dragged parameter redraws, 10,000 samples, median of 30", float(np.median(times)), "ms", "100 ms")
+    told("a dragged parameter redraws, 10,000 samples, slowest", float(np.max(times)), "ms", "")
+    if pictures:
+        driver.save_screenshot(str(pictures / "sliders.png"))
+    process.terminate()
+    process.wait()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--pictures", type=Path)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        large_record(folder / "large.csv")
+        driver = browser(folder)
+        try:
+            for k, measure in enumerate((first_view, lambda d, f: large(d, f, folder / "large.csv"))):
+                (folder / str(k)).mkdir()
+                measure(driver, folder / str(k))
+            (folder / "sliders").mkdir()
+            sliders(driver, folder / "sliders", options.pictures)
+        finally:
+            driver.quit()
+
+
+if __name__ == "__main__":
+    main()
