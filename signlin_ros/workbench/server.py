@@ -206,6 +206,7 @@ async def events(request: Request) -> Response:
     session = _session(request)
     listener: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
     session.listeners.add(listener)
+    session.wake()
 
     async def stream() -> AsyncIterator[str]:
         try:

@@ -30,7 +30,7 @@ class Session:
         self.listeners: set[asyncio.Queue[dict[str, Any]]] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self._turn = asyncio.Lock()
-        self.later(self._look_around)
+        self._awake = False
 
     # ---------------------------------------------------------------- telling the page
 
@@ -99,6 +99,12 @@ class Session:
             finally:
                 self.busy = None
                 self.tell()
+
+    def wake(self) -> None:
+        """Start the workers: somebody looks."""
+        if not self._awake:
+            self._awake = True
+            self.later(self._look_around)
 
     async def _look_around(self) -> None:
         """Start the workers, and learn which models are shipped."""

@@ -70,19 +70,31 @@ def environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
 
 
-@pytest.fixture
-def server(tmp_path: Path) -> Iterator[Callable[..., Server]]:
+def starting(folder: Path) -> Iterator[Callable[..., Server]]:
+    """Yield what starts servers in a folder, and end them all."""
     pytest.importorskip("starlette", reason="the extra `web` is not installed")
     pytest.importorskip("uvicorn", reason="the extra `web` is not installed")
     running: list[Server] = []
 
-    def start(*arguments: str, folder: Path = tmp_path) -> Server:
+    def start(*arguments: str) -> Server:
         running.append(Server(folder, *arguments))
         return running[-1]
 
     yield start
     for one in running:
         one.stop()
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Callable[..., Server]]:
+    yield from starting(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def shared_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """One server for tests that do not change what others see."""
+    for start in starting(tmp_path_factory.mktemp("shared")):
+        yield start()
 
 
 class Page:

@@ -8,6 +8,7 @@ import json
 import re
 import socket
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, urlsplit
@@ -31,10 +32,11 @@ class Client:
     def ask(
         self, method: str, path: str, body: bytes | None = None, headers: Mapping[str, str] | None = None
     ) -> tuple[int, str, Mapping[str, str]]:
-        connection = http.client.HTTPConnection(self.host, self.port, timeout=60)
-        connection.request(method, path, body, dict(headers or {}))
-        answer = connection.getresponse()
-        return answer.status, answer.read().decode(errors="replace"), {k.lower(): v for k, v in answer.getheaders()}
+        with closing(http.client.HTTPConnection(self.host, self.port, timeout=60)) as connection:
+            connection.request(method, path, body, dict(headers or {}))
+            answer = connection.getresponse()
+            found = {k.lower(): v for k, v in answer.getheaders()}
+            return answer.status, answer.read().decode(errors="replace"), found
 
     def project(self) -> str:
         return str(json.loads(self.ask("POST", "/new", b"{}", PAGE)[1])["id"])
@@ -60,9 +62,9 @@ class Client:
         pytest.fail("it does not come to an end")
 
 
-@pytest.fixture
-def client(server: Callable[..., Server]) -> Client:
-    return Client(server())
+@pytest.fixture(scope="module")
+def client(shared_server: Server) -> Client:
+    return Client(shared_server)
 
 
 def test_only_this_page_may_ask(client: Client) -> None:
@@ -141,8 +143,7 @@ def test_a_file_stays_in_its_project_whatever_it_is_called(client: Client, name:
         assert len(file) < 100
     else:
         assert "no record and no model" in answer
-    everything = {f for f in client.server.folder.rglob("*") if f.read_bytes() == CSV} if status == 200 else set()
-    assert all(f.parent == folder for f in everything)
+    assert all(f.parent.parent.name == ".signlin" for f in client.server.folder.parent.rglob("*outside*.csv"))
 
 
 @pytest.mark.parametrize("name", ["run.py", "page.html", "noext", "x.csv.exe", ".csv"])
@@ -155,14 +156,14 @@ def test_other_kinds_of_files_are_refused(client: Client, name: str) -> None:
 def test_an_empty_and_a_huge_file_are_refused(client: Client) -> None:
     project = client.project()
     assert "empty" in client.put(project, "empty.csv", b"")[1]
-    connection = http.client.HTTPConnection(client.host, client.port, timeout=60)
-    connection.putrequest("PUT", f"/p/{project}/files?name=huge.csv")
-    for key, value in {**PAGE, "content-length": str(600 << 20)}.items():
-        connection.putheader(key, value)
-    connection.endheaders()
-    answer = connection.getresponse()
-    assert answer.status == 400
-    assert "512 MiB" in answer.read().decode()
+    with closing(http.client.HTTPConnection(client.host, client.port, timeout=60)) as connection:
+        connection.putrequest("PUT", f"/p/{project}/files?name=huge.csv")
+        for key, value in {**PAGE, "content-length": str(600 << 20)}.items():
+            connection.putheader(key, value)
+        connection.endheaders()
+        answer = connection.getresponse()
+        assert answer.status == 400
+        assert "512 MiB" in answer.read().decode()
     assert [f.name for f in (client.server.folder / ".signlin" / project).iterdir() if f.is_file()] == ["state.json"]
 
 

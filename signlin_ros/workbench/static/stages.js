@@ -86,7 +86,13 @@ function recorded(state) {
   const r = state.records[picked];
   const choose = state.records.length > 1 && h("div", { class: "row", role: "group", "aria-label": "Which record is shown" },
     state.records.map((one, k) => h("button", { class: "small", "aria-pressed": k === picked, id: `see-${k}`, onclick: (e) => { picked = k; show(e.target); } }, one.name)));
-  const draw = () => plots("record", `${state.records[picked].path} ${picked}`, (span) => api.show("record", { ...span, record: picked }), RAW);
+  const units = Object.fromEntries(state.mapping.filter((m) => m.column).map((m) => [m.column, m.unit]));
+  const ask = async (span) => {
+    const found = await api.show("record", { ...span, record: picked });
+    for (const p of found.plots) p.unit ||= units[p.name] ?? "no unit stated";
+    return found;
+  };
+  const draw = () => plots("record", `${state.records[picked].path} ${picked} ${JSON.stringify(units)}`, ask, RAW);
   const holder = h("div", {}, r.found ? draw() : null);
   const show = (button) => {
     fill(holder, draw());
