@@ -31,6 +31,8 @@ WORDS = {
     "hysteresis": ("hysteresis",),
 }
 """How people call what the models call by these names."""
+WANTED = ("goal", "ref", "reference", "des", "desired", "target", "set", "setpoint", "cmd", "command")
+"""In the name of a column that says what was asked for, not what came of it."""
 ALIKE = 0.9
 """Correlation of a derivative with a column from which on one is taken for the derivative of the other."""
 CLEAR = 2.0
@@ -42,10 +44,11 @@ def mapping(model: Model, records: Sequence[Record], given: Mapping[str, str]) -
     names = list(dict.fromkeys((*model.inputs, *model.states, *model.outputs)))
     rows = [_row(model, name, records, given) for name in names]
     taken = {row["column"] for row in rows if row["column"]}
+    told = bool(model.signals)  # a model file that maps signals has said which ones it wants
     for row in rows:
-        if row["column"] is None and row["signal"] not in given:
+        if row["column"] is None and row["signal"] not in given and (row["needed"] or not told):
             _propose(row, records, taken)
-    if records:
+    if records and not told:
         _follow(rows, records[0], taken)
     return rows
 
@@ -113,6 +116,8 @@ def _likeness(row: Mapping[str, Any], label: str, unit: str) -> tuple[float, str
         points, why = points + 2.0 - words.index(hit) / 50, [f"{hit!r} in its name"]
     elif hit := next((w for w in words if len(w) > 2 and w in plain), None):
         points, why = points + 1.5, [f"{hit!r} in its name"]
+    if row["kind"] != "input" and any(word in tokens for word in WANTED):
+        points -= 4.0
     if unit:
         fits = units.conversion(unit, row["unit"]) is not None
         points += 1.5 if fits else -4.0

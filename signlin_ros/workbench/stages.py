@@ -265,7 +265,8 @@ def _diagnose(s: Session) -> dict[str, Any]:
     asked = question(s, "diagnose")
     found, command = _result(s, "diagnose", asked), commands.command({"verb": "diagnose", **asked})
     if found is None:
-        text = "Which effect is missing? All of the catalogue compete; the records for validation decide."
+        judge = "the record that no fit sees decides" if asked["validation"] else "the last third, held out, decides"
+        text = f"Which effect is missing? All of the catalogue compete; {judge}."
         if _added(s):
             text = "Ask again: does the model lack anything else now?"
         return _block("diagnose", "", False, text, command)

@@ -196,6 +196,16 @@ def test_columns_are_proposed_by_name_unit_and_derivative() -> None:
     assert "derivative" in rows["displacement"]["why"]
 
 
+def test_what_was_asked_for_is_not_what_was_measured() -> None:
+    t = np.arange(500) / 100.0
+    given = record(q_goal=(np.sin(t), "rad"), q_meas=(np.sin(t + 1), "rad"), torque=(np.cos(t), "N·m"))
+    rows = {r["signal"]: r for r in proposing.mapping(Model.load("mass_spring_damper"), [given], {})}
+    assert (rows["displacement"]["column"], rows["force"]["column"]) == ("q_meas [rad]", "torque [N·m]")
+    told = Model.load("mass_spring_damper").with_options(signals={"force": "torque [N·m]"})
+    rows = {r["signal"]: r for r in proposing.mapping(told, [given], {})}
+    assert rows["displacement"]["column"] is None
+
+
 def test_a_column_in_another_quantity_is_not_proposed() -> None:
     t = np.arange(500) / 100.0
     given = record(voltage=(np.sin(t), "V"), speed_of_sound=(t, "degC"))

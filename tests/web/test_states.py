@@ -37,8 +37,6 @@ def test_what_cannot_be_read_or_used_is_told_where_it_fails(
     page.click("drop-torn.csv")
     page.wait(lambda: not page.busy and not page.driver.find_elements("id", "drop-torn.csv"), "the record to be gone")
     page.drop(table(tmp_path / "odd.csv", "t,a,b,c", 200))
-    page.wait(lambda: "Choose a model" in page.says("record"), "no model to fit")
-    page.driver.find_element("css selector", "#model option[value=dc_motor]").click()
     page.wait(lambda: "No column for voltage" in page.says("record"), "the missing column")
     assert "mapping is not complete" in page.says("compare")
     page.picture("error_mapping")

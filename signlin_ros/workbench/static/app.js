@@ -92,10 +92,11 @@ function head(block, working) {
   const error = trouble[block.id] ? { what: trouble[block.id], do: "" } : block.error;
   const can = DO[block.id] && !block.why && !working;
   const fresh = can && !block.done;
+  const first = state.stages.find((b) => !b.done && !b.why)?.id === block.id;
   return [
     h("div", { class: "title" }, h("h2", { id: `stage-${block.id}-title` }, block.title),
       h("p", { class: block.why ? "sentence quiet" : "sentence", id: `says-${block.id}` }, block.why || block.sentence),
-      (fresh || (can && block.id === "use")) && h("button", { id: `do-${block.id}`, class: fresh ? "primary" : "", disabled: Boolean(state.busy), onclick: () => go(NAMES[block.id] ?? block.id) }, DO[block.id])),
+      (fresh || (can && block.id === "use")) && h("button", { id: `do-${block.id}`, class: fresh && (first || added(block)) ? "primary" : "", disabled: Boolean(state.busy), onclick: () => go(NAMES[block.id] ?? block.id) }, DO[block.id])),
     block.id === "record" && uploading && h("p", { class: "busy", role: "status" }, h("progress", {}), h("span", { id: "uploading" }, uploading)),
     working && h("div", { class: "busy", role: "status" },
       h("progress", { id: `progress-${block.id}`, max: 1, ...(state.busy.share > 0 ? { value: state.busy.share } : {}), "aria-label": state.busy.what }),
@@ -104,6 +105,9 @@ function head(block, working) {
     !block.why && command(block.command),
   ];
 }
+
+// After an addition the model may be taken, whatever else one may ask.
+const added = (block) => block.id === "use" && state.stages.some((b) => b.id === "add" && b.done);
 
 // The next step, where the eye is when a stage has been read.
 function next(block) {

@@ -152,7 +152,7 @@ class View {
     held?.u.destroy();
     held?.holder.remove();
     const colour = { state: "--measured", input: "--rival", error: "--simulated", A: "--residual" }[kind];
-    const holder = h("div", { class: "plot", role: "img", "aria-label": `${label} over the last minute` });
+    const holder = h("div", { class: "plot", role: "img", "aria-label": `${label} over the last minute` }, h("p", { class: "axis-title" }, label));
     const after = { state: 0, input: 1, error: 2, A: 3 }[kind];
     const next = [...this.holder.children].find((x) => Number(x.dataset.order) > after);
     holder.dataset.order = after;
@@ -160,9 +160,9 @@ class View {
     const axis = { stroke: css("--text"), grid: { stroke: css("--grid"), width: 1 }, ticks: { stroke: css("--line"), width: 1 }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
     const one = { label, kind, holder, data };
     one.u = new uPlot({
-      width: Math.max(this.holder.clientWidth, 300), height: 112, legend: { show: false }, cursor: { show: false },
+      width: Math.max(this.holder.clientWidth, 300), height: 118, legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false }, y: {} },
-      axes: [{ ...axis, size: 34, label: "s from now", labelSize: 14 }, { ...axis, size: 64, space: 22, label, labelSize: 18, values: (_, s) => s.map((v) => number(v, 4)) }],
+      axes: [{ ...axis, size: 30, values: (_, s) => s.map((v) => `${v} s`) }, { ...axis, size: 60, space: 22, values: (_, s) => s.map((v) => number(v, 4)) }],
       series: [{}, { stroke: css(colour), width: 1.2, points: { show: false }, ...(kind === "A" || kind === "error" ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}) }],
       hooks: { drawClear: [(u) => this.drawMarks(u)] },
     }, data, holder);

@@ -86,7 +86,7 @@ export class Stack {
     const chart = { name: p.name, names, data };
     const u = new uPlot({
       width: Math.max(this.element.clientWidth, 300),
-      height: row.height + (last ? 34 : 0),
+      height: row.height + (last ? 52 : 0),
       legend: { show: false },
       cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
       scales: { x: { time: false }, y: { range: () => ranged(chart.data) } },

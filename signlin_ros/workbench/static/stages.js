@@ -7,8 +7,8 @@ import { evidence, ladder } from "./svg.js";
 import { Tuner } from "./tune.js";
 
 const stacks = new Map();
-const RAW = [{ curves: ["recorded"], height: 84 }];
-const PAIR = [{ curves: ["measured", "simulated"], height: 170 }, { curves: ["residual"], height: 90 }];
+const RAW = [{ curves: ["recorded"], height: 100 }];
+const PAIR = [{ curves: ["measured", "simulated"], height: 180 }, { curves: ["residual"], height: 110 }];
 
 export function restyle() {
   for (const { stack } of stacks.values()) stack.restyle();

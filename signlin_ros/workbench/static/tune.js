@@ -5,7 +5,7 @@ import { h, fill, number, unit, words } from "./dom.js";
 import { Stack, legend } from "./plots.js";
 import { poles } from "./svg.js";
 
-const ROWS = [{ curves: ["measured", "simulated"], height: 130 }, { curves: ["residual"], height: 70 }];
+const ROWS = [{ curves: ["measured", "simulated"], height: 150 }, { curves: ["residual"], height: 100 }];
 
 export class Tuner {
   constructor(state, keep) {
