@@ -74,6 +74,10 @@ class Live:
                 lines.get_nowait()
             lines.put_nowait(text)
 
+    def end(self) -> None:
+        """End the streams of all pages."""
+        self._pass_on("")
+
     async def take(self, seconds: float, file: str, states: list[str], inputs: list[str]) -> dict[str, Any]:
         """Let the subscriber write the last seconds as a record; return what it says."""
         if self._process is None or self._process.stdin is None or self._process.returncode is not None:

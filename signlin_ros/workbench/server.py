@@ -11,6 +11,7 @@ import threading
 import webbrowser
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 from starlette.applications import Starlette
@@ -37,6 +38,8 @@ OPEN = 8
 """So many projects are open at a time; the one not looked at for longest is closed first."""
 BEAT = 15.0
 """Seconds after which a silent stream of events says that it is still there."""
+ENDED = {"kind": "ended"}
+"""What ends a stream of events."""
 EXPORTED = ("model.yaml", "report.html", "replay.sh")
 SESSION = "signlin_project"
 
@@ -59,6 +62,13 @@ class Workbench:
             self._close_one()
         self.sessions[identity] = found
         return found
+
+    def end(self) -> None:
+        """End all streams, which would last as long as somebody looks."""
+        for session in self.sessions.values():
+            for listener in session.listeners:
+                listener.put_nowait(ENDED)
+        self.live.end()
 
     def _close_one(self) -> None:
         idle = [k for k, s in self.sessions.items() if s.busy is None and not s.listeners]
@@ -211,8 +221,7 @@ async def events(request: Request) -> Response:
     async def stream() -> AsyncIterator[str]:
         try:
             yield "retry: 500\n\n"
-            while True:
-                told = await _next(listener)
+            while (told := await _next(listener)) != ENDED:
                 yield f"data: {json.dumps(told)}\n\n" if told else ": still here\n\n"
         finally:
             session.listeners.discard(listener)
@@ -235,8 +244,8 @@ async def live(request: Request) -> Response:
 
     async def stream() -> AsyncIterator[str]:
         try:
-            while True:
-                yield f"data: {await lines.get()}\n\n"
+            while line := await lines.get():
+                yield f"data: {line}\n\n"
         finally:
             await feed.leave(lines)
 
@@ -311,6 +320,7 @@ def application(bench: Workbench, hosts: Sequence[str] = safety.LOCAL, token: st
 
     @contextlib.asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        app.state.loop = asyncio.get_running_loop()
         yield
         await asyncio.gather(bench.live.close(), *(s.close() for s in bench.sessions.values()))
 
@@ -334,10 +344,15 @@ def serve(
     print(f"workbench: {address}  (Ctrl+C ends it; the project stays in {STORE}/)", flush=True)  # noqa: T201
     if show:
         threading.Timer(0.3, webbrowser.open, [address]).start()
-    config = uvicorn.Config(
-        application(bench, token=token), log_level="warning", timeout_graceful_shutdown=1, ws="none"
-    )
-    uvicorn.Server(config).run(sockets=[listening])
+    app = application(bench, token=token)
+
+    class Server(uvicorn.Server):
+        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+            app.state.loop.call_soon_threadsafe(bench.end)
+            super().handle_exit(sig, frame)
+
+    options: Any = {"log_level": "warning", "timeout_graceful_shutdown": 3, "ws": "none"}
+    Server(uvicorn.Config(app, **options)).run(sockets=[listening])
 
 
 def _listening(host: str, port: int) -> socket.socket:

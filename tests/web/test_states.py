@@ -98,6 +98,23 @@ def test_nothing_is_lost_when_the_server_is_killed(
     page.wait(lambda: page.driver.find_elements("css selector", "#plots-compare canvas"), "the curves")
 
 
+def test_a_server_that_is_ended_while_a_page_looks_ends_at_once_and_says_nothing(
+    server: Callable[..., Server], browser: Callable[..., Page]
+) -> None:
+    psutil = pytest.importorskip("psutil")
+    given, page = server(), browser(1280, 800)
+    page.open(given.address)
+    page.click("tab-live")
+    page.wait(lambda: psutil.Process(given.process.pid).children(), "the workers")
+    workers = psutil.Process(given.process.pid).children(recursive=True)
+    given.stop(signal.SIGINT)
+    assert given.process.returncode in (0, 130, -signal.SIGINT)
+    assert "Error" not in given.log.read_text()
+    assert "Traceback" not in given.log.read_text()
+    _, alive = psutil.wait_procs(workers, timeout=30)
+    assert alive == []
+
+
 def test_steps_are_taken_back_and_taken_again(
     server: Callable[..., Server], browser: Callable[..., Page], hidden_effect: Path
 ) -> None:
