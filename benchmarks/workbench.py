@@ -9,6 +9,7 @@ Prints one line for each figure, with what is asked of it, and the load of the m
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import shutil
 import subprocess
@@ -62,6 +63,26 @@ def shown(driver: Any, selector: str) -> Any:
     return until(lambda: driver.find_elements("css selector", selector))[0]
 
 
+class Spent:
+    """Processor time of this process's children, the browser's among them: what a busy machine does not change."""
+
+    def __init__(self) -> None:
+        self._before = self._now()
+
+    def _now(self) -> float:
+        import psutil
+
+        total = 0.0
+        for process in psutil.Process().children(recursive=True):
+            with contextlib.suppress(psutil.Error):
+                times = process.cpu_times()
+                total += times.user + times.system
+        return total
+
+    def __call__(self) -> float:
+        return self._now() - self._before
+
+
 def told(what: str, value: float, unit: str, asked: str) -> None:
     load = os.getloadavg()[0]
     print(f"{what:<58}{value:10.3g} {unit:<7} asked: {asked:<12} load {load:.1f} on {os.cpu_count()} cores", flush=True)
@@ -95,11 +116,12 @@ def motor_record(folder: Path) -> tuple[Path, Path]:
 
 
 def first_view(driver: Any, folder: Path) -> None:
-    before = time.perf_counter()
+    before, spent = time.perf_counter(), Spent()
     process, address = start(folder)
     driver.get(address)
     shown(driver, "#stage-use")
     told("first view, from the start of the process", time.perf_counter() - before, "s", "2 s")
+    told("  processor time of it, server, workers and browser", spent(), "s", "")
     process.terminate()
     process.wait()
 
@@ -110,10 +132,11 @@ def large(driver: Any, folder: Path, file: Path) -> None:
     shown(driver, "#stage-use")
     until(lambda: len(driver.find_elements("css selector", "#model option")) > 3)
     chooser = driver.find_element("id", "files")
-    before = time.perf_counter()
+    before, spent = time.perf_counter(), Spent()
     chooser.send_keys(str(file))
     plots = shown(driver, "#plots-record[data-drawn]")
     told("1,000,000 samples x 8 columns on the screen after the drop", time.perf_counter() - before, "s", "5 s")
+    told("  processor time of it, server, workers and browser", spent(), "s", "")
     told("points of a curve at most", float(plots.get_attribute("data-points")), "", "5000")
     script = """
       const done = arguments[0], plots = document.getElementById('plots-record'), from = performance.now();
@@ -124,9 +147,11 @@ def large(driver: Any, folder: Path, file: Path) -> None:
       look();
     """
     until(lambda: driver.find_element("id", "stage-check").get_attribute("data-busy") == "false")
+    spent = Spent()
     zooms = [driver.execute_async_script(script) for _ in range(15)]
     told("zoom, median of 15", float(np.median(zooms)), "ms", "200 ms")
     told("zoom, slowest of 15", float(np.max(zooms)), "ms", "")
+    told("  processor time of one", 1000 * spent() / 15, "ms", "")
     process.terminate()
     process.wait()
 
@@ -150,29 +175,102 @@ def sliders(driver: Any, folder: Path, pictures: Path | None) -> None:
       look();
     """
     driver.execute_async_script(script, 100)
+    spent = Spent()
     times = [driver.execute_async_script(script, 100 + 5 * k) for k in range(1, 31)]
     told("a dragged parameter redraws, 10,000 samples, median of 30", float(np.median(times)), "ms", "100 ms")
     told("a dragged parameter redraws, 10,000 samples, slowest", float(np.max(times)), "ms", "")
+    told("  processor time of one", 1000 * spent() / 30, "ms", "")
     if pictures:
         driver.save_screenshot(str(pictures / "sliders.png"))
     process.terminate()
     process.wait()
 
 
+PUBLISH = """
+import sys, time, rclpy
+from std_msgs.msg import Float64MultiArray
+from signlin_ros.nodes.qos import RELIABLE
+rclpy.init(); node = rclpy.create_node("source"); out = node.create_publisher(Float64MultiArray, "state", RELIABLE)
+begin, k = time.monotonic(), 0
+while True:
+    k += 1
+    out.publish(Float64MultiArray(data=[float(k % 100 + j) for j in range(8)]))
+    time.sleep(max(begin + k / 1000.0 - time.monotonic(), 0.0))
+"""
+BARE = """
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from std_msgs.msg import Float64MultiArray
+from signlin_ros.nodes.qos import SENSORS
+rclpy.init(); node = rclpy.create_node("bare"); node.create_subscription(Float64MultiArray, "state", lambda m: None, SENSORS)
+executor = SingleThreadedExecutor(); executor.add_node(node)
+while True: executor.spin_once(timeout_sec=0.05)
+"""
+
+
+def live(driver: Any, folder: Path, seconds: float) -> None:
+    """Compare the processor time of feed and server with that of a subscription that does nothing."""
+    import psutil
+
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ["ROS_DOMAIN_ID"] = str(100 + os.getpid() % 100)
+    source = subprocess.Popen([sys.executable, "-c", PUBLISH])
+    bare = subprocess.Popen([sys.executable, "-c", BARE])
+    time.sleep(3.0)
+    alone = _load_of([psutil.Process(bare.pid)], 15.0)
+    told("a bare subscription to 1 kHz x 8", 100 * alone, "%", "")
+    bare.kill()
+    process, address = start(folder)
+    driver.get(address)
+    shown(driver, "#stage-use")
+    driver.execute_script("document.getElementById('tab-live').click()")
+    until(lambda: int(driver.find_element("id", "live").get_attribute("data-frames") or 0) > 20)
+    server = psutil.Process(process.pid)
+    feed = next(p for p in server.children() if "signlin_ros.nodes.feed" in p.cmdline())
+    held = [p.memory_info().rss for p in (server, feed)]
+    frames, begun = int(driver.find_element("id", "live").get_attribute("data-frames")), time.monotonic()
+    spent = _load_of([server, feed], seconds)
+    frames = int(driver.find_element("id", "live").get_attribute("data-frames")) - frames
+    told("live, subscriber and server beyond it", 100 * (spent - alone), "%", "40 %")
+    told("live, frames a second on the page", frames / (time.monotonic() - begun), "", "20")
+    grown = sum(p.memory_info().rss for p in (server, feed)) - sum(held)
+    told(f"live, memory grown in {seconds:g} s", grown / 2**20, "MiB", "flat")
+    points = [int(p.get_attribute("data-points") or 0) for p in driver.find_elements("css selector", "#live .plot")]
+    told("live, points of a curve at most", float(max(points)), "", "5000")
+    for one in (process, source):
+        one.terminate()
+        one.wait()
+
+
+def _load_of(processes: list[Any], seconds: float) -> float:
+    """Return the share of a core that processes take."""
+    spent, begun = [sum(p.cpu_times()[:2]) for p in processes], time.monotonic()
+    time.sleep(seconds)
+    now = [sum(p.cpu_times()[:2]) for p in processes]
+    return float(sum(now) - sum(spent)) / (time.monotonic() - begun)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pictures", type=Path)
+    parser.add_argument("only", nargs="*", choices=["first", "sliders", "large", "live", []])
+    parser.add_argument("--seconds", type=float, default=60.0, help="How long the live view is watched.")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        large_record(folder / "large.csv")
         driver = browser(folder)
         try:
-            for k, measure in enumerate((first_view, lambda d, f: large(d, f, folder / "large.csv"))):
-                (folder / str(k)).mkdir()
-                measure(driver, folder / str(k))
-            (folder / "sliders").mkdir()
-            sliders(driver, folder / "sliders", options.pictures)
+            for part in options.only or ("first", "sliders", "large", "live"):
+                (folder / part).mkdir()
+                if part == "first":
+                    first_view(driver, folder / part)
+                elif part == "sliders":
+                    sliders(driver, folder / part, options.pictures)
+                elif part == "live":
+                    live(driver, folder / part, options.seconds)
+                else:
+                    large_record(folder / "large.csv")
+                    large(driver, folder / part, folder / "large.csv")
         finally:
             driver.quit()
 

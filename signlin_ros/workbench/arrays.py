@@ -50,9 +50,10 @@ def _chosen(t: Array, y: Array, count: int) -> Indices:
         from tsdownsample import MinMaxLTTBDownsampler
     except ImportError as error:
         raise MissingExtraError("The workbench", "web") from error
-    filled = np.nan_to_num(y, copy=True, nan=0.0, posinf=0.0, neginf=0.0)
+    good = np.isfinite(y)
+    filled = y if good.all() else np.where(good, y, 0.0)
     sampler: Any = MinMaxLTTBDownsampler
-    found = sampler().downsample(np.ascontiguousarray(t), filled, n_out=count)
+    found = sampler().downsample(*map(np.ascontiguousarray, (t, filled)), n_out=count)
     return np.asarray(found, dtype=np.intp)
 
 

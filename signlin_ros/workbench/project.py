@@ -56,6 +56,7 @@ class Project:
         if not _ID.match(identity):
             raise InputError("no such project")
         self.id, self.folder = identity, store / identity
+        self._held: dict[str, Any] = {}
         self.state: dict[str, Any] = json.loads((self.folder / "state.json").read_text(encoding="utf-8"))
         if self.state.get("version") != VERSION:
             raise InputError(f"{self.folder}: was written by another version of signlin")
@@ -158,12 +159,14 @@ class Project:
         return f"{verb}-{hashlib.sha256(f'{text}{stamps}'.encode()).hexdigest()[:20]}"
 
     def result(self, key: str) -> Any:
-        """Return what was found under a key, None if nothing was."""
-        file = self.folder / "results" / f"{key}.json"
-        try:
-            return json.loads(file.read_text(encoding="utf-8"))
-        except (FileNotFoundError, ValueError):
-            return None
+        """Return what was found under a key, None if nothing was; not to be changed."""
+        if key not in self._held:
+            file = self.folder / "results" / f"{key}.json"
+            try:
+                self._held[key] = json.loads(file.read_text(encoding="utf-8"))
+            except (FileNotFoundError, ValueError):
+                return None
+        return self._held[key]
 
     def keep(self, key: str, found: Mapping[str, Any]) -> None:
         """Keep what was found."""

@@ -165,10 +165,13 @@ def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[s
     records = [session.project.path(r["file"]) for r in session.project.choices["records"]]
     if what == "record" and records:
         return "record_curves", {**wanted, "file": records[min(int(args.get("record") or 0), len(records) - 1)]}
-    shown = next(b for b in session.shown()["stages"] if b["id"] == "compare")
-    if what == "compare" and shown.get("result"):
-        store = str(session.project.array_file(shown["key"]))
-        return "compare_curves", {**wanted, "store": store, "channels": shown["result"]["channels"]}
+    if what == "compare":
+        asked = stages.question(session, "compare")
+        key = session.project.key("compare", asked)
+        found = session.project.result(key)
+        if found is not None:
+            store = str(session.project.array_file(key))
+            return "compare_curves", {**wanted, "store": store, "channels": found["channels"]}
     if what == "tune" and stages.mapped(session):
         asked = stages.question(session, "compare")
         values = {str(k): float(v) for k, v in (args.get("values") or {}).items()}

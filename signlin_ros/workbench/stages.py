@@ -280,11 +280,13 @@ def _add(s: Session) -> dict[str, Any]:
     if why:
         return _block("add", why, False, "")
     diagnosis, added = _last(s, "diagnose"), _added(s)
-    if diagnosis is None and not added:
-        return _block("add", "Diagnose first: it says what to add.", False, "")
     offers = _offers(s, diagnosis)
     last = added[-1] if added else None
-    text = last["json"]["sentence"] if last else "Add the effect that is missing, and watch the error on unseen data."
+    text = "Diagnose first: it says what to add. Parameters can be moved by hand already."
+    if diagnosis is not None:
+        text = "Add the effect that is missing, and watch the error on unseen data."
+    if last is not None:
+        text = last["json"]["sentence"]
     command = commands.command(last["step"]) if last else ""
     if not command and offers:
         command = commands.command({"verb": "add", **question(s, "add"), "effect": offers[0], "output": "NEW.yaml"})

@@ -20,9 +20,10 @@ export function legend(names) {
 }
 
 export class Stack {
-  // ask(span) returns {plots, span}; rows says which curves go into which plot: [{curves, height}].
-  constructor(element, ask, rows) {
-    Object.assign(this, { element, ask, rows, charts: [], span: [null, null], whole: null, shaded: [], pending: null, drawn: 0 });
+  // ask(span) returns {plots, span}; rows says which curves go into which plot: [{curves, height}];
+  // density: points asked for, for each pixel of width.
+  constructor(element, ask, rows, density = 3) {
+    Object.assign(this, { element, ask, rows, density, charts: [], span: [null, null], whole: null, shaded: [], pending: null, drawn: 0 });
     element.classList.add("plots");
     element.tabIndex = 0;
     element.setAttribute("role", "group");
@@ -40,7 +41,7 @@ export class Stack {
     }
     this.loading = true;
     try {
-      const found = await this.ask({ from: span[0], to: span[1], points: Math.min(5000, Math.max(1000, 3 * Math.round(this.element.clientWidth || 800))) });
+      const found = await this.ask({ from: span[0], to: span[1], points: Math.min(5000, Math.max(1000, this.density * Math.round(this.element.clientWidth || 800))) });
       if (found) this.draw(found);
     } finally {
       this.loading = false;

@@ -254,7 +254,7 @@ function add(block, state, go) {
   const channels = block.ladder?.length ? Object.keys(block.ladder[0].validation).filter((c) => c !== "score") : [];
   if (!tuner || tuner.model !== state.model?.name) tuner = state.model ? new Tuner(state, (values) => go("keep", { values })) : null;
   return [
-    h("div", { class: "row" }, buttons, other, !buttons.length && block.done && h("span", { class: "quiet" }, "Nothing that was named is left to add.")),
+    h("div", { class: "row" }, buttons, other, !buttons.length && block.others?.length > 0 && h("span", { class: "quiet" }, "Nothing that was named is left to add.")),
     block.ladder?.length > 0 && h("div", { class: "pair", id: "ladder" }, channels.map((c) => ladder(block.ladder, c, state.model?.signals[c] ?? ""))),
     tuner && h("details", { id: "tuner", ontoggle: (e) => e.target.open && tuner.start() }, h("summary", {}, "Parameters by hand: drag, and see curve, A", h("sub", {}, "k"), " and poles move"), tuner.element),
   ];

@@ -14,7 +14,7 @@ export class Tuner {
     this.values = {};
     this.before = null;
     this.started = false;
-    this.stack = new Stack(h("div", { id: "plots-tune" }), (span) => this.ask(span), ROWS);
+    this.stack = new Stack(h("div", { id: "plots-tune" }), (span) => this.ask(span), ROWS, 1.5);
     this.linear = h("div", { id: "linear" });
     this.left = h("p", { id: "left", class: "quiet" });
     this.keeping = h("button", { id: "keep", disabled: true, onclick: () => keep(this.values) }, "Keep these values as a model version");
@@ -43,7 +43,7 @@ export class Tuner {
       range.value = p.start;
       shown.textContent = `${number(p.value, 4)} ${p.unit === "-" ? "" : p.unit}`;
     };
-    return [h("label", { for: `slide-${p.name}`, title: p.doc }, words(p.name)), range, shown, h("span", { class: "quiet" }, p.doc.split(";")[0])];
+    return [h("label", { for: `slide-${p.name}`, title: p.doc }, p.name), range, shown, h("span", { class: "quiet" }, p.doc.split(";")[0])];
   }
 
   reset() {
