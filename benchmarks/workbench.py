@@ -202,7 +202,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64MultiArray
 from signlin_ros.nodes.qos import SENSORS
-rclpy.init(); node = rclpy.create_node("bare"); node.create_subscription(Float64MultiArray, "state", lambda m: None, SENSORS)
+rclpy.init(); node = rclpy.create_node("bare")
+node.create_subscription(Float64MultiArray, "state", lambda m: None, SENSORS)
 executor = SingleThreadedExecutor(); executor.add_node(node)
 while True: executor.spin_once(timeout_sec=0.05)
 """
@@ -228,11 +229,13 @@ def live(driver: Any, folder: Path, seconds: float) -> None:
     server = psutil.Process(process.pid)
     feed = next(p for p in server.children() if "signlin_ros.nodes.feed" in p.cmdline())
     held = [p.memory_info().rss for p in (server, feed)]
-    frames, begun = int(driver.find_element("id", "live").get_attribute("data-frames")), time.monotonic()
+    before, begun = _seen(driver), time.monotonic()
     spent = _load_of([server, feed], seconds)
-    frames = int(driver.find_element("id", "live").get_attribute("data-frames")) - frames
+    lasted = time.monotonic() - begun
+    frames, samples = (now - then for now, then in zip(_seen(driver), before, strict=True))
     told("live, subscriber and server beyond it", 100 * (spent - alone), "%", "40 %")
-    told("live, frames a second on the page", frames / (time.monotonic() - begun), "", "20")
+    told("live, frames a second on the page", frames / lasted, "", "20")
+    told("live, samples a second that arrived", samples / lasted, "", "1000")
     grown = sum(p.memory_info().rss for p in (server, feed)) - sum(held)
     told(f"live, memory grown in {seconds:g} s", grown / 2**20, "MiB", "flat")
     points = [int(p.get_attribute("data-points") or 0) for p in driver.find_elements("css selector", "#live .plot")]
@@ -240,6 +243,12 @@ def live(driver: Any, folder: Path, seconds: float) -> None:
     for one in (process, source):
         one.terminate()
         one.wait()
+
+
+def _seen(driver: Any) -> list[int]:
+    """Return how many frames and samples the page has been told of."""
+    element = driver.find_element("id", "live")
+    return [int(element.get_attribute(f"data-{name}") or 0) for name in ("frames", "samples")]
 
 
 def _load_of(processes: list[Any], seconds: float) -> float:

@@ -119,7 +119,7 @@ class Feed:
 
     def frame(self, now: float) -> dict[str, Any]:
         """Return what has come since the last frame."""
-        found: dict[str, Any] = {"now": now}
+        found: dict[str, Any] = {"now": now, "samples": self.state.count}
         for name, channel in (("state", self.state), ("input", self.input), ("error", self.error)):
             channel.forget(now)
             shown = channel.shown()

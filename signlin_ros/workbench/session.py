@@ -101,7 +101,9 @@ class Session:
                 self.tell()
 
     def wake(self) -> None:
-        """Start the workers: somebody looks."""
+        """Start the workers: somebody looks; read again what has changed."""
+        if stages.changed(self) and "record" not in self.errors:
+            self.start("record", "reading", self.look)
         if not self._awake:
             self._awake = True
             self.later(self._look_around)

@@ -181,7 +181,15 @@ def _before(s: Session) -> str:
         return "Drop a record first."
     if s.project.choices["model"] is None:
         return "Choose a model first."
+    if changed(s):
+        return "The files have changed: open the page anew to read them again."
     return "" if mapped(s) else "The mapping is not complete: see Record."
+
+
+def changed(s: Session) -> bool:
+    """Tell whether files are not as they were when they were read."""
+    files = [s.project.path(r["file"]) for r in s.project.choices["records"]]
+    return s.busy is None and any(_result(s, "columns", {"file": file}) is None for file in files)
 
 
 def _check(s: Session) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import http.client
+import json
 import os
 import re
 import shutil
@@ -9,9 +11,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, urlsplit
 
 import pytest
 
@@ -20,6 +24,8 @@ PATIENCE = 100.0
 """Seconds to wait for what must happen; much more than it takes, for the sake of busy machines."""
 PICTURES = Path(os.environ.get("SIGNLIN_SCREENSHOTS", "")) if os.environ.get("SIGNLIN_SCREENSHOTS") else None
 """Where pictures of the page go, if anywhere."""
+PAGE = {"x-signlin": "1", "content-type": "application/json"}
+"""What the page sends with whatever changes something."""
 DROP = """
 const input = document.createElement('input');
 input.type = 'file'; input.multiple = true; input.id = 'dropped-by-test';
@@ -59,10 +65,51 @@ class Server:
             time.sleep(0.05)
         pytest.fail("the server does not start")
 
+    def client(self) -> Client:
+        return Client(self)
+
     def stop(self, number: int = signal.SIGTERM) -> None:
         if self.process.poll() is None:
             self.process.send_signal(number)
         self.process.wait(PATIENCE)
+
+
+class Client:
+    """Asks a server, as any program on this machine could."""
+
+    def __init__(self, server: Server) -> None:
+        parts = urlsplit(server.address)
+        self.host, self.port, self.server = str(parts.hostname), int(parts.port or 0), server
+
+    def ask(
+        self, method: str, path: str, body: bytes | None = None, headers: Mapping[str, str] | None = None
+    ) -> tuple[int, str, Mapping[str, str]]:
+        with closing(http.client.HTTPConnection(self.host, self.port, timeout=60)) as connection:
+            connection.request(method, path, body, dict(headers or {}))
+            answer = connection.getresponse()
+            found = {k.lower(): v for k, v in answer.getheaders()}
+            return answer.status, answer.read().decode(errors="replace"), found
+
+    def project(self) -> str:
+        return str(json.loads(self.ask("POST", "/new", b"{}", PAGE)[1])["id"])
+
+    def put(self, project: str, name: str, body: bytes) -> tuple[int, str]:
+        return self.ask("PUT", f"/p/{project}/files?name={quote(name, safe='')}", body, PAGE)[:2]
+
+    def act(self, project: str, action: str, **args: Any) -> tuple[int, str]:
+        return self.ask("POST", f"/p/{project}/do/{action}", json.dumps(args).encode(), PAGE)[:2]
+
+    def state(self, project: str) -> Any:
+        return json.loads(self.ask("GET", f"/p/{project}/state")[1])
+
+    def settled(self, project: str) -> Any:
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            state = self.state(project)
+            if state["busy"] is None:
+                return state
+            time.sleep(0.1)
+        pytest.fail("it does not come to an end")
 
 
 def environment() -> dict[str, str]:
@@ -95,6 +142,12 @@ def shared_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """One server for tests that do not change what others see."""
     for start in starting(tmp_path_factory.mktemp("shared")):
         yield start()
+
+
+@pytest.fixture(scope="module")
+def client(shared_server: Server) -> Client:
+    """What asks that server without a browser."""
+    return shared_server.client()
 
 
 class Page:

@@ -7,64 +7,18 @@ import http.client
 import json
 import re
 import socket
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from urllib.parse import quote, urlsplit
 
 import pytest
 
 if TYPE_CHECKING:
-    from conftest import Page, Server
+    from conftest import Client, Page, Server
 
 CSV = b"t,voltage,current,speed\n" + b"".join(b"%g,1,0.5,%g\n" % (0.01 * k, 0.1 * k) for k in range(100))
 PAGE = {"x-signlin": "1", "content-type": "application/json"}
-
-
-class Client:
-    """Asks a server, as any program on this machine could."""
-
-    def __init__(self, server: Server) -> None:
-        parts = urlsplit(server.address)
-        self.host, self.port, self.server = str(parts.hostname), int(parts.port or 0), server
-
-    def ask(
-        self, method: str, path: str, body: bytes | None = None, headers: Mapping[str, str] | None = None
-    ) -> tuple[int, str, Mapping[str, str]]:
-        with closing(http.client.HTTPConnection(self.host, self.port, timeout=60)) as connection:
-            connection.request(method, path, body, dict(headers or {}))
-            answer = connection.getresponse()
-            found = {k.lower(): v for k, v in answer.getheaders()}
-            return answer.status, answer.read().decode(errors="replace"), found
-
-    def project(self) -> str:
-        return str(json.loads(self.ask("POST", "/new", b"{}", PAGE)[1])["id"])
-
-    def put(self, project: str, name: str, body: bytes) -> tuple[int, str]:
-        return self.ask("PUT", f"/p/{project}/files?name={quote(name, safe='')}", body, PAGE)[:2]
-
-    def act(self, project: str, action: str, **args: Any) -> tuple[int, str]:
-        return self.ask("POST", f"/p/{project}/do/{action}", json.dumps(args).encode(), PAGE)[:2]
-
-    def state(self, project: str) -> Any:
-        return json.loads(self.ask("GET", f"/p/{project}/state")[1])
-
-    def settled(self, project: str) -> Any:
-        import time
-
-        end = time.monotonic() + 120
-        while time.monotonic() < end:
-            state = self.state(project)
-            if state["busy"] is None:
-                return state
-            time.sleep(0.1)
-        pytest.fail("it does not come to an end")
-
-
-@pytest.fixture(scope="module")
-def client(shared_server: Server) -> Client:
-    return Client(shared_server)
 
 
 def test_only_this_page_may_ask(client: Client) -> None:
@@ -87,7 +41,7 @@ def test_only_this_machine_is_listened_to(client: Client) -> None:
 
 def test_another_address_needs_the_token(server: Callable[..., Server]) -> None:
     given = server("--host", "127.0.0.2")
-    client, token = Client(given), given.address.split("token=")[1]
+    client, token = given.client(), given.address.split("token=")[1]
     assert len(token) >= 32
     assert client.ask("GET", "/")[0] == 403
     assert client.ask("GET", "/?token=wrong")[0] == 403

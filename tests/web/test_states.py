@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:
-    from conftest import Page, Server
+    from conftest import Client, Page, Server
 
 SERVED = "voltage,current,speed"
 
@@ -40,6 +40,32 @@ def test_what_cannot_be_read_or_used_is_told_where_it_fails(
     page.wait(lambda: "No column for voltage" in page.says("record"), "the missing column")
     assert "mapping is not complete" in page.says("compare")
     page.picture("error_mapping")
+
+
+@pytest.mark.parametrize("stage", ["compare", "diagnose", "add", "use"])
+def test_each_stage_tells_what_failed_and_what_to_do(client: Client, stage: str) -> None:
+    project = client.project()
+    folder = client.server.folder / ".signlin" / project
+    table(folder / "run.csv", f"t,{SERVED}", 300)
+    client.act(project, "take", files=["run.csv"])
+    state = client.settled(project)
+    assert [b["error"] for b in state["stages"]] == [None] * 6
+    assert "no such effect" in client.act(project, "add", effect="coulomb_friction")[1]
+    if stage == "use":
+        (folder / "export").write_text("in the way")
+        client.act(project, "export")
+    elif stage == "add":
+        assert client.act(project, "keep", values={"J": -1.0}) == (200, '{"ok":true}')
+    else:
+        (folder / "run.csv").write_text("t\n")
+        client.act(project, stage)
+    state = client.settled(project)
+    blocks = {b["id"]: b for b in state["stages"]}
+    if stage in ("compare", "diagnose"):  # the file has changed: what was known of it is known no more
+        assert blocks[stage]["why"] == "The files have changed: open the page anew to read them again."
+    else:
+        assert blocks[stage]["error"]["what"]
+        assert blocks[stage]["error"]["do"]
 
 
 def test_a_record_that_is_too_short_stops_at_compare_with_the_reason(

@@ -92,10 +92,11 @@ function head(block, working) {
   const error = trouble[block.id] ? { what: trouble[block.id], do: "" } : block.error;
   const can = DO[block.id] && !block.why && !working;
   const fresh = can && !block.done;
-  const first = state.stages.find((b) => !b.done && !b.why)?.id === block.id;
+  const offered = state.stages.some((b) => b.offers?.length > 0); // then adding is what comes next
+  const first = !offered && state.stages.find((b) => !b.done && !b.why)?.id === block.id;
   return [
     h("div", { class: "title" }, h("h2", { id: `stage-${block.id}-title` }, block.title),
-      h("p", { class: block.why ? "sentence quiet" : "sentence", id: `says-${block.id}` }, block.why || block.sentence),
+      h("p", { class: block.why ? "sentence quiet" : "sentence", id: `says-${block.id}` }, (block.why || block.sentence).replaceAll("`", "")),
       (fresh || (can && block.id === "use")) && h("button", { id: `do-${block.id}`, class: fresh && (first || added(block)) ? "primary" : "", disabled: Boolean(state.busy), onclick: () => go(NAMES[block.id] ?? block.id) }, DO[block.id])),
     block.id === "record" && uploading && h("p", { class: "busy", role: "status" }, h("progress", {}), h("span", { id: "uploading" }, uploading)),
     working && h("div", { class: "busy", role: "status" },

@@ -101,6 +101,7 @@ class View {
     const rate = this.seen ? `${this.curves.state.columns.length} states` : "";
     this.say(!this.seen ? "Waiting for a state on the topic state or joint_states ..." : frame.now - this.seen > 1 ? `No state for ${Math.round(frame.now - this.seen)} s.` : `${rate}, live.`);
     root.dataset.frames = this.frames;
+    root.dataset.samples = frame.samples;
     if (!this.paused && !this.waiting) {
       this.waiting = true;
       requestAnimationFrame(() => {

@@ -15,7 +15,7 @@ const LABELS = { recorded: "recorded", measured: "measured", simulated: "simulat
 export function legend(names) {
   const line = (look) =>
     h("svg", { width: 34, height: 10, "aria-hidden": true },
-      h("path", { d: "M1 5H33", fill: "none", stroke: css(look.stroke), "stroke-width": look.width + 0.8, "stroke-dasharray": look.dash?.join(" ") }));
+      h("path", { d: "M1 5H33", fill: "none", stroke: `var(${look.stroke})`, "stroke-width": look.width + 0.8, "stroke-dasharray": look.dash?.join(" ") }));
   return h("div", { class: "legend" }, names.map((n) => h("span", {}, line(LOOKS[n]), " ", LABELS[n])));
 }
 

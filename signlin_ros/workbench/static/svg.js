@@ -76,8 +76,10 @@ const wider = ([low, high], share = 0.08) => (low === high ? [low - 1, high + 1]
 export function evidence(e, which, cls) {
   const side = e[which];
   const x = decode(e.x), dots = decode(which === "named" ? e.dots : e.rival_dots);
+  const sides = [e.named, e.rival].filter(Boolean); // both pictures have the same axes
+  const all = [e.dots, e.rival_dots].filter(Boolean).flatMap((d) => [...decode(d)]);
   const name = side.effect ? words(side.effect) : "nothing in its place";
-  const ys = wider(quantiles([...dots, ...side.curve.flatMap((b) => [...decode(b.mean)])]), 0.12);
+  const ys = wider(quantiles([...all, ...sides.flatMap((s) => s.curve.flatMap((b) => [...decode(b.mean)]))]), 0.12);
   const labels = [`${e.over}${unit(e.over_unit)}`, `${e.quantity}${unit(e.unit)}`];
   const f = new Frame(`${e.quantity} over ${e.over}: measured, and as ${name} makes it`, wider(quantiles(x, 0.001, 0.999), 0.03), ys, labels);
   f.dots(x, dots, "dots");

@@ -43,7 +43,7 @@ export class Tuner {
       range.value = p.start;
       shown.textContent = `${number(p.value, 4)} ${p.unit === "-" ? "" : p.unit}`;
     };
-    return [h("label", { for: `slide-${p.name}`, title: p.doc }, p.name), range, shown, h("span", { class: "quiet" }, p.doc.split(";")[0])];
+    return [h("label", { for: `slide-${p.name}`, title: p.doc }, p.name), range, shown];
   }
 
   reset() {
