@@ -42,7 +42,7 @@ export function command(text) {
 let picked = 0;
 
 function record(block, state, go) {
-  const chooser = h("input", { type: "file", id: "files", multiple: true, class: "hidden", onchange: (e) => go("files", [...e.target.files]) });
+  const chooser = h("input", { type: "file", id: "files", multiple: true, class: "hidden", tabindex: -1, "aria-label": "Records and model files", onchange: (e) => go("files", [...e.target.files]) });
   const drop = h("div", { class: "drop" },
     h("p", {}, h("b", {}, "Drop records here"), ", or a model file. One record to fit to, another one that no fit sees."),
     h("p", { class: "quiet" }, "CSV, MAT, mcap, db3; up to 512 MiB a file. They stay on this machine."),
@@ -76,7 +76,7 @@ function records(state, go) {
     h("td", { class: "number" }, r.found ? `${number(r.found.end - r.found.start, 4)} s` : ""),
     h("td", { class: "number" }, r.found ? `${number(1 / r.found.step, 4)} Hz` : ""),
     h("td", {}, r.found?.notes.join("; ")),
-    h("td", {}, h("button", { class: "small", id: `drop-${r.file}`, "aria-label": `Take ${r.name} out`, onclick: () => go("drop", { file: r.file }) }, "Take out")));
+    h("td", {}, h("button", { class: "small", id: `drop-${r.file}`, "aria-label": `Take out ${r.name}`, onclick: () => go("drop", { file: r.file }) }, "Take out")));
   return h("table", {}, h("thead", {}, h("tr", {}, ["record", "used", "samples", "length", "rate", "noted", ""].map((t, i) => h("th", { class: i > 1 && i < 5 ? "number" : "", scope: "col" }, t)))),
     h("tbody", {}, state.records.map(row)));
 }
