@@ -298,7 +298,9 @@ def _add(s: Session) -> dict[str, Any]:
     command = commands.command(last["step"]) if last else ""
     if not command and offers:
         command = commands.command({"verb": "add", **question(s, "add"), "effect": offers[0], "output": "NEW.yaml"})
-    more = {"offers": offers, "ladder": _ladder(added), "others": _others(s, diagnosis)}
+    fitted = last["json"]["parameters"] if last else {}
+    std = {name: p["std"] for name, p in fitted.items() if p.get("std")}
+    more = {"std": std, "offers": offers, "ladder": _ladder(added), "others": _others(s, diagnosis)}
     return _block("add", "", bool(added), text, command, **more)
 
 

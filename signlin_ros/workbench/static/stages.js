@@ -105,7 +105,7 @@ function mapping(state, go) {
   const columns = [...new Set(state.records.flatMap((r) => r.found?.columns.map((c) => c.label) ?? []))];
   const unitOf = (label) => state.records.flatMap((r) => r.found?.columns ?? []).find((c) => c.label === label)?.unit ?? "";
   const row = (m) => {
-    const parts = taken(m.column);
+    const parts = taken(m.column, columns);
     const send = (change) => go("map_signal", { signal: m.signal, column: parts.column, unit: parts.unit, factor: parts.factor, ...change });
     return h("tr", {},
       h("td", {}, h("b", {}, words(m.signal)), unit(m.unit)),
@@ -126,10 +126,13 @@ function mapping(state, go) {
 }
 
 // Take "-0.1 * column [unit]" apart.
-function taken(specification) {
+function taken(specification, columns) {
   const product = /^\s*([-+]?[0-9.]+(?:e[-+]?\d+)?)\s*\*\s*(.*)$/i.exec(specification ?? "");
+  const factor = product ? Number(product[1]) : 1;
   const rest = product ? product[2] : specification ?? "";
-  return { factor: product ? Number(product[1]) : 1, column: rest, unit: "" };
+  const stated = /^(.*\S)\s*\[([^\]]*)\]$/.exec(rest);
+  const bare = stated && columns.find((c) => c.split(" [")[0] === stated[1]);
+  return bare && !columns.includes(rest) ? { factor, column: bare, unit: stated[2] } : { factor, column: rest, unit: "" };
 }
 
 const FAMILIES = [
@@ -252,7 +255,7 @@ function add(block, state, go) {
   const other = block.others?.length > 0 && h("select", { id: "add-other", "aria-label": "Add another effect", disabled: busy, onchange: (e) => e.target.value && go("add", { effect: e.target.value }) },
     h("option", { value: "" }, "add another one ..."), block.others.map((e) => h("option", { value: e }, words(e))));
   const channels = block.ladder?.length ? Object.keys(block.ladder[0].validation).filter((c) => c !== "score") : [];
-  if (!tuner || tuner.model !== state.model?.name) tuner = state.model ? new Tuner(state, (values) => go("keep", { values })) : null;
+  if (!tuner || tuner.model !== state.model?.name) tuner = state.model ? new Tuner(state, block.std ?? {}, (values) => go("keep", { values })) : null;
   return [
     h("div", { class: "row" }, buttons, other, !buttons.length && block.others?.length > 0 && h("span", { class: "quiet" }, "Nothing that was named is left to add.")),
     block.ladder?.length > 0 && h("div", { class: "pair", id: "ladder" }, channels.map((c) => ladder(block.ladder, c, state.model?.signals[c] ?? ""))),

@@ -8,9 +8,10 @@ import { poles } from "./svg.js";
 const ROWS = [{ curves: ["measured", "simulated"], height: 150 }, { curves: ["residual"], height: 100 }];
 
 export class Tuner {
-  constructor(state, keep) {
+  constructor(state, std, keep) {
     this.model = state.model.name;
     this.parameters = state.model.parameters;
+    this.std = std;
     this.values = {};
     this.before = null;
     this.started = false;
@@ -27,13 +28,15 @@ export class Tuner {
   slider(p) {
     const steps = 400;
     const value = (k) => p.from + ((p.to - p.from) * k) / steps;
-    const shown = h("output", { for: `slide-${p.name}` }, `${number(p.value, 4)} ${p.unit === "-" ? "" : p.unit}`);
+    const unitText = p.unit === "-" ? "" : p.unit;
+    const fitted = `${number(p.value, 4)}${this.std[p.name] ? ` ± ${number(this.std[p.name], 2)}` : ""} ${unitText}`;
+    const shown = h("output", { for: `slide-${p.name}` }, fitted);
     const range = h("input", { type: "range", id: `slide-${p.name}`, min: 0, max: steps, step: 1, "aria-label": `${p.name}: ${p.doc}` });
     range.value = Math.round(((p.value - p.from) / (p.to - p.from || 1)) * steps);
     p.start = range.value;
     range.addEventListener("input", () => {
       this.values[p.name] = value(Number(range.value));
-      shown.textContent = `${number(this.values[p.name], 4)} ${p.unit === "-" ? "" : p.unit}`;
+      shown.textContent = `${number(this.values[p.name], 4)} ${unitText}`;
       range.setAttribute("aria-valuetext", shown.textContent);
       this.keeping.disabled = false;
       this.moved = performance.now();
@@ -41,7 +44,7 @@ export class Tuner {
     });
     p.reset = () => {
       range.value = p.start;
-      shown.textContent = `${number(p.value, 4)} ${p.unit === "-" ? "" : p.unit}`;
+      shown.textContent = fitted;
     };
     return [h("label", { for: `slide-${p.name}`, title: p.doc }, p.name), range, shown];
   }
