@@ -62,6 +62,7 @@ class View {
     this.status = h("p", { id: "live-status", role: "status" }, "Waiting for a state ...");
     this.pause = h("button", { id: "pause", "aria-pressed": false, onclick: () => this.setPaused(!this.paused) }, "Pause");
     this.valid = h("p", { id: "live-valid", class: "quiet" });
+    this.verdict = h("p", { id: "live-verdict" });
     this.marked = h("p", { id: "live-marks", class: "quiet" });
     this.holder = h("div", { class: "live-plots" });
     this.linear = h("div", { id: "live-linear" });
@@ -69,7 +70,7 @@ class View {
       h("div", { class: "title" }, h("h2", {}, "Live"), this.status, this.pause,
         h("button", { id: "mark", onclick: () => this.mark() }, "Mark"),
         h("button", { id: "take", class: "primary", onclick: () => this.record() }, "Take the last 30 s as a record")),
-      this.marked, h("div", { class: "tuner" }, this.holder, h("div", {}, this.valid, this.linear))));
+      this.verdict, this.marked, h("div", { class: "tuner" }, this.holder, h("div", {}, this.valid, this.linear))));
   }
 
   say(text) {
@@ -93,6 +94,7 @@ class View {
       this.curves[name].forget(frame.now - MINUTE);
     }
     if (frame.model) this.model(frame.model);
+    if (frame.texts?.verdict) this.verdict.textContent = told(frame.texts.verdict);
     this.curves.A.forget(frame.now - MINUTE);
     if (frame.state) {
       this.seen = frame.now;
@@ -212,6 +214,16 @@ class View {
     }
     this.plots.clear();
     this.draw();
+  }
+}
+
+// What a monitor says, as it writes it: JSON like that of diagnose.
+function told(text) {
+  try {
+    const verdict = JSON.parse(text);
+    return verdict.sentence ?? verdict.verdict ?? text;
+  } catch {
+    return text;
   }
 }
 
