@@ -277,15 +277,20 @@ def _told(say: Say) -> Callable[..., None]:
 
 def _as_printed(result: Any, original: Model, output: str | None, records: Sequence[ModelData]) -> Any:
     """Return a diagnosis with the model's text and the notes as the command line prints them."""
-    from signlin_ros.diagnosis.proposal import yaml_of
-
     model = result.model
     if model.with_position and not original.with_position:
         model = model.with_options(with_position=False)
     if output is not None:
         model = model.placed_in(Path(output).parent)
     done = (f"{record.source}: {note}" for record in records for note in record.notes)
-    return replace(result, yaml=yaml_of(model, result.findings), notes=(*done, *result.notes))
+    return replace(result, yaml=_text_of(model, result), notes=(*done, *result.notes))
+
+
+def _text_of(model: Model, result: Any) -> str:
+    """Return a proposed model as a file, with what was fitted in comments where the diagnosis writes them."""
+    if find_spec("signlin_ros.diagnosis.proposal") is None:
+        return model.to_yaml()
+    return str(import_module("signlin_ros.diagnosis.proposal").yaml_of(model, result.findings))
 
 
 _LAST: dict[str, Any] = {}

@@ -20,7 +20,7 @@ from urllib.parse import quote, urlsplit
 import pytest
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-PATIENCE = 100.0
+PATIENCE = 300.0
 """Seconds to wait for what must happen; much more than it takes, for the sake of busy machines."""
 PICTURES = Path(os.environ.get("SIGNLIN_SCREENSHOTS", "")) if os.environ.get("SIGNLIN_SCREENSHOTS") else None
 """Where pictures of the page go, if anywhere."""
