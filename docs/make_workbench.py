@@ -79,7 +79,7 @@ def stacked(evidence: Path, added: Path, target: Path) -> None:
     whole = Image.new("RGB", (top.width, upper.height + lower.height))
     whole.paste(upper, (0, 0))
     whole.paste(lower, (0, upper.height))
-    whole.quantize(128).save(target, optimize=True)
+    whole.save(target, optimize=True)
 
 
 def main() -> None:
