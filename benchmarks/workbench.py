@@ -146,7 +146,7 @@ def large(driver: Any, folder: Path, file: Path) -> None:
         : setTimeout(look, 1);
       look();
     """
-    until(lambda: driver.find_element("id", "stage-check").get_attribute("data-busy") == "false")
+    until(lambda: not driver.find_elements("css selector", "section[data-busy=true]"))
     spent = Spent()
     zooms = [driver.execute_async_script(script) for _ in range(15)]
     told("zoom, median of 15", float(np.median(zooms)), "ms", "200 ms")
