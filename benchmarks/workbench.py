@@ -26,6 +26,8 @@ ARGUMENTS = (
     *("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"),
     *("--disable-component-update", "--disable-sync", "--disable-dev-shm-usage", "--window-size=1920,1080"),
 )
+RUNNING: list[subprocess.Popen[Any]] = []
+"""What was started, and is ended whatever happens."""
 LARGE, LONG = 1_000_000, 10_000
 
 
@@ -45,6 +47,7 @@ def browser(folder: Path) -> Any:
 def start(folder: Path, *arguments: str) -> tuple[subprocess.Popen[str], str]:
     command = [sys.executable, "-m", "signlin_ros.cli", "workbench", *arguments, "--no-browser"]
     process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True)
+    RUNNING.append(process)
     line = process.stdout.readline() if process.stdout else ""
     return process, line.split()[1]
 
@@ -217,6 +220,7 @@ def live(driver: Any, folder: Path, seconds: float) -> None:
     os.environ["ROS_DOMAIN_ID"] = str(100 + os.getpid() % 100)
     source = subprocess.Popen([sys.executable, "-c", PUBLISH])
     bare = subprocess.Popen([sys.executable, "-c", BARE])
+    RUNNING.extend((source, bare))
     time.sleep(3.0)
     alone = _load_of([psutil.Process(bare.pid)], 15.0)
     told("a bare subscription to 1 kHz x 8", 100 * alone, "%", "")
@@ -281,6 +285,9 @@ def main() -> None:
                     large_record(folder / "large.csv")
                     large(driver, folder / part, folder / "large.csv")
         finally:
+            for process in RUNNING:
+                process.terminate()
+                process.wait()
             driver.quit()
 
 
