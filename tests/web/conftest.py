@@ -222,8 +222,12 @@ class Page:
 
     def error(self, name: str) -> str:
         """Wait for the error of a stage and return it."""
-        found = self.wait(lambda: self.driver.find_elements("id", f"error-{name}"), f"an error of {name}")
-        return str(found[0].text)
+
+        def text() -> str:
+            found = self.driver.find_elements("id", f"error-{name}")
+            return str(found[0].text) if found else ""
+
+        return str(self.wait(text, f"an error of {name}"))
 
     def picture(self, name: str, place: str = "") -> None:
         """Keep a picture of the window, if pictures are wanted."""

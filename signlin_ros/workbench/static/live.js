@@ -163,7 +163,7 @@ class View {
     const axis = { stroke: css("--text"), grid: { stroke: css("--grid"), width: 1 }, ticks: { stroke: css("--line"), width: 1 }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
     const one = { label, kind, holder, data };
     one.u = new uPlot({
-      width: Math.max(this.holder.clientWidth, 300), height: 118, legend: { show: false }, cursor: { show: false },
+      width: Math.max(holder.clientWidth, 300), height: 118, legend: { show: false }, cursor: { show: false },
       scales: { x: { time: false }, y: {} },
       axes: [{ ...axis, size: 30, values: (_, s) => s.map((v) => `${v} s`) }, { ...axis, size: 60, space: 22, values: (_, s) => s.map((v) => number(v, 4)) }],
       series: [{}, { stroke: css(colour), width: 1.2, points: { show: false }, ...(kind === "A" || kind === "error" ? { paths: uPlot.paths.stepped({ align: 1 }) } : {}) }],

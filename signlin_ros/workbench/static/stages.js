@@ -89,7 +89,7 @@ function recorded(state) {
   const units = Object.fromEntries(state.mapping.filter((m) => m.column).map((m) => [m.column, m.unit]));
   const ask = async (span) => {
     const found = await api.show("record", { ...span, record: picked });
-    for (const p of found.plots) p.unit ||= units[p.name] ?? "no unit stated";
+    for (const p of found.plots) p.unit ||= units[p.name] ?? "unit?";
     return found;
   };
   const draw = () => plots("record", `${state.records[picked].path} ${picked} ${JSON.stringify(units)}`, ask, RAW);
