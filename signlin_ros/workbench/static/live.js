@@ -148,6 +148,8 @@ class View {
     if (held && held.label === label) {
       held.u.setData(data, false);
       held.data = data;
+      const width = held.holder.clientWidth; // the window, or the number of plots beside it, may have changed
+      if (width > 0 && Math.abs(width - held.u.width) > 1) held.u.setSize({ width, height: held.u.height });
       held.u.setScale("x", { min: -MINUTE, max: 0 });
       held.holder.dataset.points = data[0].length;
       return;
