@@ -12,7 +12,7 @@ SHARED := pyproject.toml constraints.txt package.xml $(wildcard config/* config/
 export PIP_NO_INPUT = 1
 export FASTRTPS_DEFAULT_PROFILES_FILE = $(abspath config/fastdds_profile.xml)
 
-.PHONY: help install test quick check format demo bench clean
+.PHONY: help install test quick check format demo workbench bench clean
 .DEFAULT_GOAL := help
 
 help:            ## this list
@@ -64,6 +64,9 @@ format: install  ## let ruff repair what it can
 
 demo: install    ## the main job for real: simulator and linearizer over ROS 2, a figure and a table
 	$(BIN)/python -m signlin_ros.demo --output $(OUT)
+
+workbench: install  ## the local page, with a sample record
+	$(BIN)/signlin workbench --sample
 
 bench: $(PEERS)  ## speed and latency, as ratios against other tools
 	$(BIN)/python benchmarks/bench.py

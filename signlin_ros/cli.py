@@ -676,6 +676,36 @@ def figures(output: str) -> Report:
     )
 
 
+@signlin.command(
+    cls=_Examples,
+    epilog="""signlin workbench
+signlin workbench my_motor.yaml monday.csv tuesday.csv
+signlin workbench --host 0.0.0.0 --port 8080""",
+)
+@click.argument("model", required=False)
+@click.argument("data", nargs=-1, metavar="[DATA...]")
+@click.option(
+    "--host", help="Listen on another address than 127.0.0.1; whoever opens the page needs the token printed."
+)
+@click.option("--port", default=0, type=click.IntRange(0, 65535), help="Default: any that is free.")
+@click.option("--no-browser", is_flag=True, help="Only print the address.")
+@click.option("--sample", is_flag=True, help="Begin with the sample record.")
+def workbench(
+    model: str | None, data: tuple[str, ...], host: str | None, port: int, no_browser: bool, sample: bool
+) -> None:
+    """Open a page on this machine on which records are compared, diagnosed and explained by clicking.
+
+    What is done there is kept in the folder .signlin; every click shows the command that does the same.
+    """
+    try:
+        from signlin_ros.workbench.server import serve
+    except ModuleNotFoundError as error:
+        if (error.name or "signlin_ros").startswith("signlin_ros"):
+            raise
+        raise MissingExtraError("The workbench", "web") from error
+    serve((model, *data) if model else (), host, port, show=not no_browser, sample=sample)
+
+
 # -------------------------------------------------------------------- running
 
 

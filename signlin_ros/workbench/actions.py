@@ -1,0 +1,183 @@
+"""What the page can ask for by a click, each by its name; what takes its time is started and goes on by itself."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from signlin_ros.errors import InputError
+from signlin_ros.workbench import stages
+from signlin_ros.workbench.session import Session
+
+Args = dict[str, Any]
+
+
+async def take(s: Session, args: Args) -> None:
+    """Take files that were just dropped."""
+    names = [str(name) for name in args.get("files", ())]
+    if not names or any(not (s.project.folder / name).is_file() or "/" in name or "\\" in name for name in names):
+        raise InputError("no such file in this project")
+    s.start("record", "reading", lambda: s.take(names), waits=True)
+
+
+async def sample(s: Session, args: Args) -> None:
+    """Take the sample."""
+    s.start("record", "making the sample", s.take_sample)
+
+
+async def model(s: Session, args: Args) -> None:
+    """Choose a shipped model."""
+    name = str(args.get("name"))
+    if name not in [m["name"] for m in s.shipped]:
+        raise InputError(f"no such model: {name!r}")
+    s.project.change(f"choose {name}", model=name, signals={}, path=[])
+    s.start("record", "reading", s.look)
+
+
+async def role(s: Session, args: Args) -> None:
+    """Say what a record is for."""
+    records = [dict(r) for r in s.project.choices["records"]]
+    record = _one(records, args)
+    record["role"] = "estimation" if record["role"] == "validation" else "validation"
+    if all(r["role"] == "validation" for r in records):
+        raise InputError("one record at least is needed for estimation")
+    s.project.change(f"{record['file']}: for {record['role']}", records=records)
+    s.start("check", "checking", s.look)
+
+
+async def drop(s: Session, args: Args) -> None:
+    """Take a record out of the project; its file stays, so that this can be undone."""
+    records = [dict(r) for r in s.project.choices["records"]]
+    gone = _one(records, args)
+    records.remove(gone)
+    if records and all(r["role"] == "validation" for r in records):
+        records[0]["role"] = "estimation"
+    s.project.change(f"without {gone['file']}", records=records)
+    s.start("record", "reading", s.look)
+
+
+def _one(records: list[dict[str, str]], args: Args) -> dict[str, str]:
+    found = [r for r in records if r["file"] == args.get("file")]
+    if not found:
+        raise InputError("no such record")
+    return found[0]
+
+
+async def map_signal(s: Session, args: Args) -> None:
+    """Say which column a signal is, in which unit, times which factor."""
+    signal, column = str(args.get("signal")), str(args.get("column") or "")
+    known = {row["signal"] for row in stages.mapping(s)}
+    if signal not in known:
+        raise InputError(f"no such signal: {signal!r}")
+    signals = {k: v for k, v in s.project.choices["signals"].items() if k != signal}
+    if column:
+        signals[signal] = _specification(column, str(args.get("unit") or ""), float(args.get("factor") or 1.0))
+    s.project.change(f"{signal} = {signals.get(signal, 'by its name')}", signals=signals, path=[])
+    s.start("record", "reading", s.look)
+
+
+def _specification(column: str, unit: str, factor: float) -> str:
+    """Return a column as ``--signal`` takes it."""
+    bare = f"{column.split(' [', maxsplit=1)[0]} [{unit}]" if unit else column
+    return bare if factor == 1.0 else f"{factor:.10g} * {bare}"
+
+
+async def cure(s: Session, args: Args) -> None:
+    """Apply a cure that the check has offered, or take it back."""
+    name, cures = str(args.get("name")), list(s.project.choices["cures"])
+    offered = {f["cure"] for b in s.shown()["stages"] for f in b.get("findings", ()) if f.get("cure")}
+    if name not in {*offered, *cures, stages.AS_THEY_ARE}:
+        raise InputError(f"no such cure: {name!r}")
+    changed = [c for c in cures if c != name] if name in cures else [*cures, name]
+    s.project.change(f"{'without ' * (name in cures)}cure {name}", cures=changed)
+    s.start("check", "checking", s.look)
+
+
+async def undo(s: Session, args: Args) -> None:
+    """Take the last step back."""
+    _idle(s)
+    s.project.undo()
+    s.errors = {}
+
+
+async def redo(s: Session, args: Args) -> None:
+    """Take again what was taken back."""
+    _idle(s)
+    s.project.redo()
+    s.errors = {}
+
+
+def _idle(s: Session) -> None:
+    if s.busy is not None:
+        raise InputError(f"{s.busy['stage']} is still running; wait for it or cancel it")
+
+
+async def check(s: Session, args: Args) -> None:
+    """Check the records."""
+    s.start("check", "checking", s.look)
+
+
+async def compare(s: Session, args: Args) -> None:
+    """Compare model and measurement."""
+    _possible(s, "compare")
+    s.start("compare", "comparing", s.compare)
+
+
+async def diagnose(s: Session, args: Args) -> None:
+    """Ask which effect is missing."""
+    _possible(s, "diagnose")
+    s.start("diagnose", "diagnosing", s.diagnose)
+
+
+async def add(s: Session, args: Args) -> None:
+    """Add an effect and fit it."""
+    _possible(s, "add")
+    effect = str(args.get("effect"))
+    block = next(b for b in s.shown()["stages"] if b["id"] == "add")
+    if effect not in (*block["offers"], *block["others"]):
+        raise InputError(f"no such effect to add: {effect!r}")
+    s.start("add", f"adding {effect.replace('_', ' ')}", lambda: s.add(effect))
+
+
+async def keep(s: Session, args: Args) -> None:
+    """Keep the values of the sliders as a model version."""
+    _possible(s, "add")
+    values = {str(k): float(v) for k, v in dict(args.get("values") or {}).items()}
+    s.start("add", "comparing", lambda: s.keep(values))
+
+
+async def export(s: Session, args: Args) -> None:
+    """Write what is to be taken away."""
+    _possible(s, "use")
+    s.start("use", "writing", s.export)
+
+
+async def cancel(s: Session, args: Args) -> None:
+    """Stop what runs."""
+    await s.cancel()
+
+
+async def clear(s: Session, args: Args) -> None:
+    """Begin anew in this project; nothing is deleted but what was exported, and it can be undone."""
+    _idle(s)
+    shutil.rmtree(s.project.folder / "export", ignore_errors=True)
+    s.project.change("clear", model=None, records=[], signals={}, cures=[], path=[])
+    s.errors = {}
+
+
+def _possible(s: Session, stage: str) -> None:
+    block = next(b for b in s.shown()["stages"] if b["id"] == stage)
+    if block["why"]:
+        raise InputError(block["why"])
+
+
+ACTIONS: dict[str, Callable[[Session, Args], Awaitable[None]]] = {
+    f.__name__: f
+    for f in (
+        *(take, sample, model, role, drop, map_signal, cure, undo, redo, check, compare, diagnose, add, keep, export),
+        *(cancel, clear),
+    )
+}
+
+__all__ = ["ACTIONS"]

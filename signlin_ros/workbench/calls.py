@@ -1,0 +1,357 @@
+"""The one place where the workbench meets the numerics: the functions behind the command line, as JSON.
+
+Each verb takes plain arguments and a function that tells of progress, and returns what can be written as JSON. What the
+command line prints for a verb is returned unchanged under ``json``; beside it stands what a picture needs.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import lru_cache
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from signlin_ros.errors import InputError
+from signlin_ros.model import Model, shipped_models
+from signlin_ros.records import ModelData, Record, read_record
+from signlin_ros.workbench import arrays, evidence, proposing, tuning, uploaded
+
+Args = Mapping[str, Any]
+Say = Callable[[dict[str, Any]], None]
+Answer = dict[str, Any]
+
+
+# -------------------------------------------------------------------- what is given
+
+
+def ready(args: Args, say: Say) -> Answer:
+    """Import what the verbs need, so that the first click does not wait for it."""
+    from signlin_ros.diagnosis import compare  # noqa: F401
+
+    return {"checks": _has_checks()}
+
+
+def models(args: Args, say: Say) -> Answer:
+    """Return the shipped models with what they are driven by."""
+    return {"models": [describe({"model": name}, say) for name in shipped_models()]}
+
+
+def describe(args: Args, say: Say) -> Answer:
+    """Return a model: its text, signals with units, parameters with bounds. ``uploaded``: it may not name any code."""
+    path = str(args["model"])
+    if args.get("uploaded"):
+        uploaded.check_model(Path(path))
+    model = Model.load(path)
+    file = shipped_models().get(path, Path(path))
+    signals = dict.fromkeys((*model.inputs, *model.states, *model.outputs))
+    return {
+        "name": path,
+        "plant": model.plant.name,
+        "summary": (model.plant.__doc__ or "").strip().split("\n")[0].replace("`", ""),
+        "inputs": list(model.inputs),
+        "states": list(model.states),
+        "signals": {name: model.units[name] for name in signals},
+        "effects": list(model.effects),
+        "parameters": tuning.parameters(model),
+        "yaml": file.read_text(encoding="utf-8"),
+    }
+
+
+def columns(args: Args, say: Say) -> Answer:
+    """Return what a record holds: its columns with units and ranges, its length, what the reader noted."""
+    record = _record(args["file"])
+    found = [
+        {"name": name, "label": s.label or name, "unit": s.unit, **_range(s.values)}
+        for name, s in record.signals.items()
+    ]
+    step = float(np.median(np.diff(record.t))) if len(record) > 1 else 0.0
+    return {
+        "columns": found,
+        "samples": len(record),
+        "start": float(record.t[0]),
+        "end": float(record.t[-1]),
+        "step": step,
+        "notes": list(record.notes),
+    }
+
+
+def propose(args: Args, say: Say) -> Answer:
+    """Return which column seems to be which signal of the model, and why."""
+    records = [_record(file) for file in args["files"]]
+    return {"mapping": proposing.mapping(Model.load(args["model"]), records, args.get("signals") or {})}
+
+
+def record_curves(args: Args, say: Say) -> Answer:
+    """Return the columns of a record between two times, few enough points to draw."""
+    record = _record(args["file"])
+    curves = {name: s.values for name, s in record.signals.items()}
+    units = {name: s.unit for name, s in record.signals.items()}
+    plots = [
+        {"name": name, "unit": units[name], **arrays.picture(record.t, {"recorded": y}, _span(args), _points(args))}
+        for name, y in curves.items()
+    ]
+    return {"plots": plots, "span": [float(record.t[0]), float(record.t[-1])]}
+
+
+def _record(file: str) -> Record:
+    path = Path(file)
+    stamp = path.stat().st_mtime_ns if path.exists() else 0
+    return _read(file, stamp)
+
+
+@lru_cache(maxsize=6)
+def _read(file: str, stamp: int) -> Record:
+    return read_record(file, wanted=())
+
+
+def _range(values: Any) -> Answer:
+    good = values[np.isfinite(values)]
+    if not good.size:
+        return {"low": None, "high": None, "missing": int(values.size)}
+    return {"low": float(good.min()), "high": float(good.max()), "missing": int(values.size - good.size)}
+
+
+def _span(args: Args) -> Sequence[float | None]:
+    return args.get("from"), args.get("to")
+
+
+def _points(args: Args) -> int:
+    return int(min(max(args.get("points") or arrays.MOST, 10), arrays.MOST))
+
+
+# -------------------------------------------------------------------- check, compare
+
+
+def _has_checks() -> bool:
+    return find_spec("signlin_ros.checks") is not None
+
+
+def _accepted(function: Callable[..., Any], **options: Any) -> dict[str, Any]:
+    """Return those of the options that a function takes and that say something."""
+    known = inspect.signature(function).parameters
+    return {name: value for name, value in options.items() if value and name in known}
+
+
+def _loaded(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData]]:
+    """Return model and records as the verbs take them: checked and cured, where this version checks."""
+    model, records = _as_read(args, files)
+    if _has_checks():
+        records, _ = import_module("signlin_ros.guard").check_records(model, records, _cures(args))
+    return model, list(records)
+
+
+def _as_read(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData]]:
+    from signlin_ros.diagnosis import load_records
+
+    model, records = load_records(Model.load(args["model"]), list(files), args.get("signals") or {})
+    return model, list(records)
+
+
+def _cures(args: Args) -> tuple[str, ...]:
+    return tuple(args.get("cures") or ())
+
+
+def _of(records: Sequence[ModelData], own: Sequence[str], others: Sequence[str]) -> list[ModelData]:
+    """Return the records that come from some files: one file may hold several."""
+
+    def file(record: ModelData) -> str:
+        return max((f for f in (*own, *others) if record.source.startswith(f)), key=len, default="")
+
+    return [record for record in records if file(record) in own]
+
+
+def check(args: Args, say: Say) -> Answer:
+    """Return the findings of the record check; where this version has none, what the reader noted."""
+    model, records = _as_read(args, [*args["data"], *args["validation"]])
+    if _has_checks():
+        checks = import_module("signlin_ros.checks")
+        _, findings = checks.check(model, records, _cures(args))
+        return {"json": checks.to_json(findings), "limited": False}
+    noted = [
+        {"check": "reading", "channel": "", "severity": "note", "sentence": note, "cure": None, "applied": False}
+        for record in records
+        for note in (f"{Path(record.source).name}: {text}" for text in record.notes)
+    ]
+    return {"json": {"findings": noted}, "limited": True}
+
+
+def compare(args: Args, say: Say) -> Answer:
+    """Compare, keep the curves in ``args["store"]`` (npz), return what `signlin compare --json` prints."""
+    from signlin_ros.diagnosis import compare as run
+
+    model, records = _loaded(args, args["data"])
+    result = run(model, records)
+    parts = [_kept(trace) for trace in result.traces]
+    np.savez(args["store"], **{f"{k}/{name}": v for k, part in enumerate(parts) for name, v in part.items()})
+    return {
+        "json": result.to_json(),
+        "channels": {name: channel.unit for name, channel in result.channels.items()},
+        "stretches": [
+            {"source": trace.source, "span": [float(trace.t[0]), float(trace.t[-1])]} for trace in result.traces
+        ],
+        "regions": [_intervals(result, region) for region in result.where],
+    }
+
+
+def _kept(trace: Any) -> dict[str, Any]:
+    return {name: getattr(trace, name) for name in ("t", "measured", "free", "windowed", "residual")}
+
+
+def _intervals(result: Any, region: Any) -> list[list[float]]:
+    """Return where a situation holds: [stretch, from s, to s] each, the longest ones."""
+    found: list[list[float]] = []
+    for k, (mask, trace) in enumerate(zip(region.mask, result.traces, strict=False)):
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
+        pairs = zip(edges[::2], np.minimum(edges[1::2], trace.t.size) - 1, strict=True)
+        found += [[k, float(trace.t[a]), float(trace.t[b])] for a, b in pairs]
+    return sorted(found, key=lambda i: i[1] - i[2])[:300]
+
+
+def compare_curves(args: Args, say: Say) -> Answer:
+    """Return measured and simulated curves of a stretch between two times, and what is left, by channel."""
+    held = np.load(args["store"])
+    k, how = int(args.get("stretch") or 0), "free" if args.get("how") == "free" else "windowed"
+    t, measured, simulated = (held[f"{k}/{name}"] for name in ("t", "measured", how))
+    plots = []
+    for j, (name, unit) in enumerate(args["channels"].items()):
+        curves = {
+            "measured": measured[:, j],
+            "simulated": simulated[:, j],
+            "residual": measured[:, j] - simulated[:, j],
+        }
+        plots.append({"name": name, "unit": unit, **arrays.picture(t, curves, _span(args), _points(args))})
+    return {"plots": plots, "span": [float(t[0]), float(t[-1])]}
+
+
+# -------------------------------------------------------------------- diagnose, add
+
+
+def diagnose(args: Args, say: Say) -> Answer:
+    """Return what `signlin diagnose --json` prints, and the evidence picture of every named effect."""
+    result = _diagnosed("diagnose", args, say)
+    return {"json": result.to_json(), "evidence": evidence.pictures(result)}
+
+
+def add(args: Args, say: Say) -> Answer:
+    """Add and fit ``args["effect"]`` and write ``args["output"]``; return what `signlin add --json` prints."""
+    from signlin_ros.files import write_text
+
+    result = _diagnosed("add", args, say)
+    write_text(args["output"], result.yaml)
+    return {"json": result.to_json(), "evidence": evidence.pictures(result)}
+
+
+def _diagnosed(verb: str, args: Args, say: Say) -> Any:
+    """Run a verb as the command line does; its result is kept for the report."""
+    from signlin_ros import diagnosis
+
+    model, records = _loaded(args, [*args["data"], *args["validation"]])
+    given, unseen, effect = list(args["data"]), list(args["validation"]), args.get("effect")
+    first, second = _of(records, given, unseen), _of(records, unseen, given) or None
+    run = getattr(diagnosis, verb)
+    with ThreadPoolExecutor(os.cpu_count() or 1) as executor:
+        more = _accepted(run, jobs=executor, progress=_told(say))
+        result = run(*([effect] if effect else []), model, first, second, **more)
+    printed = _as_printed(result, Model.load(args["model"]), args.get("output"), records)
+    _LAST[str(args.get("key"))] = (printed, model, (first, second))
+    return printed
+
+
+def _told(say: Say) -> Callable[..., None]:
+    """Return what a verb may call with the stage, its share of the work, and what was found so far."""
+
+    def progress(what: Any, share: float = 0.0, found: Any = None, *_: Any, **__: Any) -> None:
+        so_far = found.to_json() if hasattr(found, "to_json") else found
+        say({"what": str(what), "share": float(share), "found": so_far})
+
+    return progress
+
+
+def _as_printed(result: Any, original: Model, output: str | None, records: Sequence[ModelData]) -> Any:
+    """Return a diagnosis with the model's text and the notes as the command line prints them."""
+    model = result.model
+    if model.with_position and not original.with_position:
+        model = model.with_options(with_position=False)
+    if output is not None:
+        model = model.placed_in(Path(output).parent)
+    done = (f"{record.source}: {note}" for record in records for note in record.notes)
+    return replace(result, yaml=_text_of(model, result), notes=(*done, *result.notes))
+
+
+def _text_of(model: Model, result: Any) -> str:
+    """Return a proposed model as a file, with what was fitted in comments where the diagnosis writes them."""
+    if find_spec("signlin_ros.diagnosis.proposal") is None:
+        return model.to_yaml()
+    return str(import_module("signlin_ros.diagnosis.proposal").yaml_of(model, result.findings))
+
+
+_LAST: dict[str, Any] = {}
+"""What was found in this process, by key: a report needs more of it than is kept."""
+
+
+def report(args: Args, say: Say) -> Answer:
+    """Write the report on the last diagnosis to ``args["report"]``; on the comparison where that is not at hand."""
+    from signlin_ros import report as reports
+
+    held = _LAST.get(str(args.get("diagnosis")))
+    if held is not None:
+        result, model, data = held
+        reports.diagnosis_report(result, args["report"], args.get("command", ""), data, model)
+    else:
+        from signlin_ros.diagnosis import compare as run
+
+        model, records = _loaded(args, args["data"])
+        reports.compare_report(run(model, records), args["report"], args.get("command", ""))
+    return {"report": args["report"]}
+
+
+# -------------------------------------------------------------------- use
+
+
+def tune(args: Args, say: Say) -> Answer:
+    """Return simulation, residual, A_k, B_k and poles of a model with other parameter values."""
+    signals = tuple(sorted((args.get("signals") or {}).items()))
+    stamps = tuple(Path(p).stat().st_mtime_ns for p in (args["model"], args["file"]) if Path(p).exists())
+    bench = _bench(args["model"], args["file"], signals, tuple(args.get("cures") or ()), stamps)
+    return bench.answer(args["values"], args.get("at"), _span(args), _points(args))
+
+
+@lru_cache(maxsize=2)
+def _bench(model: str, file: str, signals: Any, cures: Any, stamps: Any) -> tuning.Bench:
+    loaded, (record,) = _loaded({"model": model, "signals": dict(signals), "cures": cures}, [file])
+    return tuning.Bench(loaded, record)
+
+
+def keep(args: Args, say: Say) -> Answer:
+    """Write a model with other parameter values to ``args["output"]``."""
+    output = Path(args["output"])
+    tuning.changed(Model.load(args["model"]), args["values"]).placed_in(output.parent).save(output)
+    return {"output": str(output)}
+
+
+def sample(args: Args, say: Say) -> Answer:
+    """Write the sample records and their model to a folder; return the files."""
+    from signlin_ros.workbench.sample import write_sample
+
+    return {"files": [str(file) for file in write_sample(Path(args["folder"]))]}
+
+
+VERBS: dict[str, Callable[[Args, Say], Answer]] = {
+    f.__name__: f
+    for f in (
+        *(ready, models, describe, columns, propose, record_curves, check, compare, compare_curves, diagnose, add),
+        *(report, tune, keep, sample),
+    )
+}
+"""What a worker process can be asked for."""
+
+
+__all__ = ["VERBS", "InputError"]

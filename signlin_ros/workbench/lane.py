@@ -1,0 +1,102 @@
+"""A worker process seen from the event loop: one request at a time, progress on the way, killed at any moment."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from signlin_ros.workbench.worker import FRAME
+
+Say = Callable[[dict[str, Any]], None]
+
+
+class RefusedError(Exception):
+    """What was given is bad; the text says what, and what is allowed."""
+
+
+class FaultError(Exception):
+    """Something of ours failed."""
+
+
+class CancelledError(Exception):
+    """The user has cancelled it."""
+
+
+class Lane:
+    """A worker process in ``folder``, started when first needed and anew after it was cancelled."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder, self._lock, self._number = folder, asyncio.Lock(), 0
+        self._process: asyncio.subprocess.Process | None = None
+        self._cancelled = False
+
+    async def start(self) -> asyncio.subprocess.Process:
+        """Start the process if there is none."""
+        if self._process is None or self._process.returncode is not None:
+            self._process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-m", "signlin_ros.workbench.worker"),
+                stdin=asyncio.subprocess.PIPE,
+                stdout=asyncio.subprocess.PIPE,
+                cwd=self._folder,
+                env={**os.environ, "PYTHONUNBUFFERED": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+                start_new_session=True,
+            )
+        return self._process
+
+    async def raw(self, verb: str, args: dict[str, Any], say: Say | None = None) -> bytes:
+        """Return the JSON text of what a verb of `calls` answers.
+
+        Raises `RefusedError`, `FaultError`, or `CancelledError`.
+        """
+        async with self._lock:
+            self._cancelled = False
+            process = await self.start()
+            self._number += 1
+            try:
+                return await self._exchange(process, {"id": self._number, "verb": verb, "args": args}, say)
+            except (asyncio.IncompleteReadError, ConnectionError) as error:
+                await process.wait()
+                if self._cancelled:
+                    raise CancelledError from error
+                raise FaultError(f"the worker process ended with code {process.returncode}") from error
+
+    async def call(self, verb: str, args: dict[str, Any], say: Say | None = None) -> Any:
+        """Return what a verb answers; raises as `raw`."""
+        return json.loads(await self.raw(verb, args, say))
+
+    async def _exchange(self, process: asyncio.subprocess.Process, request: dict[str, Any], say: Say | None) -> bytes:
+        if process.stdin is None or process.stdout is None:
+            raise FaultError("the worker has no pipes")
+        text = json.dumps(request).encode()
+        process.stdin.write(FRAME.pack(len(text), 0) + text)
+        await process.stdin.drain()
+        while True:
+            head_size, body_size = FRAME.unpack(await process.stdout.readexactly(FRAME.size))
+            head = json.loads(await process.stdout.readexactly(head_size))
+            body = await process.stdout.readexactly(body_size)
+            if head.get("id") != request["id"]:
+                continue
+            if head["kind"] == "progress":
+                if say is not None:
+                    say(head)
+            elif head["kind"] == "result":
+                return body
+            else:
+                raise (RefusedError if head["kind"] == "refused" else FaultError)(head["what"])
+
+    async def cancel(self) -> None:
+        """Kill the process, whatever it does; the next request starts another one."""
+        self._cancelled = True
+        if self._process is not None and self._process.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.kill()
+            await self._process.wait()
+
+
+__all__ = ["CancelledError", "FaultError", "Lane", "RefusedError"]

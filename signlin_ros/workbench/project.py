@@ -1,0 +1,180 @@
+"""A project is a folder: what was chosen, what was found, and every model version; the page is a view of it.
+
+``.signlin/<id>/state.json`` holds the choices and what they were before (undo); ``results`` holds what was found, each
+under a key made of the choices that led to it, so that going back shows the earlier result again. Files that were
+dropped and models that were made stand beside them.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import json
+import os
+import re
+import secrets
+import time
+import unicodedata
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from signlin_ros.errors import InputError
+from signlin_ros.files import write_text
+
+STORE = ".signlin"
+VERSION = 1
+MODELS = (".yaml", ".yml")
+RECORDS = (".csv", ".txt", ".tsv", ".dat", ".mat", ".mcap", ".db3", ".gz", ".zip", ".parquet", ".mf4", ".tdms")
+"""Suffixes of what may be dropped; what this version's readers cannot read they refuse with the reason."""
+LONGEST = 80
+"""Characters of a file's name."""
+UNDO = 100
+"""So many steps can be taken back."""
+EMPTY: dict[str, Any] = {"model": None, "records": [], "signals": {}, "cures": [], "path": []}
+_ID = re.compile(r"[a-z0-9]{12}\Z")
+
+
+def safe_name(name: str) -> str:
+    """Return a file name that is nothing but a name: no path, not hidden, no control characters, not too long.
+
+    Raises `InputError` for a kind of file that is neither a record nor a model.
+    """
+    last = re.split(r"[/\\]", unicodedata.normalize("NFC", name))[-1]
+    plain = Path(re.sub(r"[^\w.+\-() ]", "_", last).strip(" .") or "file")
+    suffix = plain.suffix.lower()
+    if suffix not in (*MODELS, *RECORDS):
+        shown = "".join(c if c.isprintable() else "?" for c in last)[:LONGEST]
+        raise InputError(f"{shown!r} is no record and no model; allowed: {', '.join((*RECORDS, *MODELS))}")
+    return (plain.stem.lstrip("-.")[:LONGEST].strip() or "file") + suffix
+
+
+class Project:
+    """A folder below ``.signlin`` and what is in it; every change is on the disk before anything else happens."""
+
+    def __init__(self, store: Path, identity: str) -> None:
+        if not _ID.match(identity):
+            raise InputError("no such project")
+        self.id, self.folder = identity, store / identity
+        self._held: dict[str, Any] = {}
+        self.state: dict[str, Any] = json.loads((self.folder / "state.json").read_text(encoding="utf-8"))
+        if self.state.get("version") != VERSION:
+            raise InputError(f"{self.folder}: was written by another version of signlin")
+
+    # ---------------------------------------------------------------- opening
+
+    @classmethod
+    def create(cls, store: Path) -> Project:
+        """Make a new, empty project."""
+        identity = secrets.token_hex(6)
+        folder = store / identity
+        (folder / "results").mkdir(parents=True)
+        state = {"version": VERSION, "created": time.time(), "choices": EMPTY, "past": [], "future": [], "count": 0}
+        write_text(folder / "state.json", json.dumps(state))
+        return cls(store, identity)
+
+    @classmethod
+    def listed(cls, store: Path) -> list[str]:
+        """Return the projects of a store, the latest used first."""
+        found = [f for f in store.glob("*/state.json") if _ID.match(f.parent.name)] if store.is_dir() else []
+        return [f.parent.name for f in sorted(found, key=lambda f: f.stat().st_mtime, reverse=True)]
+
+    # ---------------------------------------------------------------- choices
+
+    @property
+    def choices(self) -> dict[str, Any]:
+        """What is chosen now; change it with `change` only."""
+        return dict(self.state["choices"])
+
+    def change(self, label: str, **choices: Any) -> None:
+        """Choose something, in a way that can be taken back."""
+        self.state["past"] = [*self.state["past"], {"label": label, "choices": self.state["choices"]}][-UNDO:]
+        self.state["future"] = []
+        self.amend(**{"exported": False, **choices})
+
+    def amend(self, **choices: Any) -> None:
+        """Change what is chosen as a part of the step before."""
+        self.state["choices"] = copy.deepcopy({**self.state["choices"], **choices})
+        self._save()
+
+    def undo(self) -> None:
+        """Take the last step back."""
+        self._turn("past", "future")
+
+    def redo(self) -> None:
+        """Take again what was taken back."""
+        self._turn("future", "past")
+
+    def _turn(self, source: str, target: str) -> None:
+        if not self.state[source]:
+            return
+        last = self.state[source].pop()
+        self.state[target].append({"label": last["label"], "choices": self.state["choices"]})
+        self.state["choices"] = last["choices"]
+        self._save()
+
+    def _save(self) -> None:
+        write_text(self.folder / "state.json", json.dumps(self.state))
+
+    # ---------------------------------------------------------------- files
+
+    def path(self, name: str) -> str:
+        """Return how a file is called from where the server was started; the name of a shipped model stays."""
+        if "." not in name and "/" not in name:
+            return name
+        return os.path.relpath(name if Path(name).is_absolute() else self.folder / name)
+
+    def place(self, name: str = "") -> str:
+        """Return how the folder, or something in it, is called from where the server was started."""
+        return os.path.relpath(self.folder / name)
+
+    def free_name(self, name: str) -> Path:
+        """Return a safe path in the folder for a file that is dropped, beside those of the same name."""
+        plain = Path(safe_name(name))
+        for number in range(10_000):
+            file = self.folder / (f"{plain.stem}_{number}{plain.suffix}" if number else plain.name)
+            if not file.exists():
+                return file
+        raise InputError(f"{name}: too many files of that name")
+
+    def next_model(self) -> str:
+        """Return the name of the next model version."""
+        self.state["count"] += 1
+        self._save()
+        return f"model_{self.state['count']}.yaml"
+
+    def files(self, role: str) -> list[str]:
+        """Return the paths of the records of a role."""
+        return [self.path(r["file"]) for r in self.state["choices"]["records"] if r["role"] == role]
+
+    # ---------------------------------------------------------------- results
+
+    def key(self, verb: str, asked: Mapping[str, Any]) -> str:
+        """Return the key of a result: what was asked, and of which files as they are now."""
+        text = json.dumps([verb, asked], sort_keys=True)
+        read = (asked.get(name) or () for name in ("model", "file", "files", "data", "validation"))
+        files = [f for given in read for f in ([given] if isinstance(given, str) else given)]
+        stats = [Path(f).stat() for f in files if Path(f).is_file()]
+        stamps = [(stat.st_size, stat.st_mtime_ns) for stat in stats]
+        return f"{verb}-{hashlib.sha256(f'{text}{stamps}'.encode()).hexdigest()[:20]}"
+
+    def result(self, key: str) -> Any:
+        """Return what was found under a key, None if nothing was; not to be changed."""
+        if key not in self._held:
+            file = self.folder / "results" / f"{key}.json"
+            try:
+                self._held[key] = json.loads(file.read_text(encoding="utf-8"))
+            except (FileNotFoundError, ValueError):
+                return None
+        return self._held[key]
+
+    def keep(self, key: str, found: Mapping[str, Any]) -> None:
+        """Keep what was found."""
+        write_text(self.folder / "results" / f"{key}.json", json.dumps(found))
+
+    def array_file(self, key: str) -> Path:
+        """Return where the curves of a result stand."""
+        return self.folder / "results" / f"{key}.npz"
+
+
+__all__ = ["EMPTY", "MODELS", "RECORDS", "STORE", "Project", "safe_name"]

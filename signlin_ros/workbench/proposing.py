@@ -1,0 +1,168 @@
+"""Which column of a record seems to be which signal of a model: by name, by unit, and by what follows from what.
+
+What the reader finds by itself stays as it is; a proposal is only made for the rest, and says what it rests on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros import units
+from signlin_ros.errors import InputError
+from signlin_ros.model import Model
+from signlin_ros.records import Record
+
+Array = NDArray[np.float64]
+
+WORDS = {
+    "voltage": ("voltage", "volt", "volts", "u", "v_in", "vin", "vm", "v_motor", "u_motor", "duty", "pwm", "cmd"),
+    "current": ("current", "i", "iq", "i_q", "i_a", "ia", "amps", "amp", "curr"),
+    "speed": ("speed", "velocity", "vel", "omega", "w", "rpm", "dq", "qd", "qdot", "rate", "gyro"),
+    "velocity": ("velocity", "vel", "speed", "v", "dq", "qd", "qdot", "xdot", "dx"),
+    "position": ("position", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "counts"),
+    "displacement": ("displacement", "position", "pos", "x", "q", "stroke", "travel", "angle", "disp"),
+    "force": ("force", "f", "torque", "tau", "load_cell", "effort", "thrust"),
+    "load_torque": ("load_torque", "t_l", "tl", "load"),
+    "hysteresis": ("hysteresis",),
+}
+"""How people call what the models call by these names."""
+WANTED = ("goal", "ref", "reference", "des", "desired", "target", "set", "setpoint", "cmd", "command")
+"""In the name of a column that says what was asked for, not what came of it."""
+ALIKE = 0.9
+"""Correlation of a derivative with a column from which on one is taken for the derivative of the other."""
+CLEAR = 2.0
+"""Points below which a likeness is not proposed: a name that is part of a column's, or a unit with half a name."""
+
+
+def mapping(model: Model, records: Sequence[Record], given: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return for every signal of a model the column it is read from, or proposed, or None; and why."""
+    names = list(dict.fromkeys((*model.inputs, *model.states, *model.outputs)))
+    rows = [_row(model, name, records, given) for name in names]
+    taken = {row["column"] for row in rows if row["column"]}
+    told = bool(model.signals)  # a model file that maps signals has said which ones it wants
+    for row in rows:
+        if row["column"] is None and row["signal"] not in given and (row["needed"] or not told):
+            _propose(row, records, taken)
+    if records and not told:
+        _follow(rows, records[0], taken)
+    return rows
+
+
+def _row(model: Model, name: str, records: Sequence[Record], given: Mapping[str, str]) -> dict[str, Any]:
+    kind = "input" if name in model.inputs else "state" if name in model.states else "output"
+    needed = name in model.inputs and name not in model.plant.optional_inputs
+    row = {"signal": name, "unit": model.units[name], "kind": kind, "needed": needed, "proposed": False}
+    if name in given:
+        return {**row, "column": given[name], "why": "as you set it"}
+    if name in model.signals:
+        return {**row, "column": model.signals[name], "why": "as the model file says"}
+    aliases = [a for a in ("position", "velocity", "effort") if _is(model, a, name)]
+    column = _found(records, [name, *aliases])
+    return {**row, "column": column, "why": "found by its name" if column else "no column found"}
+
+
+def _is(model: Model, alias: str, name: str) -> bool:
+    try:
+        return model.canonical(alias) == name
+    except InputError:
+        return False
+
+
+def _found(records: Sequence[Record], names: Sequence[str]) -> str | None:
+    for name in names:
+        try:
+            keys = [record.find(name) for record in records]
+        except InputError:
+            continue
+        if keys and all(keys):
+            return records[0].labels[str(keys[0])]
+    return None
+
+
+def _propose(row: dict[str, Any], records: Sequence[Record], taken: set[str]) -> None:
+    """Put the likeliest free column into a row."""
+    common = [c for c in _common(records) if c[0] not in taken]
+    scored = [(*_likeness(row, label, unit), label, unit) for label, unit in common]
+    best = max(scored, default=None, key=lambda s: s[0])
+    if best is None or best[0] < CLEAR:
+        return
+    _, why, label, unit = best
+    row.update(column=label, why=why, proposed=True, column_unit=unit)
+    taken.add(label)
+
+
+def _common(records: Sequence[Record]) -> list[tuple[str, str]]:
+    """Return label and unit of the columns that every record has."""
+    if not records:
+        return []
+    shared = set.intersection(*(set(r.labels.values()) for r in records))
+    return [(s.label or name, s.unit) for name, s in records[0].signals.items() if (s.label or name) in shared]
+
+
+def _likeness(row: Mapping[str, Any], label: str, unit: str) -> tuple[float, str]:
+    """Return points and the reason why a column may be a signal."""
+    plain = re.sub(r"[\[(].*", "", label).strip().lower()
+    tokens = [t for t in re.split(r"[^a-z]+", plain) if t]
+    words = WORDS.get(row["signal"], (row["signal"],))
+    points, why = 0.0, []
+    if plain in words:
+        points, why = points + 3.0 - words.index(plain) / 50, [f"called {plain!r}"]
+    elif hit := next((w for w in words if w in tokens), None):
+        points, why = points + 2.0 - words.index(hit) / 50, [f"{hit!r} in its name"]
+    elif hit := next((w for w in words if len(w) > 2 and w in plain), None):
+        points, why = points + 1.5, [f"{hit!r} in its name"]
+    if row["kind"] != "input" and any(word in tokens for word in WANTED):
+        points -= 4.0
+    if unit:
+        fits = units.conversion(unit, row["unit"]) is not None
+        points += 1.5 if fits else -4.0
+        why += [f"in {unit}"] if fits else []
+    return points, " and ".join(why)
+
+
+def _follow(rows: list[dict[str, Any]], record: Record, taken: set[str]) -> None:
+    """Find a velocity or position by the other one: the derivative of one is the other, whatever it is called."""
+    pairs = (("position", "speed"), ("displacement", "velocity"))
+    by_name = {row["signal"]: row for row in rows}
+    for slow, fast in pairs:
+        if slow not in by_name or fast not in by_name:
+            continue
+        a, b = by_name[slow], by_name[fast]
+        if a["column"] and not b["column"]:
+            _by_derivative(b, a, record, taken, lambda one, other: _correlation(record.t, one, other))
+        elif b["column"] and not a["column"]:
+            _by_derivative(a, b, record, taken, lambda one, other: _correlation(record.t, other, one))
+
+
+def _by_derivative(row: dict[str, Any], known: dict[str, Any], record: Record, taken: set[str], alike: Any) -> None:
+    try:
+        key = record.find(known["column"])
+    except InputError:
+        return
+    if key is None:
+        return
+    reference = record.signals[key].values
+    free = {n: s for n, s in record.signals.items() if (s.label or n) not in taken}
+    scored = [(abs(alike(reference, s.values)), s.label or n, s.unit) for n, s in free.items()]
+    best = max(scored, default=(0.0, "", ""))
+    if best[0] >= ALIKE:
+        why = f"one is the derivative of the other (correlation {best[0]:.2f})"
+        row.update(column=best[1], why=why, proposed=True, column_unit=best[2])
+        taken.add(best[1])
+
+
+def _correlation(t: Array, position: Array, velocity: Array) -> float:
+    """Return the correlation of the slope of one column (T,) with another."""
+    few = slice(0, min(t.size, 20_000))
+    slope, v = np.gradient(np.nan_to_num(position[few]), t[few]), np.nan_to_num(velocity[few])
+    if slope.std() == 0 or v.std() == 0:
+        return 0.0
+    return float(np.corrcoef(slope, v)[0, 1])
+
+
+__all__ = ["mapping"]

@@ -1,0 +1,261 @@
+"""One project with its two worker processes, and what every click does. No numerics: `calls` is asked for them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+from signlin_ros.errors import InputError
+from signlin_ros.files import write_text
+from signlin_ros.workbench import stages
+from signlin_ros.workbench.lane import CancelledError, FaultError, Lane, RefusedError
+from signlin_ros.workbench.project import MODELS, Project
+
+Args = dict[str, Any]
+Job = Callable[[], Coroutine[Any, Any, None]]
+
+
+class Session:
+    """A project that is open. ``view`` answers at once (curves, sliders), ``work`` takes long and can be cancelled."""
+
+    def __init__(self, project: Project) -> None:
+        self.project = project
+        self.view, self.work = Lane(Path.cwd()), Lane(Path.cwd())
+        self.busy: dict[str, Any] | None = None
+        self.errors: dict[str, dict[str, str]] = {}
+        self.shipped: list[dict[str, Any]] = []
+        self.listeners: set[asyncio.Queue[dict[str, Any]]] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._turn = asyncio.Lock()
+        self._awake = False
+
+    # ---------------------------------------------------------------- telling the page
+
+    def tell(self, kind: str = "state", **more: Any) -> None:
+        """Tell every page that shows this project."""
+        for listener in self.listeners:
+            if listener.qsize() < 500:
+                listener.put_nowait({"kind": kind, **more})
+
+    def _progress(self, told: dict[str, Any]) -> None:
+        if self.busy is not None:
+            self.busy.update({k: told[k] for k in ("what", "share", "found") if told.get(k) is not None})
+            self.tell("progress", busy=self.busy)
+
+    def shown(self) -> dict[str, Any]:
+        """Return all that the page shows but curves."""
+        return stages.shown(self)
+
+    # ---------------------------------------------------------------- asking
+
+    async def asked(self, lane: Lane, verb: str, args: Args, **more: Any) -> Any:
+        """Return what a verb answers, from the disk if it was asked before; ``more`` is not part of the question."""
+        key = self.project.key(verb, args)
+        found = self.project.result(key)
+        if found is None:
+            store = str(self.project.array_file(key))
+            found = await lane.call(verb, {**args, **more, "store": store, "key": key}, self._progress)
+            self.project.keep(key, found)
+        return found
+
+    def start(self, stage: str, what: str, job: Job, *, waits: bool = False) -> None:
+        """Do something that takes its time; one thing at a time, after what runs already if it ``waits``.
+
+        Raises `InputError` where something runs already and it does not wait.
+        """
+        if self.busy is not None and not waits:
+            raise InputError(f"{self.busy['stage']} is still running; wait for it or cancel it")
+        self.later(lambda: self._guarded({"stage": stage, "what": what, "share": 0.0, "found": None}, job))
+        if self.busy is None:
+            self.busy = {"stage": stage, "what": what, "share": 0.0, "found": None}
+
+    def later(self, job: Job) -> None:
+        """Do something beside all else."""
+        task = asyncio.get_running_loop().create_task(job())
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _guarded(self, busy: dict[str, Any], job: Job) -> None:
+        stage = busy["stage"]
+        async with self._turn:
+            self.busy = busy
+            self.errors.pop(stage, None)
+            self.tell()
+            try:
+                await job()
+            except CancelledError:
+                self.errors[stage] = {"what": "Cancelled.", "do": "Nothing was changed; start it again when you like."}
+            except (RefusedError, InputError) as error:
+                self.errors[stage] = stages.advice(stage, str(error))
+            except OSError as error:
+                what = f"{error.filename or self.project.place()}: {error.strerror or error}"
+                self.errors[stage] = {"what": what, "do": "Make room, or the right to write there, and try again."}
+            except FaultError as error:
+                text = "This is a fault of signlin; please report it with the command and its files."
+                self.errors[stage] = {"what": str(error), "do": text}
+            finally:
+                self.busy = None
+                self.tell()
+
+    def wake(self) -> None:
+        """Start the workers: somebody looks; read again what has changed."""
+        if stages.changed(self) and "record" not in self.errors:
+            self.start("record", "reading", self.look)
+        if not self._awake:
+            self._awake = True
+            self.later(self._look_around)
+
+    async def _look_around(self) -> None:
+        """Start the workers, and learn which models are shipped."""
+        with contextlib.suppress(CancelledError, RefusedError, FaultError):
+            self.shipped = (await self.view.call("models", {}))["models"]
+            self.tell()
+            await self.work.call("ready", {})
+
+    async def cancel(self) -> None:
+        """Stop what runs, wherever it runs."""
+        lanes = [self.work, *([self.view] if self.busy and self.busy["stage"] == "record" else [])]
+        await asyncio.gather(*(lane.cancel() for lane in lanes))
+
+    async def close(self) -> None:
+        """End the worker processes."""
+        for task in list(self._tasks):
+            task.cancel()
+        await asyncio.gather(self.view.cancel(), self.work.cancel())
+
+    # ---------------------------------------------------------------- record
+
+    async def take(self, files: list[str]) -> None:
+        """Take files of the folder that were just dropped, or that the command line named: models and records."""
+        choices = self.project.choices
+        made = [f for f in files if f.lower().endswith(MODELS)]
+        records = [*choices["records"], *({"file": f, "role": ""} for f in files if f not in made)]
+        for model in made:
+            await self.view.call("describe", {"model": self.project.path(model), "uploaded": True})
+        model = made[-1] if made else choices["model"]
+        label = ", ".join(Path(f).name for f in files)
+        self.project.change(f"drop {label}", records=_with_roles(records), model=model, path=[], cures=[], signals={})
+        await self.look()
+
+    async def take_sample(self) -> None:
+        """Make the sample, and take it."""
+        files = (await self.work.call("sample", {"folder": str(self.project.folder)}))["files"]
+        self.project.change("sample", model=None, records=[], signals={}, cures=[], path=[])
+        await self.take([Path(file).name for file in files])
+
+    async def look(self) -> None:
+        """Read what is chosen: columns, model, mapping; then check it."""
+        self.errors = {}
+        choices = self.project.choices
+        for record in choices["records"]:
+            await self.asked(self.view, "columns", {"file": self.project.path(record["file"])})
+            self.tell()
+        if choices["model"] is None and choices["records"]:
+            await self._guess_model()
+        if self.project.choices["model"] is not None:
+            await self._map()
+        if stages.mapped(self):
+            await self._checked()
+
+    async def _guess_model(self) -> None:
+        """Choose the shipped model whose inputs are all in the records, if one is."""
+        files = [self.project.path(r["file"]) for r in self.project.choices["records"]]
+        for name in ("dc_motor", "mass_spring_damper", "force_element"):
+            rows = (await self.asked(self.view, "propose", {"model": name, "files": files}))["mapping"]
+            sure = [r for r in rows if r["column"] and not r["proposed"]]
+            if {r["signal"] for r in rows if r["needed"]} <= {r["signal"] for r in sure} and len(sure) > 1:
+                self.project.amend(model=name)
+                return
+
+    async def _map(self) -> None:
+        """Describe the model, and take over what is proposed for signals that the reader does not find."""
+        await self.asked(self.view, "describe", {"model": self.project.path(self.project.choices["model"])})
+        question = stages.mapping_question(self)
+        if not question["files"]:
+            return
+        rows = (await self.asked(self.view, "propose", question))["mapping"]
+        proposed = {r["signal"]: r["column"] for r in rows if r["proposed"]}
+        if proposed:
+            self.project.amend(signals={**self.project.choices["signals"], **proposed})
+            await self.asked(self.view, "propose", stages.mapping_question(self))
+
+    async def _checked(self) -> None:
+        await self.asked(self.work, "check", stages.question(self, "check"))
+        self._done(stages.step(self, "check"))
+
+    # ---------------------------------------------------------------- compare, diagnose, add
+
+    async def compare(self) -> None:
+        """Compare the model with the records that no fit sees, or with all where there are none."""
+        question = stages.question(self, "compare")
+        await self.asked(self.work, "compare", question)
+        self._done(stages.step(self, "compare"))
+
+    async def diagnose(self) -> None:
+        """Ask what is missing."""
+        step = stages.question(self, "diagnose")
+        await self.asked(self.work, "diagnose", step)
+        self._done({"verb": "diagnose", **step})
+
+    async def add(self, effect: str) -> None:
+        """Add an effect, fit it, and compare anew."""
+        output = self.project.next_model()
+        asked = {**stages.question(self, "add"), "effect": effect, "output": self.project.path(output)}
+        await self.asked(self.work, "add", asked)
+        path = [*self.project.choices["path"], {"verb": "add", **asked}]
+        self.project.change(f"add {effect.replace('_', ' ')}", model=output, path=path)
+        await self._map()
+        await self._checked()
+        await self.compare()
+
+    def _done(self, step: dict[str, Any] | None) -> None:
+        path = self.project.choices["path"]
+        if step is not None and step not in path:
+            self.project.amend(path=[*path, step])
+
+    # ---------------------------------------------------------------- use
+
+    async def keep(self, values: dict[str, float]) -> None:
+        """Make a model version of what the sliders say."""
+        output, before = self.project.next_model(), self.project.path(self.project.choices["model"])
+        args = {"model": before, "values": values, "output": self.project.path(output)}
+        await self.view.call("keep", args)
+        text = Path(self.project.path(output)).read_text(encoding="utf-8")
+        step = {"verb": "set", "model": before, "data": [], "output": args["output"], "text": text}
+        self.project.change("keep the sliders", model=output, path=[*self.project.choices["path"], step])
+        await self._map()
+        await self._checked()
+        await self.compare()
+
+    async def export(self) -> None:
+        """Write model, report and script to the folder ``export`` of the project."""
+        folder = self.project.folder / "export"
+        folder.mkdir(exist_ok=True)
+        model = Path(self.project.path(self.project.choices["model"]))
+        described = stages.described(self)
+        write_text(folder / "model.yaml", described["yaml"] if described else model.read_text(encoding="utf-8"))
+        write_text(folder / "replay.sh", stages.script(self))
+        with contextlib.suppress(RefusedError):
+            args = {**stages.question(self, "compare"), "report": str(folder / "report.html")}
+            await self.work.call("report", {**args, "diagnosis": stages.last_key(self)}, self._progress)
+        self.project.amend(exported=True)
+
+
+def _with_roles(records: list[dict[str, str]]) -> list[dict[str, str]]:
+    """Return records with a role each: what is called so is for validation, else the last of several."""
+    for record in records:
+        name = Path(record["file"]).stem.lower()
+        if not record["role"]:
+            record["role"] = "validation" if any(w in name for w in ("valid", "test", "unseen")) else "estimation"
+    roles = [r["role"] for r in records]
+    if len(records) > 1 and "validation" not in roles:
+        records[-1]["role"] = "validation"
+    if records and "estimation" not in roles:
+        records[0]["role"] = "estimation"
+    return records
+
+
+__all__ = ["Session"]

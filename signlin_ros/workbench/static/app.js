@@ -1,0 +1,209 @@
+// The page: one state from the server, drawn stage by stage; what happens is told by the server as it happens.
+
+import * as api from "./api.js";
+import { h, fill, say } from "./dom.js";
+import { RENDER, command, restyle, restyleTuner } from "./stages.js";
+import { live, restyleLive } from "./live.js";
+
+const DO = { compare: "Compare", diagnose: "Diagnose", use: "Export" };
+const NAMES = { use: "export" };
+const main = document.getElementById("stages");
+let state = null;
+let uploading = null;
+let trouble = {};
+
+async function refresh() {
+  try {
+    state = await api.state();
+    document.getElementById("lost").hidden = true;
+    draw();
+  } catch (error) {
+    document.getElementById("loading")?.replaceChildren(`This project cannot be shown: ${error.message}. `, h("a", { href: "/" }, "Open another one"));
+  }
+}
+
+async function go(name, args) {
+  trouble = {};
+  try {
+    if (name === "files") await take(args);
+    else await api.act(name, args ?? {});
+  } catch (error) {
+    const place = { map_signal: "record", model: "record", role: "record", drop: "record", sample: "record", files: "record", cure: "check", keep: "add", export: "use" }[name] ?? name;
+    trouble[place in RENDER ? place : "record"] = error.message;
+    say(error.message);
+  }
+  await refresh();
+}
+
+async function take(files) {
+  const names = [];
+  try {
+    for (const file of files) {
+      uploading = `${file.name}: 0 %`;
+      names.push(await api.upload(file, (share) => {
+        uploading = `${file.name}: ${Math.round(100 * share)} %`;
+        const shown = document.getElementById("uploading");
+        if (shown) shown.textContent = uploading;
+        else draw();
+      }));
+    }
+  } finally {
+    uploading = null;
+    if (names.length) await api.act("take", { files: names });
+  }
+}
+
+// -------------------------------------------------------------------- drawing
+
+function draw() {
+  if (!state) return;
+  for (const block of state.stages) stage(block);
+  document.getElementById("loading")?.remove();
+  document.getElementById("folder").textContent = state.folder;
+  const busy = Boolean(state.busy);
+  for (const [id, label, name] of [["undo", state.undo, "Undo"], ["redo", state.redo, "Redo"]]) {
+    const button = document.getElementById(id);
+    button.disabled = !label || busy;
+    button.title = label ? `${name}: ${label}` : `Nothing to ${name.toLowerCase()}`;
+  }
+  rail();
+}
+
+function stage(block) {
+  const id = `stage-${block.id}`;
+  let section = document.getElementById(id);
+  if (!section) {
+    section = h("section", { id, class: "stage", "aria-labelledby": `${id}-title` }, h("div", { class: "head" }), h("div", { class: "body" }), h("div", { class: "foot" }));
+    main.append(section);
+  }
+  const working = state.busy?.stage === block.id;
+  section.classList.toggle("waiting", Boolean(block.why));
+  section.dataset.done = block.done;
+  section.dataset.busy = working;
+  fill(section.querySelector(".head"), head(block, working));
+  const body = section.querySelector(".body");
+  const opened = new Map([...body.querySelectorAll("details[id]")].map((d) => [d.id, d.open]));
+  fill(body, block.why ? null : RENDER[block.id](block, state, go));
+  for (const d of body.querySelectorAll("details[id]")) if (opened.has(d.id)) d.open = opened.get(d.id);
+  fill(section.querySelector(".foot"), next(block));
+}
+
+function head(block, working) {
+  const error = trouble[block.id] ? { what: trouble[block.id], do: "" } : block.error;
+  const can = DO[block.id] && !block.why && !working;
+  const fresh = can && !block.done;
+  const offered = state.stages.some((b) => b.offers?.length > 0); // then adding is what comes next
+  const first = !offered && state.stages.find((b) => !b.done && !b.why)?.id === block.id;
+  return [
+    h("div", { class: "title" }, h("h2", { id: `stage-${block.id}-title` }, block.title),
+      h("p", { class: block.why ? "sentence quiet" : "sentence", id: `says-${block.id}` }, (block.why || block.sentence).replaceAll("`", "")),
+      (fresh || (can && block.id === "use")) && h("button", { id: `do-${block.id}`, class: fresh && (first || added(block)) ? "primary" : "", disabled: Boolean(state.busy), onclick: () => go(NAMES[block.id] ?? block.id) }, DO[block.id])),
+    block.id === "record" && uploading && h("p", { class: "busy", role: "status" }, h("progress", {}), h("span", { id: "uploading" }, uploading)),
+    working && h("div", { class: "busy", role: "status" },
+      h("progress", { id: `progress-${block.id}`, max: 1, ...(state.busy.share > 0 ? { value: state.busy.share } : {}), "aria-label": state.busy.what }),
+      h("span", { id: `what-${block.id}` }, `${state.busy.what} ...`), h("button", { id: "cancel", onclick: () => go("cancel") }, "Cancel")),
+    error && h("div", { class: "error", id: `error-${block.id}`, role: "alert" }, h("p", {}, h("b", {}, error.what)), error.do && h("p", {}, error.do)),
+    !block.why && command(block.command),
+  ];
+}
+
+// After an addition the model may be taken, whatever else one may ask.
+const added = (block) => block.id === "use" && state.stages.some((b) => b.id === "add" && b.done);
+
+// The next step, where the eye is when a stage has been read.
+function next(block) {
+  const order = state.stages.map((b) => b.id);
+  const after = state.stages[order.indexOf(block.id) + 1];
+  if (!block.done || !after || after.done || after.why || !DO[after.id] || state.busy) return null;
+  const does = () => {
+    document.getElementById(`stage-${after.id}`).scrollIntoView();
+    go(NAMES[after.id] ?? after.id);
+  };
+  return h("div", { class: "row" }, h("button", { id: `next-${block.id}`, onclick: does }, `Next: ${DO[after.id]}`));
+}
+
+function rail() {
+  const here = state.busy?.stage ?? state.stages.find((b) => !b.done && !b.why)?.id;
+  fill(document.getElementById("rail"), h("ol", {}, state.stages.map((b) => h("li", {},
+    h("a", { href: `#stage-${b.id}`, id: `to-${b.id}`, "aria-current": b.id === here ? "step" : null },
+      h("span", { "aria-hidden": "true" }, state.busy?.stage === b.id ? "◌" : b.error || trouble[b.id] ? "!" : b.done ? "✓" : b.why ? "·" : "○"),
+      h("span", {}, b.title, h("span", { class: "hidden" }, b.done ? ", done" : b.why ? ", not possible yet" : "")),
+      h("small", {}, b.why ? "not yet" : state.busy?.stage === b.id ? "running" : b.done ? "done" : "ready"))))));
+}
+
+// -------------------------------------------------------------------- what happens
+
+function listen() {
+  const events = api.events();
+  let again = false;
+  events.onopen = () => {
+    document.getElementById("lost").hidden = true;
+    if (again) refresh();
+    again = true;
+  };
+  events.onerror = () => { document.getElementById("lost").hidden = false; };
+  events.onmessage = (e) => {
+    const told = JSON.parse(e.data);
+    if (told.kind === "progress" && state) {
+      state.busy = told.busy;
+      const block = state.stages.find((b) => b.id === told.busy.stage);
+      if (block) stage(block);
+      say(`${told.busy.what}, ${Math.round(100 * told.busy.share)} %`);
+    } else refresh();
+  };
+}
+
+function dropping() {
+  const veil = document.getElementById("veil");
+  const files = (e) => [...(e.dataTransfer?.types ?? [])].includes("Files");
+  addEventListener("dragover", (e) => { if (files(e)) { e.preventDefault(); veil.hidden = false; } });
+  addEventListener("dragleave", (e) => { if (!e.relatedTarget) veil.hidden = true; });
+  addEventListener("drop", (e) => {
+    if (!files(e)) return;
+    e.preventDefault();
+    veil.hidden = true;
+    go("files", [...e.dataTransfer.files]);
+  });
+}
+
+function theme() {
+  const button = document.getElementById("theme");
+  const root = document.documentElement;
+  const tell = () => button.setAttribute("aria-pressed", root.dataset.theme === "dark");
+  button.addEventListener("click", () => {
+    root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
+    localStorage.setItem("signlin-theme", root.dataset.theme);
+    tell();
+    restyle();
+    restyleTuner();
+    restyleLive();
+    draw();
+  });
+  tell();
+}
+
+function tabs() {
+  const all = [...document.querySelectorAll("[role=tab]")];
+  const pick = (tab) => {
+    for (const one of all) {
+      one.setAttribute("aria-selected", one === tab);
+      one.tabIndex = one === tab ? 0 : -1;
+      document.getElementById(one.getAttribute("aria-controls")).hidden = one !== tab;
+    }
+    live(tab.id === "tab-live", state);
+    tab.focus();
+  };
+  all.forEach((tab, k) => {
+    tab.addEventListener("click", () => pick(tab));
+    tab.addEventListener("keydown", (e) => { if (e.key === "ArrowRight" || e.key === "ArrowLeft") pick(all[(k + 1) % all.length]); });
+  });
+}
+
+document.getElementById("undo").addEventListener("click", () => go("undo"));
+document.getElementById("redo").addEventListener("click", () => go("redo"));
+document.getElementById("new").addEventListener("click", async () => { location.href = `/p/${(await api.newProject()).id}`; });
+dropping();
+theme();
+tabs();
+listen();
+refresh();

@@ -1,0 +1,295 @@
+"""A server of its own for each test, and Debian's Chromium to look at it; skipped where there is none."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urlsplit
+
+import pytest
+
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+PATIENCE = 300.0
+"""Seconds to wait for what must happen; much more than it takes, for the sake of busy machines."""
+PICTURES = Path(os.environ.get("SIGNLIN_SCREENSHOTS", "")) if os.environ.get("SIGNLIN_SCREENSHOTS") else None
+"""Where pictures of the page go, if anywhere."""
+PAGE = {"x-signlin": "1", "content-type": "application/json"}
+"""What the page sends with whatever changes something."""
+DROP = """
+const input = document.createElement('input');
+input.type = 'file'; input.multiple = true; input.id = 'dropped-by-test';
+input.onchange = () => {
+  const data = new DataTransfer();
+  for (const file of input.files) data.items.add(file);
+  input.remove();
+  for (const kind of ['dragover', 'drop'])
+    document.body.dispatchEvent(new DragEvent(kind, {dataTransfer: data, bubbles: true, cancelable: true}));
+};
+document.body.append(input);
+return input;
+"""
+
+
+class Server:
+    """``signlin workbench`` in a folder."""
+
+    def __init__(self, folder: Path, *arguments: str) -> None:
+        self.folder, self.arguments = folder, arguments
+        self.log = folder / "server.log"
+        self.start()
+
+    def start(self) -> None:
+        command = [sys.executable, "-m", "signlin_ros.cli", "workbench", *self.arguments, "--no-browser"]
+        with self.log.open("ab") as out:
+            self.process = subprocess.Popen(command, cwd=self.folder, stdout=out, stderr=out, env=environment())
+        self.address = self._address()
+
+    def _address(self) -> str:
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            found = re.findall(r"workbench: (\S+)", self.log.read_text(errors="replace"))
+            if found:
+                return str(found[-1])
+            assert self.process.poll() is None, self.log.read_text(errors="replace")
+            time.sleep(0.05)
+        pytest.fail("the server does not start")
+
+    def client(self) -> Client:
+        return Client(self)
+
+    def stop(self, number: int = signal.SIGTERM) -> None:
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        self.process.wait(PATIENCE)
+
+
+class Client:
+    """Asks a server, as any program on this machine could."""
+
+    def __init__(self, server: Server) -> None:
+        parts = urlsplit(server.address)
+        self.host, self.port, self.server = str(parts.hostname), int(parts.port or 0), server
+
+    def ask(
+        self, method: str, path: str, body: bytes | None = None, headers: Mapping[str, str] | None = None
+    ) -> tuple[int, str, Mapping[str, str]]:
+        with closing(http.client.HTTPConnection(self.host, self.port, timeout=60)) as connection:
+            connection.request(method, path, body, dict(headers or {}))
+            answer = connection.getresponse()
+            found = {k.lower(): v for k, v in answer.getheaders()}
+            return answer.status, answer.read().decode(errors="replace"), found
+
+    def project(self) -> str:
+        return str(json.loads(self.ask("POST", "/new", b"{}", PAGE)[1])["id"])
+
+    def put(self, project: str, name: str, body: bytes) -> tuple[int, str]:
+        return self.ask("PUT", f"/p/{project}/files?name={quote(name, safe='')}", body, PAGE)[:2]
+
+    def act(self, project: str, action: str, **args: Any) -> tuple[int, str]:
+        return self.ask("POST", f"/p/{project}/do/{action}", json.dumps(args).encode(), PAGE)[:2]
+
+    def state(self, project: str) -> Any:
+        return json.loads(self.ask("GET", f"/p/{project}/state")[1])
+
+    def settled(self, project: str) -> Any:
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
+            state = self.state(project)
+            if state["busy"] is None:
+                return state
+            time.sleep(0.1)
+        pytest.fail("it does not come to an end")
+
+
+def environment() -> dict[str, str]:
+    root = str(Path(__file__).parents[2])
+    return {**os.environ, "PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
+
+
+def starting(folder: Path) -> Iterator[Callable[..., Server]]:
+    """Yield what starts servers in a folder, and end them all."""
+    pytest.importorskip("starlette", reason="the extra `web` is not installed")
+    pytest.importorskip("uvicorn", reason="the extra `web` is not installed")
+    running: list[Server] = []
+
+    def start(*arguments: str) -> Server:
+        running.append(Server(folder, *arguments))
+        return running[-1]
+
+    yield start
+    for one in running:
+        one.stop()
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Iterator[Callable[..., Server]]:
+    yield from starting(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def shared_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    """One server for tests that do not change what others see."""
+    for start in starting(tmp_path_factory.mktemp("shared")):
+        yield start()
+
+
+@pytest.fixture(scope="module")
+def client(shared_server: Server) -> Client:
+    """What asks that server without a browser."""
+    return shared_server.client()
+
+
+class Page:
+    """A browser that looks at a server; counts the clicks."""
+
+    def __init__(self, driver: Any) -> None:
+        self.driver, self.clicks = driver, 0
+
+    def open(self, address: str) -> None:
+        self.driver.get(address)
+        self.wait(lambda: self.driver.find_elements("id", "stage-use"), "the page")
+
+    def wait(self, condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
+        from selenium.common.exceptions import StaleElementReferenceException
+
+        end = time.monotonic() + patience
+        while time.monotonic() < end:
+            try:
+                value = condition()
+            except StaleElementReferenceException:
+                value = None
+            if value:
+                return value
+            time.sleep(0.05)
+        body = self.driver.find_element("tag name", "body").text
+        pytest.fail(f"waited {patience:g} s in vain for {what}\n{body[:3000]}")
+
+    def click(self, identity: str) -> None:
+        """Click on what a user could click on."""
+
+        def clicked() -> bool:
+            from selenium.common.exceptions import ElementClickInterceptedException
+
+            for element in self.driver.find_elements("id", identity):
+                if element.is_displayed() and element.is_enabled():
+                    place = "arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})"
+                    self.driver.execute_script(place, element)
+                    try:
+                        element.click()
+                    except ElementClickInterceptedException:
+                        return False
+                    return True
+            return False
+
+        self.wait(clicked, f"{identity} to be clicked on")
+        self.clicks += 1
+
+    def drop(self, *files: Path) -> None:
+        """Drop files onto the page."""
+        self.driver.execute_script(DROP).send_keys("\n".join(str(f) for f in files))
+
+    def stage(self, name: str) -> Any:
+        return self.driver.find_element("id", f"stage-{name}")
+
+    def done(self, name: str) -> None:
+        """Wait until a stage is done; fail with its error if it has one."""
+
+        def over() -> bool:
+            error = self.driver.find_elements("id", f"error-{name}")
+            if error and not self.busy:
+                pytest.fail(f"{name}: {error[0].text}")
+            return self.stage(name).get_attribute("data-done") == "true" and not self.busy
+
+        self.wait(over, f"{name} to be done")
+
+    @property
+    def busy(self) -> bool:
+        return bool(self.driver.find_elements("css selector", "section[data-busy=true]"))
+
+    def says(self, name: str) -> str:
+        return str(self.driver.find_element("id", f"says-{name}").text)
+
+    def error(self, name: str) -> str:
+        """Wait for the error of a stage and return it."""
+
+        def text() -> str:
+            found = self.driver.find_elements("id", f"error-{name}")
+            return str(found[0].text) if found else ""
+
+        return str(self.wait(text, f"an error of {name}"))
+
+    def picture(self, name: str, place: str = "") -> None:
+        """Keep a picture of the window, if pictures are wanted."""
+        if PICTURES is None:
+            return
+        PICTURES.mkdir(parents=True, exist_ok=True)
+        if place:
+            script = "document.getElementById(arguments[0]).scrollIntoView({block: 'start', behavior: 'instant'})"
+            self.driver.execute_script(script, place)
+        time.sleep(0.3)
+        self.driver.save_screenshot(str(PICTURES / f"{name}.png"))
+
+
+@pytest.fixture
+def browser(tmp_path: Path) -> Iterator[Callable[..., Page]]:
+    pytest.importorskip("selenium", reason="selenium is not installed: pip install 'signlin_ros[dev]'")
+    if CHROMIUM is None or DRIVER is None:
+        pytest.skip("no Chromium: on Debian, apt-get install chromium chromium-driver")
+    from selenium.webdriver import Chrome, ChromeOptions
+    from selenium.webdriver.chrome.service import Service
+
+    drivers: list[Any] = []
+
+    def start(width: int = 1920, height: int = 1080, *, dark: bool = False) -> Page:
+        options = ChromeOptions()
+        options.binary_location = CHROMIUM
+        profile = tmp_path / f"profile_{len(drivers)}"
+        for argument in (
+            *("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"),
+            *("--disable-component-update", "--disable-sync", f"--user-data-dir={profile}"),
+            *(f"--window-size={width},{height}", "--disable-dev-shm-usage", "--force-device-scale-factor=1"),
+            *(("--force-dark-mode",) if dark else ()),
+        ):
+            options.add_argument(argument)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+        drivers.append(Chrome(options=options, service=Service(DRIVER)))
+        return Page(drivers[-1])
+
+    yield start
+    for driver in drivers:
+        driver.quit()
+
+
+@pytest.fixture(scope="session")
+def hidden_effect(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with ``model.yaml`` that lacks dry friction, and two records of a motor that has it."""
+    import numpy as np
+
+    from signlin_ros.model import Model
+    from signlin_ros.records import Record, Signal, write_record
+    from signlin_ros.simulate import simulate
+
+    folder = tmp_path_factory.mktemp("hidden")
+    truth = Model.load("dc_motor")
+    truth.without_effect("coulomb_friction").save(folder / "model.yaml")
+    for name, seed in (("estimation", 5), ("validation", 6)):
+        random = np.random.default_rng(seed)
+        t = np.arange(1600) / 200.0
+        waves = ((0.3, 1.6), (0.8, 1.0), (1.9, 0.5))
+        voltage = sum(a * np.sin(2 * np.pi * f * t + random.uniform(0, 6)) for f, a in waves)
+        run = simulate(truth, t, voltage[:, None])
+        noise = {"current": 0.02, "speed": 0.1}
+        signals = {n: Signal(run[n] + s * random.standard_normal(t.size), truth.units[n]) for n, s in noise.items()}
+        write_record(Record(t, {"voltage": Signal(voltage, "V"), **signals}), folder / f"{name}.csv")
+    return folder
