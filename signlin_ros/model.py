@@ -40,6 +40,7 @@ RESERVED_KEYS = ("use_sim_time", "qos_overrides", "start_type_description_servic
 NODE_KEYS = (
     *("publish_rate", "noise", "seed", "input_signal", "amplitude", "input_period", "joint_name"),
     *("state_source", "state_timeout", "record", "rate", "loop", "publish_clock"),
+    *("autostart", "observer", "model_file", "linearizer", "window", "learn", "warn_above", "folder"),
 )
 """Keys of the nodes (docs/nodes), accepted by every verb."""
 

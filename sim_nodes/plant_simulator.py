@@ -90,7 +90,9 @@ class PlantSimulatorNode(ModelNode):
         if self._signal is not None:
             self._inputs.publish(convert.vector(self.u, "input"))
         self._states.publish(convert.vector(x, "state"))
-        self._joint_states.publish(convert.joint_state(self.options["joint_name"], joint, self.now()))
+        self._joint_states.publish(
+            convert.joint_state(self.options["joint_name"], joint, self.origin + self.steps * self._period)
+        )
 
 
 def main() -> int:

@@ -65,6 +65,15 @@ class _State:
     came: int
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """A model with what it needs to be taken at once: its linearizer, and its observer where one is at work."""
+
+    model: Model
+    linearizer: Linearizer
+    observer: KalmanObserver | None
+
+
 class LinearizerLogic:
     """States and inputs in, models out.
 
@@ -95,31 +104,28 @@ class LinearizerLogic:
 
     # ---------------------------------------------------------------- configuration
 
-    def configure(self, model: Model) -> None:
+    def prepare(self, model: Model) -> Prepared:
+        """Make all that another model needs, so that `configure` takes no time; may raise `InputError`."""
+        watcher = self._watcher
+        kept = [name for name in watcher.channels if name in model.states] if watcher is not None else []
+        return Prepared(model, checked_linearizer(model), KalmanObserver(model, kept) if kept else None)
+
+    def configure(self, model: Model | Prepared) -> None:
         """Take another model at once, of whatever states; may raise `InputError`, and then nothing has changed.
 
         What is known goes on where the two have it in common: states that the observer has, the input, the sequence.
         """
-        linearizer, watcher = checked_linearizer(model), self._follower(model)
-        before = self.model
-        self.linearizer, self.model, self._watcher = linearizer, model, watcher
-        self.period = round(model.update_period * NANO)
-        self._estimator = None
-        if before.inputs != model.inputs:
+        new = self.prepare(model) if isinstance(model, Model) else model
+        before, self.model, self.linearizer = self.model, new.model, new.linearizer
+        if new.observer is not None and self._watcher is not None:
+            new.observer.adopt(self._watcher)
+        self._watcher, self._estimator = new.observer, None
+        self.period = round(self.model.update_period * NANO)
+        if before.inputs != self.model.inputs:
             known = dict(zip(before.inputs, self.u.tolist(), strict=True))
-            self.u = np.array([known.get(name, 0.0) for name in model.inputs])
-        if before.states != model.states and self._state is not None:
-            self._state = self._state if watcher is not None and self._state.x is None else None
-
-    def _follower(self, model: Model) -> KalmanObserver | None:
-        """Return an observer of another model that goes on from the one at work; None where none is."""
-        watcher = self._watcher
-        kept = [name for name in watcher.channels if name in model.states] if watcher is not None else []
-        if watcher is None or not kept:
-            return None
-        found = KalmanObserver(model, kept)
-        found.adopt(watcher)
-        return found
+            self.u = np.array([known.get(name, 0.0) for name in self.model.inputs])
+        if before.states != self.model.states and self._state is not None:
+            self._state = self._state if self._watcher is not None and self._state.x is None else None
 
     def reset(self, now: int) -> None:
         """Forget the state and count periods from ``now``: the clock has jumped."""

@@ -13,6 +13,8 @@ Array = NDArray[np.float64]
 
 WINDOW = 512
 """Samples that an estimate is made of at most."""
+AGAIN = 128
+"""Samples from one estimate to the next at most."""
 LEAST = 8
 """Samples before the first estimate."""
 RELATIVE = 1e-6
@@ -22,7 +24,7 @@ STANDING = 4.0
 
 
 class NoiseMeter:
-    """Standard deviation ``sigma`` of a channel's noise from its samples, again whenever they have doubled.
+    """Standard deviation ``sigma`` of a channel's noise from its samples, again whenever they have doubled, or `AGAIN` have come.
 
     An encoder counts with its step over sqrt(12). A ``known`` value is kept.
     """
@@ -42,7 +44,7 @@ class NoiseMeter:
         if self._count < LEAST:
             self.sigma = max(self.sigma, RELATIVE * abs(value))
         elif self._count >= self._next:
-            self._next = self._count + min(self._count, WINDOW)
+            self._next = self._count + min(self._count, AGAIN)
             self._estimate()
 
     def _estimate(self) -> None:

@@ -31,6 +31,9 @@ UNKNOWN = 1e3
 """Standard deviation of a velocity or a current of which nothing is known yet, in its SI unit."""
 HARDLY_KNOWN = 1e-2
 """The same of a state that an effect has of its own."""
+WILDEST, LEARNT_OVER, TOO_LARGE = 400.0, 200.0, 3.0
+"""A squared innovation counts so much at most; their mean is taken over so many samples; above this mean they are too
+large even for the filter that trusts the model least, and the noise is taken as so much larger."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,7 @@ class KalmanObserver:
         known = {model.canonical(name): value for name, value in (noise or {}).items()}
         self._meters = [NoiseMeter(known.get(name)) for name in self.channels]
         self._inputs = np.zeros(len(model.inputs))
+        self._excess, self._factor = np.ones(len(self.channels)), np.ones(len(self.channels))
         self.reset()
 
     def reset(self) -> None:
@@ -150,7 +154,21 @@ class KalmanObserver:
         kinds = np.array([kind for _, kind, _ in events], dtype=np.int64)
         seen = kinds >= 0
         t = np.array([when for when, _, _ in events])
-        return Innovations(t[seen], kinds[seen], found[seen, 0], found[seen, 1])
+        innovations = Innovations(t[seen], kinds[seen], found[seen, 0], found[seen, 1])
+        self._learn(innovations)
+        return innovations
+
+    def _learn(self, innovations: Innovations) -> None:
+        """Let the noise grow where innovations stay larger than they should be, as with stamps that jitter."""
+        squares = np.minimum(innovations.value**2 / np.maximum(innovations.variance, 1e-300), WILDEST)
+        for c in range(len(self.channels)):
+            found = squares[innovations.channel == c]
+            keep = np.exp(-found.size / LEARNT_OVER)
+            if found.size:
+                self._excess[c] = keep * self._excess[c] + (1 - keep) * float(np.mean(found)) * max(
+                    self._factor[c], 1.0
+                )
+        self._factor = np.where(self._excess > TOO_LARGE, self._excess, 1.0)
 
     def estimate(self, t: float | None = None) -> Estimate:
         """Return the state at time t, the last sample's by default, after all that came until then."""
@@ -220,7 +238,7 @@ class KalmanObserver:
             return found
         times, kinds, values = _columns(events, max(m, 1))
         gains = np.array([sensor.gain for sensor in self._sensors])
-        R = np.array([max(meter.sigma, 1e-12) for meter in self._meters]) ** 2 / gains**2
+        R = self._factor * np.array([max(meter.sigma, 1e-12) for meter in self._meters]) ** 2 / gains**2
         X, U, D, usual, score, clock, u, missed = known
         self._step = max(self._step, (times[-1] - clock[0]) / len(times) / MOST_STEPS)
         fixed = (self._states, R, missed, self._step, found)
@@ -260,7 +278,7 @@ def _start(model: Model, measured: Mapping[str, float]) -> tuple[Array, Array]:
     """
     x, states = model.x0.astype(float).copy(), model.states
     position = model.plant.position
-    if position in measured:
+    if position in measured and position in states:
         shift = measured[position] - x[states.index(position)]
         x += [shift if name.endswith(".position") else 0.0 for name in states]
     for name, value in measured.items():
