@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -88,7 +89,7 @@ class LinearizerNode(ManagedNode):
             name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in ("A", "B", "c", "model")
         }
         self._yaml = self.create_publisher(String, "~/model_yaml", LATCHED)
-        self._yaml.publish(String(data=self.model.to_yaml()))
+        self._yaml.publish(String(data=_text(self.model)))
         self._say_hello()
 
     def begin(self) -> None:
@@ -252,7 +253,7 @@ class LinearizerNode(ManagedNode):
             return
         self.logic.state_timeout = self.options["state_timeout"]
         self.logic.configure(new)
-        self._yaml.publish(String(data=self.model.to_yaml()))
+        self._yaml.publish(String(data=_text(self.model)))
         if "model_file" in changes:
             self._say_hello()
         if self.model.update_period != before.update_period:
@@ -272,6 +273,12 @@ class LinearizerNode(ManagedNode):
             self.renew(model)
         finally:
             self._renewing = False
+
+
+def _text(model: Model) -> str:
+    """Return a model as a file whose effect files are named in full, for whoever reads it elsewhere."""
+    files = tuple(str((model.folder / name).resolve()) for name in model.effect_files)
+    return replace(model, effect_files=files).to_yaml()
 
 
 def main() -> int:

@@ -90,7 +90,7 @@ class ManagedNode(LifecycleNodeMixin, ModelNode):  # type: ignore[misc]
             self.take_down()
         return TransitionCallbackReturn.SUCCESS
 
-    def _LifecycleNodeMixin__change_state(self, transition: int) -> TransitionCallbackReturn:  # noqa: N802
+    def _LifecycleNodeMixin__change_state(self, transition: int) -> TransitionCallbackReturn:
         """Refuse what is not possible now, where the mixin's own method would raise through the executor."""
         try:
             return super()._LifecycleNodeMixin__change_state(transition)

@@ -16,9 +16,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from signlin_ros.errors import InputError, suggest
+from signlin_ros.model import Model
 from signlin_ros.nodes import overrides
 from signlin_ros.nodes.overrides import Entry
-
 
 _arguments: ContextVar[Sequence[str] | None] = ContextVar("arguments", default=None)
 

@@ -24,7 +24,7 @@ STANDING = 4.0
 
 
 class NoiseMeter:
-    """Standard deviation ``sigma`` of a channel's noise from its samples, again whenever they have doubled, or `AGAIN` have come.
+    """Standard deviation ``sigma`` of a channel's noise from its samples, again whenever they have doubled, or so.
 
     An encoder counts with its step over sqrt(12). A ``known`` value is kept.
     """

@@ -36,6 +36,10 @@ WILDEST, LEARNT_OVER, TOO_LARGE = 400.0, 200.0, 3.0
 large even for the filter that trusts the model least, and the noise is taken as so much larger."""
 
 
+Event = tuple[float, int, "Array | float"]
+"""When, a kind of `signlin_ros.observe.events`, and an input (m,) or a measured value."""
+
+
 @dataclass(frozen=True)
 class Estimate:
     """The state x (n,) at time t in s, and its standard deviations (n,)."""
@@ -47,12 +51,29 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Innovations:
-    """What samples differed by from what was expected: time t (E,) in s, channel (E,), value and its variance (E,)."""
+    """What samples differed by from what was expected: time t (E,) in s, channel (E,), value and its variance (E,).
+
+    ``x`` (E, n): the state after each.
+    """
 
     t: Array
     channel: NDArray[np.int64]
     value: Array
     variance: Array
+    x: Array
+
+    @classmethod
+    def of(cls, events: list[Event], found: Array, n: int) -> Innovations:
+        """Read what the filters have found at events (E, ...)."""
+        kinds = np.array([kind for _, kind, _ in events], dtype=np.int64)
+        seen = kinds >= 0
+        t = np.array([when for when, _, _ in events])
+        return cls(t[seen], kinds[seen], found[seen, 0], found[seen, 1], found[seen, 2 : 2 + n])
+
+    @property
+    def sizes(self) -> Array:
+        """Innovations in their standard deviations (E,)."""
+        return np.asarray(self.value / np.sqrt(np.maximum(self.variance, 1e-300)))
 
 
 class KalmanObserver:
@@ -98,7 +119,7 @@ class KalmanObserver:
         self._X, self._D, self._U = np.zeros((count, n)), np.zeros((count, n)), np.tile(np.eye(n), (count, 1, 1))
         self._usual, self._score, self._clock = np.zeros((count, n)), np.zeros(count), np.zeros(1)
         self._missed = np.zeros(len(self.channels), dtype=np.int64)
-        self._queue: list[tuple[float, int, Array | float]] = []
+        self._queue: list[Event] = []
         self._last, self._started = -np.inf, False
         self._step = LONGEST_STEP
 
@@ -151,16 +172,13 @@ class KalmanObserver:
         found = self._run(
             events, self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed
         )
-        kinds = np.array([kind for _, kind, _ in events], dtype=np.int64)
-        seen = kinds >= 0
-        t = np.array([when for when, _, _ in events])
-        innovations = Innovations(t[seen], kinds[seen], found[seen, 0], found[seen, 1])
+        innovations = Innovations.of(events, found, len(self.model.states))
         self._learn(innovations)
         return innovations
 
     def _learn(self, innovations: Innovations) -> None:
         """Let the noise grow where innovations stay larger than they should be, as with stamps that jitter."""
-        squares = np.minimum(innovations.value**2 / np.maximum(innovations.variance, 1e-300), WILDEST)
+        squares = np.minimum(innovations.sizes**2, WILDEST)
         for c in range(len(self.channels)):
             found = squares[innovations.channel == c]
             keep = np.exp(-found.size / LEARNT_OVER)
@@ -197,12 +215,11 @@ class KalmanObserver:
             events, self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed
         )
         self._queue = []
-        kinds, when = np.array([event[1] for event in events]), np.array([event[0] for event in events])
-        seen, asked = kinds >= 0, kinds == QUERY
+        asked = np.array([kind == QUERY for _, kind, _ in events])
         n = len(self.model.states)
         x = np.full((len(t), n), np.nan)
         x[len(t) - int(asked.sum()) :] = found[asked, 2 : 2 + n]
-        return x, Innovations(when[seen], kinds[seen], found[seen, 0], found[seen, 1])
+        return x, Innovations.of(events, found, n)
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -216,7 +233,7 @@ class KalmanObserver:
 
     # ---------------------------------------------------------------- inside
 
-    def _begin(self, events: list[tuple[float, int, Array | float]]) -> list[tuple[float, int, Array | float]]:
+    def _begin(self, events: list[Event]) -> list[Event]:
         """Start the filters at the first measured values; returns the events that are left for them."""
         first = next((i for i, event in enumerate(events) if event[1] >= 0), None)
         if first is None:
@@ -231,7 +248,7 @@ class KalmanObserver:
         self._clock[0], self._started = events[first][0], True
         return events[first:]
 
-    def _run(self, events: list[tuple[float, int, Array | float]], *known: NDArray[Any]) -> Array:
+    def _run(self, events: list[Event], *known: NDArray[Any]) -> Array:
         n, m = self._disturbed.size, self._inputs.size
         found = np.full((len(events), 2 + 2 * n), np.nan)
         if not events:
@@ -252,7 +269,7 @@ class KalmanObserver:
         return found
 
 
-def _columns(events: list[tuple[float, int, Array | float]], width: int) -> tuple[Array, NDArray[np.int64], Array]:
+def _columns(events: list[Event], width: int) -> tuple[Array, NDArray[np.int64], Array]:
     """Return times (E,), kinds (E,) and values (E, width) of events."""
     times = np.array([event[0] for event in events])
     kinds = np.array([event[1] for event in events], dtype=np.int64)
