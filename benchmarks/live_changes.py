@@ -198,7 +198,6 @@ def main() -> None:
     parser.add_argument("--changes", type=int, default=6)
     parser.add_argument("--healthy", type=int, default=2)
     parser.add_argument("--minutes", type=float, default=2.0, help="length of a healthy run")
-    parser.add_argument("--skip", type=int, default=0, help="healthy runs and changes that are left out at first")
     parser.add_argument("--no-names", action="store_true", help="do not ask what has changed")
     given = parser.parse_args()
     counts = (60, 60, 10.0) if given.full else (given.changes, given.healthy, given.minutes)

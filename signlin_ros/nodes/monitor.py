@@ -46,6 +46,8 @@ OPTIONS = {
     "warn_above": Entry(3.0, "multiple of the usual error of a prediction above which it warns", 1.0, 1e6),
     "folder": Entry("", "where diagnoses and records are written; empty: a temporary folder"),
 }
+ENOUGH = 20
+"""Seconds of data since a change from which on a diagnosis takes them alone."""
 TICK = 0.1
 """Seconds between two looks at what has come."""
 ERROR_LABEL = "sec, nanosec, n, error of A B c, error without friction, RMS of both over the window, fit in percent"
@@ -220,13 +222,17 @@ class MonitorNode(ManagedNode):
         if self.diagnosis is not None:
             return _answer(response, False, "a diagnosis is running already")
         try:
-            # what came before a change is another machine
-            record = self.logic.record(since=self.logic.alarm_stamp or 0)
+            record = self.logic.record(since=self._since())
             self.diagnosis = Diagnosis(self.logic.model, record, self._new_folder("diagnosis"))
         except (SignlinError, OSError) as error:
             return _answer(response, False, str(error))
         self._tell({"state": "running", "seconds": 0.0})
         return _answer(response, True, f"{record.t[-1]:.1f} s of data; files in {self.diagnosis.folder}")
+
+    def _since(self) -> int:
+        """Return from when on data are of one machine: since it changed, if that is long enough ago to tell anything."""
+        changed = self.logic.alarm_stamp
+        return changed if changed is not None and self.now() - changed > ENOUGH * NANO else 0
 
     def _look_after_diagnosis(self) -> None:
         if self.diagnosis is None or self.diagnosis.running:
