@@ -1,6 +1,6 @@
 """A joint with its linearizer, monitor and controller; include it once for each namespace.
 
-ros2 launch signlin_ros live.launch.py params_file:=/path/to/model.yaml namespace:=joint1 simulate:=false controller:=false
+ros2 launch signlin_ros live.launch.py params_file:=/path/to/model.yaml namespace:=joint1 simulate:=false
 """
 
 from pathlib import Path

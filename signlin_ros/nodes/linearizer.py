@@ -7,7 +7,7 @@ Subscribes ``state`` or ``joint_states``, and ``input``; publishes ``~/A``, ``~/
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Any
@@ -52,6 +52,8 @@ OPTIONS = {
     "observer": Entry("kalman", "where states that are not measured come from", choices=OBSERVERS),
     "model_file": Entry("", "another model, taken at once; empty: the one that the node began with", read_only=False),
 }
+LONGEST_REST = 4e-3
+"""Seconds for which messages gather, so that many come with one waking."""
 ASIDE = 2e-3
 """Seconds between two looks at what has come, while another model is prepared."""
 CLOCK_PATIENCE = 5.0
@@ -96,13 +98,15 @@ class LinearizerNode(ManagedNode):
         """Listen, and publish every period."""
         self.logic.reset(self.now())
         source = self.options["state_source"]
-        kind, topic, callback = {
-            "array": (Float64MultiArray, "state", self._on_state),
-            "joint_state": (JointState, "joint_states", self._on_joint_state),
+        kind, topic, take = {
+            "array": (Float64MultiArray, "state", self._take_state),
+            "joint_state": (JointState, "joint_states", self._take_joint_state),
         }[source]
+        self._takers = (self._take_input, take)
+        self._simulated = bool(self.get_parameter("use_sim_time").value)
         self._inputs = [
             self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS),
-            self.create_subscription(kind, topic, callback, SENSORS),
+            self.create_subscription(kind, topic, self._on_state, SENSORS),
         ]
         self._timer = self.create_timer(self.model.update_period, self._on_period)
 
@@ -137,16 +141,35 @@ class LinearizerNode(ManagedNode):
 
     # ---------------------------------------------------------------- messages
 
-    def _on_input(self, message: Float64MultiArray) -> None:
-        self.logic.take_input(convert.read_vector(message, len(self.model.inputs)), self.now())
+    def _on_input(self, message: Float64MultiArray, info: Any) -> None:
+        self._drain(0, message, info)
 
-    def _on_state(self, message: Float64MultiArray) -> None:
-        self.logic.take_state(convert.read_vector(message, len(self.model.states)), self.now())
+    def _on_state(self, message: Any, info: Any) -> None:
+        self._drain(1, message, info)
 
-    def _on_joint_state(self, message: JointState) -> None:
+    def _drain(self, which: int, message: Any, info: Any) -> None:
+        """Take a message and those that wait behind it, then rest for a moment: waking up is what costs."""
+        subscription, take = self._inputs[which], self._takers[which]
+        take(message, self._received(info))
+        for more, its in _waiting(subscription):
+            take(more, self._received(its))
+        self.rest = min(LONGEST_REST, self.model.update_period / 20)
+
+    def _received(self, info: Any) -> int:
+        """Return when a message came, in ns of the node's clock."""
+        came = 0 if self._simulated else int(info["received_timestamp"])
+        return came or self.now()
+
+    def _take_input(self, message: Float64MultiArray, now: int) -> None:
+        self.logic.take_input(convert.read_vector(message, len(self.model.inputs)), now)
+
+    def _take_state(self, message: Float64MultiArray, now: int) -> None:
+        self.logic.take_state(convert.read_vector(message, len(self.model.states)), now)
+
+    def _take_joint_state(self, message: JointState, now: int) -> None:
         joint = convert.read_joint(message, self.joint)
         values = joint if isinstance(joint, Refusal) else measured_states(self.model, joint)
-        self.logic.take_measured(values, convert.nanoseconds(message.header.stamp), self.now())
+        self.logic.take_measured(values, convert.nanoseconds(message.header.stamp), now)
 
     def _on_period(self) -> None:
         start = time.perf_counter()
@@ -235,10 +258,9 @@ class LinearizerNode(ManagedNode):
         """Take what has come, and publish what has fallen due."""
         if self.logic is None or not self.active:
             return
-        for subscription in self._inputs:
-            with subscription.handle:
-                while (found := subscription.handle.take_message(subscription.msg_type, False)) is not None:
-                    subscription.callback(found[0])
+        for subscription, take in zip(self._inputs, self._takers, strict=True):
+            for message, info in _waiting(subscription):
+                take(message, self._received(info))
         self._on_period()
 
     def _apply_changes(self, changes: dict[str, Any]) -> None:
@@ -273,6 +295,13 @@ class LinearizerNode(ManagedNode):
             self.renew(model)
         finally:
             self._renewing = False
+
+
+def _waiting(subscription: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield the messages that wait in a subscription, with what the middleware says of them."""
+    with subscription.handle:
+        while (found := subscription.handle.take_message(subscription.msg_type, False)) is not None:
+            yield found
 
 
 def _text(model: Model) -> str:

@@ -230,7 +230,7 @@ class MonitorNode(ManagedNode):
         return _answer(response, True, f"{record.t[-1]:.1f} s of data; files in {self.diagnosis.folder}")
 
     def _since(self) -> int:
-        """Return from when on data are of one machine: since it changed, if that is long enough ago to tell anything."""
+        """Return from when on data are of one machine: since it changed, if that is long enough ago."""
         changed = self.logic.alarm_stamp
         return changed if changed is not None and self.now() - changed > ENOUGH * NANO else 0
 

@@ -6,6 +6,7 @@ import faulthandler
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -65,12 +66,22 @@ def _run(name: str, create: Callable[[], Node | list[Node]], arguments: list[str
             executor.add_node(node)
         while not signals.stop and not any(getattr(node, "finished", False) for node in nodes):
             executor.spin_once(timeout_sec=0.1)
+            _rest(nodes)
         return 0
     except (InputError, RCLError, ParameterException) as error:
         get_logger(name).fatal(" ".join(str(error).split()))
         return 2
     finally:
         _end(executor, nodes)
+
+
+def _rest(nodes: list[Node]) -> None:
+    """Let messages gather where a node has taken all that there were: one waking for several costs much less."""
+    pauses = [getattr(node, "rest", 0.0) for node in nodes]
+    if any(pauses):
+        for node in nodes:
+            node.rest = 0.0
+        time.sleep(min(pause for pause in pauses if pause))
 
 
 class _Signals:

@@ -11,7 +11,8 @@ from signlin_ros.errors import InputError
 def check_security(environment: MutableMapping[str, str]) -> None:
     """Where ``ROS_SECURITY_ENABLE`` is true, need a keystore, and let ROS enforce what it says.
 
-    ROS itself goes on unprotected, with a warning, unless ``ROS_SECURITY_STRATEGY`` is ``Enforce``. Raises `InputError`.
+    ROS itself goes on unprotected, with a warning, unless ``ROS_SECURITY_STRATEGY`` is ``Enforce``.
+    Raises `InputError`.
     """
     if environment.get("ROS_SECURITY_ENABLE") != "true":
         return
