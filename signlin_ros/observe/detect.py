@@ -32,7 +32,7 @@ FORGIVEN = 0.4
 RUNS = (2, 3, 5)
 """So many samples to one side are a shift; a single one is a wild value."""
 RUN_MARGIN, RUN_FLOOR = 1.5, 5.5
-"""A run's sum, over the root of its length, against the largest usual one, and at least."""
+"""A run's size against the largest usual one, and at least."""
 FEWEST = 12
 """Blocks that must be known before anything is called unusual."""
 
@@ -158,12 +158,15 @@ class ChangeDetector:
 
 
 def _run_size(values: list[float]) -> float:
-    """Return the largest sum over its root's length of the last values that are all to one side."""
+    """Return the largest size of the last values that are all to one side: their mean but for the largest, times the
+    root of their number. One wild value beside a usual one is no run.
+    """
     size = 0.0
     for length in RUNS:
-        last = values[-length:]
-        if len(last) == length and (min(last) > 0 or max(last) < 0):
-            size = max(size, abs(sum(last)) / length**0.5)
+        last = [abs(value) for value in values[-length:]]
+        same = min(values[-length:]) > 0 or max(values[-length:]) < 0
+        if len(last) == length and same:
+            size = max(size, (sum(last) - max(last)) / (length - 1) * length**0.5)
     return size
 
 
