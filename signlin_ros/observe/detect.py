@@ -31,6 +31,8 @@ FORGIVEN = 0.4
 """A usual block takes at most so much from the sum."""
 RUNS = (2, 3, 5)
 """So many samples to one side are a shift; a single one is a wild value."""
+CLEAR = 2.5
+"""What the other values of a run must be on the mean, beside the largest."""
 RUN_MARGIN, RUN_FLOOR = 1.5, 5.5
 """A run's size against the largest usual one, and at least."""
 FEWEST = 12
@@ -158,15 +160,16 @@ class ChangeDetector:
 
 
 def _run_size(values: list[float]) -> float:
-    """Return the largest size of the last values that are all to one side: their mean but for the largest, times the
-    root of their number. One wild value beside a usual one is no run.
+    """Return the largest sum over its root's length of the last values that are all to one side.
+
+    All but the largest must be `CLEAR` on the mean: one wild value beside a usual one is no run.
     """
     size = 0.0
     for length in RUNS:
         last = [abs(value) for value in values[-length:]]
         same = min(values[-length:]) > 0 or max(values[-length:]) < 0
-        if len(last) == length and same:
-            size = max(size, (sum(last) - max(last)) / (length - 1) * length**0.5)
+        if len(last) == length and same and sum(last) - max(last) >= CLEAR * (length - 1):
+            size = max(size, sum(last) / length**0.5)
     return size
 
 
