@@ -12,11 +12,11 @@ SHARED := pyproject.toml constraints.txt package.xml $(wildcard config/* config/
 export PIP_NO_INPUT = 1
 export FASTRTPS_DEFAULT_PROFILES_FILE = $(abspath config/fastdds_profile.xml)
 
-.PHONY: help install test quick check format demo workbench bench clean
+.PHONY: help install test quick check format demo demo-live soak workbench bench clean
 .DEFAULT_GOAL := help
 
 help:            ## this list
-	@sed -n 's/^\([a-z]*\):.*## */\1	/p' $(MAKEFILE_LIST) | expand -t 12
+	@sed -n 's/^\([a-z-]*\):.*## */\1	/p' $(MAKEFILE_LIST) | expand -t 12
 
 install: $(STAMP)  ## the environment $(VENV) with everything in it
 
@@ -33,6 +33,7 @@ $(BIN)/python:
 $(STAMP): $(SHARED) | $(BIN)/python
 	@echo "Installing into $(VENV) (some minutes the first time) ..."
 	@$(PIP) install -q -c constraints.txt -e '.[all,dev]' > $(VENV)/install.log 2>&1 || { cat $(VENV)/install.log >&2; exit 1; }
+	@$(BIN)/signlin warm >> $(VENV)/install.log 2>&1 || { tail -n 3 $(VENV)/install.log >&2; exit 1; }
 	@touch $@
 
 $(PEERS): $(STAMP)
@@ -67,6 +68,12 @@ demo: install    ## the main job for real: simulator and linearizer over ROS 2, 
 
 workbench: install  ## the local page, with a sample record
 	$(BIN)/signlin workbench --sample
+
+demo-live: install  ## a model watched, diagnosed and improved while the machine runs: a figure over time
+	$(BIN)/python -m signlin_ros.demo_live --output $(OUT)
+
+soak: install    ## the faults of the fault harness for an hour: lost, late, repeated, corrupted messages, restarts
+	SIGNLIN_SOAK=3600 $(BIN)/python -m pytest -q tests/ros/test_faults.py
 
 bench: $(PEERS)  ## speed and latency, as ratios against other tools
 	$(BIN)/python benchmarks/bench.py

@@ -22,6 +22,7 @@ from typing import Any, cast
 import click
 
 from signlin_ros import __version__
+from signlin_ros.cli_live import ros, warm
 from signlin_ros.errors import InputError, MissingExtraError, suggest
 
 METHODS = ("optimal", "termwise", "jacobian")
@@ -745,6 +746,10 @@ def _run(arguments: Sequence[str] | None) -> int:
         given = None if arguments is None else list(arguments)
         code = signlin.main(args=given, prog_name="signlin", standalone_mode=False)
     return code if isinstance(code, int) else 0
+
+
+for _live in (ros, warm):
+    signlin.add_command(_live)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

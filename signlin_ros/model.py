@@ -55,6 +55,7 @@ NODE_KEYS = (
     *("design", "track", "control_period", "limit", "loop_delay", "largest_speed", "bandwidth", "damping", "integral"),
     *("tolerance_at_rest", "floor", "friction_share", "turning", "reference_timeout", "model_timeout"),
     "needs_model",
+    *("autostart", "observer", "model_file", "linearizer", "window", "learn", "warn_above", "folder"),
 )
 """Keys of the nodes (docs/nodes), accepted by every verb."""
 

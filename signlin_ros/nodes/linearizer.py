@@ -1,28 +1,43 @@
 """The node ``linearizer``: states in, A_k, B_k, c out, one model per update period.
 
-Subscribes ``state`` or ``joint_states``, and ``input``; publishes ``~/A``, ``~/B``, ``~/c``, ``~/model`` and
-``/diagnostics``.
+Subscribes ``state`` or ``joint_states``, and ``input``; publishes ``~/A``, ``~/B``, ``~/c``, ``~/model``,
+``~/model_yaml`` and ``/diagnostics``. A managed node.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
+from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, Header
+from std_msgs.msg import Float64MultiArray, Header, String
 
+from signlin_ros.errors import InputError
 from signlin_ros.estimate import StateEstimator
+from signlin_ros.model import Model
 from signlin_ros.nodes import convert, overrides
 from signlin_ros.nodes.joint import measured_states
-from signlin_ros.nodes.linearizer_logic import NANO, LinearizerLogic, Refusal, Update, checked_linearizer
+from signlin_ros.nodes.linearizer_logic import (
+    NANO,
+    OBSERVERS,
+    LinearizerLogic,
+    Prepared,
+    Refusal,
+    Update,
+    checked_linearizer,
+)
+from signlin_ros.nodes.managed import ManagedNode
 from signlin_ros.nodes.overrides import Entry
-from signlin_ros.nodes.parameters import ModelNode, on_change
+from signlin_ros.nodes.parameters import on_change
 from signlin_ros.nodes.qos import LATCHED, SENSORS
 from signlin_ros.nodes.runner import run
+from signlin_ros.observe import KalmanObserver
 
 OPTIONS = {
     "state_source": Entry("array", "where states come from", choices=("array", "joint_state")),
@@ -34,37 +49,91 @@ OPTIONS = {
         1e6,
         read_only=False,
     ),
+    "observer": Entry("kalman", "where states that are not measured come from", choices=OBSERVERS),
+    "model_file": Entry("", "another model, taken at once; empty: the one that the node began with", read_only=False),
 }
+LONGEST_REST = 4e-3
+"""Seconds for which messages gather, so that many come with one waking."""
+ASIDE = 2e-3
+"""Seconds between two looks at what has come, while another model is prepared."""
 CLOCK_PATIENCE = 5.0
 """Seconds without /clock, with use_sim_time, after which that is said."""
 
 
-class LinearizerNode(ModelNode):
+class LinearizerNode(ManagedNode):
     """Reads messages into `LinearizerLogic` and publishes what comes out."""
 
     def __init__(self) -> None:
         super().__init__("linearizer", OPTIONS, follows=True)
-        self.logic = LinearizerLogic(self.model, self.now(), self.options["state_timeout"])
         self.joint = self.options["joint_name"]
-        self._publish_to = {name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in "ABc"}
-        self._publish_to["model"] = self.create_publisher(Float64MultiArray, "~/model", LATCHED)
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS)
-        if self.options["state_source"] == "array":
-            self.create_subscription(Float64MultiArray, "state", self._on_state, SENSORS)
-        else:
-            if self.model.plant.position in self.model.states:
-                StateEstimator(self.model, [self.model.plant.position]).warm_up()
-            self.create_subscription(JointState, "joint_states", self._on_joint_state, SENSORS)
-        self._timer = self.create_timer(self.model.update_period, self._on_period)
+        self.logic: Any = None
+        self._first = self.model
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # goes on where a simulated clock stands still
         self._waited = 0.0
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=steady)
         self._last_refused, self._latest, self._computing = 0, 0, 0.0
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._on_jump)
+        self._renewing = False
+        if self.options["model_file"]:
+            self.renew(Model.load(self.options["model_file"]))
         on_change(self, self._try_changes, self._apply_changes)
+        self.start()
+
+    def set_up(self) -> None:
+        """Make the logic and the publishers."""
+        option = self.options
+        self.logic = LinearizerLogic(self.model, self.now(), option["state_timeout"], option["observer"])
+        if option["state_source"] == "joint_state":
+            self._warm_up()
+        self._publish_to = {
+            name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in ("A", "B", "c", "model")
+        }
+        self._yaml = self.create_publisher(String, "~/model_yaml", LATCHED)
+        self._yaml.publish(String(data=_text(self.model)))
         self._say_hello()
+
+    def begin(self) -> None:
+        """Listen, and publish every period."""
+        self.logic.reset(self.now())
+        source = self.options["state_source"]
+        kind, topic, take = {
+            "array": (Float64MultiArray, "state", self._take_state),
+            "joint_state": (JointState, "joint_states", self._take_joint_state),
+        }[source]
+        self._takers = (self._take_input, take)
+        self._simulated = bool(self.get_parameter("use_sim_time").value)
+        self._inputs = [
+            self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS),
+            self.create_subscription(kind, topic, self._on_state, SENSORS),
+        ]
+        self._timer = self.create_timer(self.model.update_period, self._on_period)
+
+    def end(self) -> None:
+        """Listen no more."""
+        self.destroy_timer(self._timer)
+        for subscription in self._inputs:
+            self.destroy_subscription(subscription)
+
+    def take_down(self) -> None:
+        """Undo `set_up`."""
+        for publisher in (*getattr(self, "_publish_to", {}).values(), getattr(self, "_yaml", None)):
+            if publisher is not None:
+                self.destroy_publisher(publisher)
+        self.logic, self._publish_to, self._yaml = None, {}, None
+
+    def _warm_up(self) -> None:
+        """Have compiled what a state that is not whole will need, so that the first message is as quick as others."""
+        position = self.model.plant.position
+        if self.options["observer"] == "kalman":
+            shown = [name for name in (position, self.model.plant.velocity) if name in self.model.states][:1]
+            observer = KalmanObserver(self.model, shown)
+            for k in range(3):
+                observer.take(1e-3 * k, dict.fromkeys(shown, 0.0))
+            observer.estimate()
+        elif position in self.model.states:
+            StateEstimator(self.model, [position]).warm_up()
 
     def _say_hello(self) -> None:
         names = f"states {', '.join(self.model.states)}; inputs {', '.join(self.model.inputs)}"
@@ -72,16 +141,35 @@ class LinearizerNode(ModelNode):
 
     # ---------------------------------------------------------------- messages
 
-    def _on_input(self, message: Float64MultiArray) -> None:
-        self.logic.take_input(convert.read_vector(message, len(self.model.inputs)))
+    def _on_input(self, message: Float64MultiArray, info: Any) -> None:
+        self._drain(0, message, info)
 
-    def _on_state(self, message: Float64MultiArray) -> None:
-        self.logic.take_state(convert.read_vector(message, len(self.model.states)), self.now())
+    def _on_state(self, message: Any, info: Any) -> None:
+        self._drain(1, message, info)
 
-    def _on_joint_state(self, message: JointState) -> None:
+    def _drain(self, which: int, message: Any, info: Any) -> None:
+        """Take a message and those that wait behind it, then rest for a moment: waking up is what costs."""
+        subscription, take = self._inputs[which], self._takers[which]
+        take(message, self._received(info))
+        for more, its in _waiting(subscription):
+            take(more, self._received(its))
+        self.rest = min(LONGEST_REST, self.model.update_period / 20)
+
+    def _received(self, info: Any) -> int:
+        """Return when a message came, in ns of the node's clock."""
+        came = 0 if self._simulated else int(info["received_timestamp"])
+        return came or self.now()
+
+    def _take_input(self, message: Float64MultiArray, now: int) -> None:
+        self.logic.take_input(convert.read_vector(message, len(self.model.inputs)), now)
+
+    def _take_state(self, message: Float64MultiArray, now: int) -> None:
+        self.logic.take_state(convert.read_vector(message, len(self.model.states)), now)
+
+    def _take_joint_state(self, message: JointState, now: int) -> None:
         joint = convert.read_joint(message, self.joint)
         values = joint if isinstance(joint, Refusal) else measured_states(self.model, joint)
-        self.logic.take_measured(values, convert.nanoseconds(message.header.stamp), self.now())
+        self.logic.take_measured(values, convert.nanoseconds(message.header.stamp), now)
 
     def _on_period(self) -> None:
         start = time.perf_counter()
@@ -99,15 +187,20 @@ class LinearizerNode(ModelNode):
     # ---------------------------------------------------------------- time
 
     def _on_jump(self, _: Any) -> None:
+        if self.logic is None:
+            return
         self.get_logger().warning("the clock has jumped back or changed: starting anew")
         self.logic.reset(self.now())
-        self._timer.reset()
+        if self.active:
+            self._timer.reset()
 
     def _on_second(self) -> None:
         now = self.now()
         if now < self._latest:  # the system's clock was set back: no jump callback tells of that
             self._on_jump(None)
         self._latest = now
+        if not self.active or self.logic is None:
+            return
         health = self.logic.health(now)
         shown = {**health.values, "computing and publishing [s]": f"{self._computing:.6f}"}
         values = [KeyValue(key=key, value=value) for key, value in shown.items()]
@@ -139,16 +232,82 @@ class LinearizerNode(ModelNode):
     # ---------------------------------------------------------------- parameters
 
     def _try_changes(self, changes: dict[str, Any]) -> None:
-        checked_linearizer(overrides.changed(self.model, changes))
+        if not self._renewing:
+            self._prepared = self._aside(lambda: self._prepare(changes))
+
+    def _prepare(self, changes: dict[str, Any]) -> Prepared:
+        if "model_file" not in changes:
+            model = overrides.changed(self.model, changes)
+        elif len(changes) > 1:
+            raise InputError("model_file: found other parameters beside it; a whole model is set alone")
+        else:
+            model = Model.load(changes["model_file"]) if changes["model_file"] else self._first
+        model.to_yaml()
+        return self.logic.prepare(model) if self.logic else Prepared(model, checked_linearizer(model), None)
+
+    def _aside(self, work: Callable[[], Prepared]) -> Prepared:
+        """Do what takes its time in a thread, and meanwhile what the executor would do; it waits for this callback."""
+        with ThreadPoolExecutor(1) as pool:
+            future = pool.submit(work)
+            while not future.done():
+                wait([future], timeout=ASIDE)
+                self._pump()
+            return future.result()
+
+    def _pump(self) -> None:
+        """Take what has come, and publish what has fallen due."""
+        if self.logic is None or not self.active:
+            return
+        for subscription, take in zip(self._inputs, self._takers, strict=True):
+            for message, info in _waiting(subscription):
+                take(message, self._received(info))
+        self._on_period()
 
     def _apply_changes(self, changes: dict[str, Any]) -> None:
-        before, self.model = self.model, overrides.changed(self.model, changes)
-        self.logic.state_timeout = float(changes.get("state_timeout", self.logic.state_timeout))
-        self.logic.configure(self.model)
+        if self._renewing:
+            return
+        before, new = self.model, self._prepared
+        if "model_file" in changes:
+            self._renew(new.model)
+        self.model = new.model
+        self.options["state_timeout"] = float(changes.get("state_timeout", self.options["state_timeout"]))
+        if self.logic is None:
+            return
+        self.logic.state_timeout = self.options["state_timeout"]
+        self.logic.configure(new)
+        self._yaml.publish(String(data=_text(self.model)))
+        if "model_file" in changes:
+            self._say_hello()
         if self.model.update_period != before.update_period:
-            self.logic.restart(self.now())
+            self._restart()
+
+    def _restart(self) -> None:
+        """Count periods anew, of another length."""
+        self.logic.restart(self.now())
+        if self.active:
             self._timer.timer_period_ns = round(self.model.update_period * NANO)
             self._timer.reset()
+
+    def _renew(self, model: Model) -> None:
+        """Declare another model's parameters in place of the old one's."""
+        self._renewing = True
+        try:
+            self.renew(model)
+        finally:
+            self._renewing = False
+
+
+def _waiting(subscription: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield the messages that wait in a subscription, with what the middleware says of them."""
+    with subscription.handle:
+        while (found := subscription.handle.take_message(subscription.msg_type, False)) is not None:
+            yield found
+
+
+def _text(model: Model) -> str:
+    """Return a model as a file whose effect files are named in full, for whoever reads it elsewhere."""
+    files = tuple(str((model.folder / name).resolve()) for name in model.effect_files)
+    return replace(model, effect_files=files).to_yaml()
 
 
 def main() -> int:

@@ -16,12 +16,17 @@ from signlin_ros.errors import InputError
 from signlin_ros.estimate import StateEstimator
 from signlin_ros.linearize import Linearization, Linearizer
 from signlin_ros.model import Model
+from signlin_ros.observe import KalmanObserver
+from signlin_ros.sensors import Sensor
 
 Array = NDArray[np.float64]
 NANO = 1_000_000_000
 OK, WARN, ERROR = 0, 1, 2
 SHORTEST_PERIOD = 1e-4
 """Seconds; a node cannot publish faster."""
+OBSERVERS = ("kalman", "none")
+"""Where states that are not measured come from: the model, corrected by what is measured; or a parabola and the model
+alone."""
 MOST_LATE = 10
 """Periods that are made up for when the node was late itself; more were a jump of the clock."""
 
@@ -54,11 +59,20 @@ class Health:
 
 @dataclass(frozen=True)
 class _State:
-    """The newest good state: x (n,), its stamp, and when it came, in ns."""
+    """The newest good state: x (n,), its stamp, and when it came, in ns; x is None where the observer has it."""
 
-    x: Array
+    x: Array | None
     stamp: int
     came: int
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A model with what it needs to be taken at once: its linearizer, and its observer where one is at work."""
+
+    model: Model
+    linearizer: Linearizer
+    observer: KalmanObserver | None
 
 
 class LinearizerLogic:
@@ -69,9 +83,14 @@ class LinearizerLogic:
     model : what is linearized.
     now : the time in ns; periods are counted from here.
     state_timeout : s without a valid state after which nothing is published; 0: three update periods.
+    observer : one of `OBSERVERS`, for states that are not measured.
     """
 
-    def __init__(self, model: Model, now: int, state_timeout: float = 0.0) -> None:
+    def __init__(self, model: Model, now: int, state_timeout: float = 0.0, observer: str = "kalman") -> None:
+        self.observer, self.model = observer, model
+        self._state: _State | None = None
+        self._watcher: KalmanObserver | None = None
+        self._estimator: StateEstimator | None = None
         self.refused: Counter[str] = Counter()
         self.accepted = 0
         self.sequence = 0
@@ -86,18 +105,36 @@ class LinearizerLogic:
 
     # ---------------------------------------------------------------- configuration
 
-    def configure(self, model: Model) -> None:
-        """Take another model with the same states and inputs; may raise `InputError`."""
-        self.linearizer = checked_linearizer(model)
-        self.model = model
-        self.period = round(model.update_period * NANO)
-        self._estimator: StateEstimator | None = None
+    def prepare(self, model: Model) -> Prepared:
+        """Make all that another model needs, so that `configure` takes no time; may raise `InputError`."""
+        watcher = self._watcher
+        kept = [name for name in watcher.channels if name in model.states] if watcher is not None else []
+        return Prepared(model, checked_linearizer(model), KalmanObserver(model, kept) if kept else None)
+
+    def configure(self, model: Model | Prepared) -> None:
+        """Take another model at once, of whatever states; may raise `InputError`, and then nothing has changed.
+
+        What is known goes on where the two have it in common: states that the observer has, the input, the sequence.
+        """
+        new = self.prepare(model) if isinstance(model, Model) else model
+        before, self.model, self.linearizer = self.model, new.model, new.linearizer
+        if new.observer is not None and self._watcher is not None:
+            new.observer.adopt(self._watcher)
+        self._watcher, self._estimator = new.observer, None
+        self.period = round(self.model.update_period * NANO)
+        self._perfect = all(sensor == Sensor() for sensor in self.model.sensors.values())
+        if before.inputs != self.model.inputs:
+            known = dict(zip(before.inputs, self.u.tolist(), strict=True))
+            self.u = np.array([known.get(name, 0.0) for name in self.model.inputs])
+        if before.states != self.model.states and self._state is not None:
+            self._state = self._state if self._watcher is not None and self._state.x is None else None
 
     def reset(self, now: int) -> None:
         """Forget the state and count periods from ``now``: the clock has jumped."""
-        self._state: _State | None = None
+        self._state = None
         self._estimator = None
-        self._fault = ""
+        self._watcher = None
+        self._fault, self._epoch = "", now
         self.restart(now)
 
     def restart(self, now: int) -> None:
@@ -113,20 +150,22 @@ class LinearizerLogic:
 
     # ---------------------------------------------------------------- input
 
-    def take_input(self, value: Array | Refusal) -> None:
-        """Hold an input (m,) until the next one."""
+    def take_input(self, value: Array | Refusal, now: int | None = None) -> None:
+        """Hold an input (m,) until the next one; ``now``: when it came, for the observer."""
         if isinstance(value, Refusal):
             self._refuse(Refusal(f"input_{value.kind}", value.detail))
             return
         self.u = value
         self.input_received = True
+        if self._watcher is not None and now is not None:
+            self._watcher.take_input((now - self._epoch) / NANO, value)
 
     def take_state(self, value: Array | Refusal, now: int) -> None:
         """Take a whole state (n,) as the sensors show it; it has no stamp of its own and gets the time it came."""
         if isinstance(value, Refusal):
             self._refuse(value)
             return
-        self._accept(self.model.true_states(value), now, now)
+        self._accept(value if self._perfect else self.model.true_states(value), now, now)
 
     def take_measured(self, value: Mapping[str, float] | Refusal, stamp: int, now: int) -> None:
         """Take what the sensors show of a state, by name, with its own stamp; the model carries the rest.
@@ -142,7 +181,7 @@ class LinearizerLogic:
             self._refuse(fault)
             return
         try:
-            x = self._whole({name: self.model.sensors[name].true(y) for name, y in value.items()}, stamp)
+            x = self._whole(value, stamp)
         except InputError as error:  # the carried states ran away
             self._estimator = None
             self._refuse(Refusal("no_estimate", str(error)))
@@ -153,7 +192,7 @@ class LinearizerLogic:
         self.refused[refusal.kind] += 1
         self.last_refusal = refusal
 
-    def _accept(self, x: Array, stamp: int, now: int) -> None:
+    def _accept(self, x: Array | None, stamp: int, now: int) -> None:
         if self._state is None:  # periods that passed without a state are not made up for
             self._periods = max(self._periods, (now - self.origin) // self.period)
         self._state = _State(x, stamp, now)
@@ -180,15 +219,41 @@ class LinearizerLogic:
             return Refusal("missing", f"no {needed} in the message")
         return None
 
-    def _whole(self, measured: Mapping[str, float], stamp: int) -> Array:
-        """Return the state (n,), with what is not measured carried by the model."""
-        if all(name in measured for name in self.model.states):
-            return np.array([measured[name] for name in self.model.states])
-        known = tuple(name for name in self.model.states if name in measured)
+    def _whole(self, shown: Mapping[str, float], stamp: int) -> Array | None:
+        """Return the state (n,) from what the sensors show of it; None where the observer has to be asked for it."""
+        states, sensors = self.model.states, self.model.sensors
+        if all(name in shown for name in states):
+            return np.array([sensors[name].true(shown[name]) for name in states])
         resumed = self._state is None or stamp - self._state.stamp > self.timeout
+        if self.observer == "kalman":
+            self._watch(shown, stamp, resumed)
+            return None
+        known = tuple(name for name in states if name in shown)
         if self._estimator is None or resumed or self._estimator.measured != known:
             self._estimator = StateEstimator(self.model, known)
-        return self._estimator.update((stamp - self.origin) / NANO, measured, self.u)
+        true = {name: sensors[name].true(shown[name]) for name in known}
+        return self._estimator.update((stamp - self._epoch) / NANO, true, self.u)
+
+    def _watch(self, shown: Mapping[str, float], stamp: int, resumed: bool) -> None:
+        """Hand a sample to the observer; the first of a run, or a new kind of one, starts it anew."""
+        known = [name for name in self.model.states if name in shown]
+        t = (stamp - self._epoch) / NANO
+        if self._watcher is None or not set(known) <= set(self._watcher.channels):
+            self._watcher = KalmanObserver(self.model, known)
+            self._watcher.take_input(t, self.u)
+        elif resumed:
+            self._watcher.reset()
+            self._watcher.take_input(t, self.u)
+        self._watcher.take(t, shown)
+
+    def _known_state(self, state: _State) -> Array:
+        """Return the state (n,), asked of the observer if need be; may raise `InputError`."""
+        if state.x is not None:
+            return state.x
+        if self._watcher is None:
+            raise InputError("no state")
+        x: Array = self._watcher.estimate().x
+        return x
 
     # ---------------------------------------------------------------- output
 
@@ -210,7 +275,7 @@ class LinearizerLogic:
 
     def _results(self, state: _State, due: int, now: int) -> list[Update]:
         try:
-            result = self.linearizer(state.x, self.u)
+            result = self.linearizer(self._known_state(state), self.u)
         except InputError as error:
             return self._no_result(str(error))
         if not all(np.isfinite(part).all() for part in (result.A, result.B, result.c, result.x, result.u)):
@@ -248,6 +313,9 @@ class LinearizerLogic:
         }
         if self.last is not None:
             values["age of the last model [s]"] = f"{(now - self.last.stamp) / NANO:.6f}"
+        if self._watcher is not None:
+            noise = (f"{name} {sigma:.3g}" for name, sigma in self._watcher.sigma.items())
+            values["observer"] = f"kalman, model trusted to {100 * self._watcher.trust:g} %; noise: {', '.join(noise)}"
         if self.last_refusal is not None:
             values["last refused"] = f"{self.last_refusal.kind}: {self.last_refusal.detail}"
         return Health(level, message, values | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())})

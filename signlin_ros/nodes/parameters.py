@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import replace
 from typing import Any
 
@@ -14,8 +16,21 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from signlin_ros.errors import InputError, suggest
+from signlin_ros.model import Model
 from signlin_ros.nodes import overrides
 from signlin_ros.nodes.overrides import Entry
+
+_arguments: ContextVar[Sequence[str] | None] = ContextVar("arguments", default=None)
+
+
+@contextlib.contextmanager
+def given(arguments: Sequence[str]) -> Iterator[None]:
+    """Nodes made in here take these arguments (``--ros-args ...``) in place of the process's own."""
+    token = _arguments.set(list(arguments))
+    try:
+        yield
+    finally:
+        _arguments.reset(token)
 
 
 class ModelNode(Node):  # type: ignore[misc]
@@ -26,15 +41,25 @@ class ModelNode(Node):  # type: ignore[misc]
     """
 
     def __init__(self, name: str, options: Mapping[str, Entry], follows: bool = False) -> None:
-        super().__init__(name)
+        own = _arguments.get()
+        super().__init__(name, cli_args=own, use_global_arguments=own is None)
+        arguments = sys.argv if own is None else own
         given = {key: parameter.value for key, parameter in self._parameter_overrides.items()}
-        overrides.check_none_lost(given, sys.argv, self.get_fully_qualified_name())
-        self.model = overrides.model_of(given, sys.argv)
+        overrides.check_none_lost(given, arguments, self.get_fully_qualified_name())
+        self.model = overrides.model_of(given, arguments)
         entries = overrides.entries_of(self.model)
         declare(self, entries if follows else {key: replace(e, read_only=True) for key, e in entries.items()})
         values = {key: entry.check(key, given.get(key, entry.value)) for key, entry in options.items()}
         declare(self, {key: replace(entry, value=values[key]) for key, entry in options.items()})
         self.options: dict[str, Any] = values
+
+    def renew(self, model: Model) -> None:
+        """Declare another model's parameters in place of those of the present one, and take it."""
+        for name in overrides.entries_of(self.model):
+            self.describe_parameter(name).read_only = False  # its own descriptor, not a copy
+            self.undeclare_parameter(name)
+        self.model = model
+        declare(self, overrides.entries_of(model))
 
     def now(self) -> int:
         """Return the time of the node's clock in ns."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import faulthandler
+import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -17,6 +19,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from signlin_ros.errors import InputError
+from signlin_ros.nodes.security import check_security
 
 RCLError = rclpy_implementation.RCLError
 """What rclpy raises for a parameter file that is not there or cannot be read, and for a bad command line."""
@@ -32,8 +35,9 @@ class _Stop(BaseException):
     """Ends what is long in coming; nothing takes it for an exit that it has asked for itself, or for an error."""
 
 
-def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
-    """Run the node that ``create`` makes until a signal, or its ``finished``; return the exit code.
+def run(name: str, create: Callable[[], Node | list[Node]], arguments: Sequence[str] | None = None) -> int:
+    """Run the node, or the nodes, that ``create`` makes until a signal, or until one has ``finished``; return the exit
+    code.
 
     0: ended as asked; 2: what the user gave is bad, said in one line. With the handlers of rclpy itself one
     end in ten fails on SIGTERM: the context dies under the running wait. So the signals only set a flag; what is
@@ -46,25 +50,38 @@ def run(name: str, create: Callable[[], Node], arguments: Sequence[str] | None =
         return 0
 
 
-def _run(name: str, create: Callable[[], Node], arguments: list[str]) -> int:
-    signals, executor, node = _Signals(), None, None
+def _run(name: str, create: Callable[[], Node | list[Node]], arguments: list[str]) -> int:
+    signals, executor, nodes = _Signals(), None, list[Node]()
     try:
+        check_security(os.environ)
         rclpy.init(
             args=arguments,
             signal_handler_options=SignalHandlerOptions.NO,
         )
         executor = SingleThreadedExecutor()
-        node = create()
+        made = create()
+        nodes = made if isinstance(made, list) else [made]
         signals.started = True
-        executor.add_node(node)
-        while not signals.stop and not getattr(node, "finished", False):
+        for node in nodes:
+            executor.add_node(node)
+        while not signals.stop and not any(getattr(node, "finished", False) for node in nodes):
             executor.spin_once(timeout_sec=0.1)
+            _rest(nodes)
         return 0
     except (InputError, RCLError, ParameterException) as error:
         get_logger(name).fatal(" ".join(str(error).split()))
         return 2
     finally:
-        _end(executor, node)
+        _end(executor, nodes)
+
+
+def _rest(nodes: list[Node]) -> None:
+    """Let messages gather where a node has taken all that there were: one waking for several costs much less."""
+    pauses = [getattr(node, "rest", 0.0) for node in nodes]
+    if any(pauses):
+        for node in nodes:
+            node.rest = 0.0
+        time.sleep(min(pause for pause in pauses if pause))
 
 
 class _Signals:
@@ -98,14 +115,14 @@ def _again(swallowed: Any) -> None:
         sys.__unraisablehook__(swallowed)
 
 
-def _end(executor: SingleThreadedExecutor | None, node: Node | None) -> None:
+def _end(executor: SingleThreadedExecutor | None, nodes: list[Node]) -> None:
     """Take everything down; a second signal must not interrupt this. If it hangs, say where, and end all the same."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, signal.SIG_IGN)
     faulthandler.dump_traceback_later(END_PATIENCE, exit=True, file=2)
     if executor is not None:
         executor.shutdown()
-    if node is not None:
+    for node in nodes:
         node.destroy_node()
     rclpy.try_shutdown()
     faulthandler.cancel_dump_traceback_later()

@@ -9,7 +9,7 @@ import sys
 
 from signlin_ros.errors import MissingExtraError
 
-_ROS = ("rclpy", "rcl_interfaces", "std_msgs", "sensor_msgs", "diagnostic_msgs", "rosgraph_msgs")
+_ROS = ("rclpy", "rcl_interfaces", "std_msgs", "sensor_msgs", "diagnostic_msgs", "rosgraph_msgs", "std_srvs")
 
 
 def start(module: str) -> int:

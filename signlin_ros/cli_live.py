@@ -1,0 +1,58 @@
+"""The verbs ``signlin ros up`` and ``signlin warm``; argument parsing only."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+from signlin_ros.errors import InputError, MissingExtraError
+
+
+@click.group()
+def ros() -> None:
+    """Nodes of ROS 2 without ROS's launch."""
+
+
+@ros.command()
+@click.argument("model")
+@click.option("--truth", default="", metavar="MODEL", help="What the simulator runs on; default: MODEL.")
+@click.option("--record", default="", metavar="DATA", help="A record to replay in place of the simulator.")
+@click.option("--real", is_flag=True, help="No simulator: a machine publishes its states.")
+@click.option("--namespace", "namespaces", multiple=True, help="Of one joint; repeat it for several.")
+@click.option("--without", multiple=True, metavar="NODE", help="A node that is not wanted. Repeatable.")
+@click.option("-p", "parameters", multiple=True, metavar="[NODE.]NAME=VALUE", help="A parameter. Repeatable.")
+def up(
+    model: str,
+    truth: str,
+    record: str,
+    real: bool,
+    namespaces: tuple[str, ...],
+    without: tuple[str, ...],
+    parameters: tuple[str, ...],
+) -> None:
+    """Start simulator or replay, linearizer, monitor and controller on MODEL in one process, until Ctrl-C."""
+    try:
+        live = importlib.import_module("sim_nodes.up")
+    except ModuleNotFoundError as error:
+        raise MissingExtraError("signlin ros up", "ros") from error
+    missing = () if importlib.util.find_spec("signlin_ros.nodes.controller") else ("controller",)
+    plan = live.Plan(model, truth, record, namespaces or ("",), not real, (*without, *missing), parameters)
+    plan.names()
+    sys.exit(live.up(plan))
+
+
+@click.command()
+@click.argument("models", nargs=-1, metavar="[MODEL]...")
+def warm(models: tuple[str, ...]) -> None:
+    """Compile ahead what MODELs need, all shipped ones by default, so that no node waits for it later."""
+    from signlin_ros.model import Model, shipped_models
+    from signlin_ros.warming import warm_up
+
+    for name in models or shipped_models():
+        try:
+            seconds = warm_up(Model.load(name))
+        except InputError as error:
+            raise InputError(f"{name}: {error}") from error
+        click.echo(f"{name}: {seconds:.1f} s", err=True)

@@ -1,0 +1,305 @@
+"""The node ``monitor``: how wrong the linearizer's model is, since when, and what would make it right.
+
+Subscribes ``state`` or ``joint_states``, ``input``, ``linearizer/model`` and ``linearizer/model_yaml``; publishes
+``~/error``, ``~/verdict`` and ``/diagnostics``; services ``~/diagnose``, ``~/apply``, ``~/revert``, ``~/record``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import yaml
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.clock import Clock, ClockType, JumpThreshold
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, Header, String
+from std_srvs.srv import Trigger
+
+from signlin_ros.errors import SignlinError
+from signlin_ros.model import Model
+from signlin_ros.nodes import convert
+from signlin_ros.nodes.diagnosing import Diagnosis
+from signlin_ros.nodes.joint import measured_states
+from signlin_ros.nodes.linearizer_logic import NANO, Refusal
+from signlin_ros.nodes.managed import ManagedNode
+from signlin_ros.nodes.monitor_logic import MonitorLogic, Score, Settings
+from signlin_ros.nodes.overrides import Entry
+from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSORS
+from signlin_ros.nodes.runner import run
+from signlin_ros.records import write_record
+
+OPTIONS = {
+    "state_source": Entry("array", "where states come from", choices=("array", "joint_state")),
+    "joint_name": Entry("joint", "name of the joint in joint_states"),
+    "linearizer": Entry("linearizer", "name of the linearizer that is watched, and that a better model is given to"),
+    "keep": Entry(120.0, "data that are kept [s], for diagnose and record", 1.0, 86400.0),
+    "window": Entry(10.0, "over which errors are taken together [s]", 0.1, 3600.0),
+    "learn": Entry(30.0, "time at the start, while all is well, in which is learnt what is usual [s]", 5.0, 86400.0),
+    "warn_above": Entry(3.0, "multiple of the usual error of a prediction above which it warns", 1.0, 1e6),
+    "folder": Entry("", "where diagnoses and records are written; empty: a temporary folder"),
+}
+ENOUGH = 20
+"""Seconds of data since a change from which on a diagnosis takes them alone."""
+TICK = 0.1
+"""Seconds between two looks at what has come."""
+ERROR_LABEL = "sec, nanosec, n, error of A B c, error without friction, RMS of both over the window, fit in percent"
+"""What stands in ``~/error``: two numbers of the stamp, n, then five times n values."""
+
+
+class MonitorNode(ManagedNode):
+    """Reads messages into `MonitorLogic`, publishes what comes out, and runs the diagnosis."""
+
+    def __init__(self) -> None:
+        super().__init__("monitor", OPTIONS)
+        option = self.options
+        self.logic: Any = None
+        self.diagnosis: Diagnosis | None = None
+        self._better: Path | None = None
+        self._applied: list[str] = []
+        self._folder = Path(option["folder"] or tempfile.mkdtemp(prefix="signlin_monitor_"))
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._slow_timer = self.create_timer(1.0, self._on_second, clock=steady)
+        backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
+        self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._on_jump)
+        self.start()
+
+    # ---------------------------------------------------------------- life
+
+    def set_up(self) -> None:
+        """Make the logic, the publishers and the services."""
+        option = self.options
+        settings = Settings(option["keep"], option["window"], option["learn"], option["warn_above"])
+        self.logic = MonitorLogic(settings, self.now())
+        self._errors = self.create_publisher(Float64MultiArray, "~/error", RELIABLE)
+        self._verdicts = self.create_publisher(String, "~/verdict", LATCHED)
+        self._client = self.create_client(SetParameters, f"{option['linearizer']}/set_parameters")
+        calls = {"diagnose": self._on_diagnose, "record": self._on_record}
+        self._made = [self.create_service(Trigger, f"~/{name}", call) for name, call in calls.items()]
+        self._made += [
+            self.create_service(Trigger, "~/apply", self._on_apply),
+            self.create_service(Trigger, "~/revert", self._on_revert),
+        ]
+
+    def begin(self) -> None:
+        """Listen."""
+        self.logic.reset(self.now())
+        watched = self.options["linearizer"]
+        self._heard = [
+            self.create_subscription(String, f"{watched}/model_yaml", self._on_yaml, LATCHED),
+            self.create_subscription(Float64MultiArray, f"{watched}/model", self._on_update, LATCHED),
+            self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS),
+        ]
+        if self.options["state_source"] == "array":
+            self._heard.append(self.create_subscription(Float64MultiArray, "state", self._on_state, SENSORS))
+        else:
+            self._heard.append(self.create_subscription(JointState, "joint_states", self._on_joint_state, SENSORS))
+        self._timer = self.create_timer(TICK, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def end(self) -> None:
+        """Listen no more; a diagnosis is given up."""
+        self.destroy_timer(self._timer)
+        for subscription in self._heard:
+            self.destroy_subscription(subscription)
+        self._give_up()
+
+    def take_down(self) -> None:
+        """Undo `set_up`."""
+        for service in getattr(self, "_made", []):
+            self.destroy_service(service)
+        for publisher in (getattr(self, "_errors", None), getattr(self, "_verdicts", None)):
+            if publisher is not None:
+                self.destroy_publisher(publisher)
+        self._made, self._errors, self._verdicts = [], None, None
+        self._give_up()
+
+    def destroy_node(self) -> None:
+        """End a diagnosis that is still running, and the node."""
+        self._give_up()
+        super().destroy_node()
+
+    def _give_up(self) -> None:
+        if self.diagnosis is not None:
+            self.diagnosis.stop()
+            self.diagnosis = None
+
+    # ---------------------------------------------------------------- messages
+
+    def _on_yaml(self, message: String) -> None:
+        try:
+            content = yaml.safe_load(message.data)["/**"]["ros__parameters"]
+            model = Model.from_dict(content, source=f"{self.options['linearizer']}/model_yaml")
+        except (SignlinError, yaml.YAMLError, KeyError, TypeError) as error:
+            self.get_logger().warning(f"model_yaml refused: {error}")
+            return
+        if self.logic.model is None or model != self.logic.model:
+            self.logic.configure(model, self.now())
+
+    def _on_update(self, message: Float64MultiArray) -> None:
+        try:
+            self.logic.take_update(convert.read_model(message))
+        except (ValueError, IndexError):
+            self.logic.take_shown(Refusal("model_layout", "not the layout of ~/model"), 0)
+
+    def _on_input(self, message: Float64MultiArray) -> None:
+        if self.logic.model is not None:
+            self.logic.take_input(convert.read_vector(message, len(self.logic.model.inputs)), self.now())
+
+    def _on_state(self, message: Float64MultiArray) -> None:
+        model = self.logic.model
+        if model is None:
+            return
+        value = convert.read_vector(message, len(message.data))
+        names = self._state_names(len(message.data))
+        if isinstance(value, Refusal) or names is None:
+            self.logic.take_shown(value if isinstance(value, Refusal) else Refusal("length", "not the states"), 0)
+            return
+        pairs = zip(names, value.tolist(), strict=True)
+        self.logic.take_shown({name: v for name, v in pairs if name in model.states}, self.now())
+
+    def _state_names(self, length: int) -> tuple[str, ...] | None:
+        """Return what an array of this length holds: the states of the present model, or of the one at the start."""
+        for model in (self.logic.model, self.model):
+            if length == len(model.states):
+                return tuple(model.states)
+        return None
+
+    def _on_joint_state(self, message: JointState) -> None:
+        model = self.logic.model
+        if model is None:
+            return
+        joint = convert.read_joint(message, self.options["joint_name"])
+        values = joint if isinstance(joint, Refusal) else measured_states(model, joint)
+        self.logic.take_shown(values, convert.nanoseconds(message.header.stamp))
+
+    # ---------------------------------------------------------------- time
+
+    def _on_jump(self, _: Any) -> None:
+        if self.logic is not None:
+            self.get_logger().warning("the clock has jumped back or changed: starting anew")
+            self.logic.reset(self.now())
+
+    def _on_tick(self) -> None:
+        scores, alarm = self.logic.work(self.now())
+        for score in scores:
+            self._errors.publish(error_message(score))
+        if alarm is not None:
+            since = self.logic.alarm_stamp or 0
+            self.get_logger().warning(f"the machine has changed ({alarm.kind}), since {since / NANO:.2f} s")
+            self._tell({"state": "changed", "kind": alarm.kind, "since": since / NANO})
+        self._look_after_diagnosis()
+
+    def _on_second(self) -> None:
+        if not self.active or self.logic is None:
+            return
+        now = self.now()
+        health = self.logic.health(now)
+        status = DiagnosticStatus(
+            level=bytes([health.level]),
+            name=f"{self.get_fully_qualified_name()}: model",
+            message=health.message,
+            hardware_id=self.model.plant.name,
+            values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
+        )
+        self._diagnostics.publish(DiagnosticArray(header=Header(stamp=convert.stamp_of(now)), status=[status]))
+        if self.diagnosis is not None:
+            self._tell({"state": "running", "seconds": round(self.diagnosis.seconds, 1)})
+
+    def _tell(self, verdict: dict[str, Any]) -> None:
+        self._verdicts.publish(String(data=json.dumps(verdict)))
+
+    # ---------------------------------------------------------------- services
+
+    def _on_diagnose(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self.diagnosis is not None:
+            return _answer(response, False, "a diagnosis is running already")
+        try:
+            record = self.logic.record(since=self._since())
+            self.diagnosis = Diagnosis(self.logic.model, record, self._new_folder("diagnosis"))
+        except (SignlinError, OSError) as error:
+            return _answer(response, False, str(error))
+        self._tell({"state": "running", "seconds": 0.0})
+        return _answer(response, True, f"{record.t[-1]:.1f} s of data; files in {self.diagnosis.folder}")
+
+    def _since(self) -> int:
+        """Return from when on data are of one machine: since it changed, if that is long enough ago."""
+        changed = self.logic.alarm_stamp
+        return changed if changed is not None and self.now() - changed > ENOUGH * NANO else 0
+
+    def _look_after_diagnosis(self) -> None:
+        if self.diagnosis is None or self.diagnosis.running:
+            return
+        found, self.diagnosis = self.diagnosis, None
+        try:
+            verdict = found.result()
+        except SignlinError as error:
+            self._tell({"state": "failed", "why": str(error)})
+            self.get_logger().warning(str(error))
+            return
+        self._better = found.better_file if found.better_file.is_file() else None
+        files = {"model_file": str(self._better or ""), "report": str(found.report_file)}
+        self._tell({"state": "done", **files, **verdict})
+        self.get_logger().info(f"diagnosis: {verdict.get('verdict')}; {found.folder}")
+
+    async def _on_apply(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._better is None:
+            return _answer(response, False, "there is no better model: call ~/diagnose first")
+        answer = await self._give(str(self._better), response)
+        if answer.success:
+            self._applied.append(str(self._better))
+        return answer
+
+    async def _on_revert(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if not self._applied:
+            return _answer(response, False, "no model was applied")
+        before = self._applied[-2] if len(self._applied) > 1 else ""
+        answer = await self._give(before, response)
+        if answer.success:
+            self._applied.pop()
+        return answer
+
+    async def _give(self, file: str, response: Trigger.Response) -> Trigger.Response:
+        """Let the linearizer take a model file, empty for the one that it began with."""
+        if not self._client.service_is_ready():
+            return _answer(response, False, f"{self.options['linearizer']} is not there")
+        request = SetParameters.Request(parameters=[Parameter("model_file", value=file).to_parameter_msg()])
+        (result,) = (await self._client.call_async(request)).results
+        return _answer(response, result.successful, result.reason or file or "the model that it began with")
+
+    def _on_record(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            file = self._new_folder("record") / "record.mcap"
+            write_record(self.logic.record(), file, model=self.logic.model)
+        except (SignlinError, OSError) as error:
+            return _answer(response, False, str(error))
+        return _answer(response, True, str(file))
+
+    def _new_folder(self, what: str) -> Path:
+        folder = self._folder / f"{what}_{time.strftime('%Y%m%d_%H%M%S')}_{os.getpid()}"
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+
+def error_message(score: Score) -> Float64MultiArray:
+    """Return a score as the flat message of ``~/error``; its label names the layout."""
+    head = [*divmod(score.stamp, NANO), len(score.error)]
+    values = [*head, *score.error, *score.bare, *score.rms, *score.rms_bare, *score.fit]
+    return convert.vector([float(value) for value in values], ERROR_LABEL)
+
+
+def _answer(response: Trigger.Response, success: bool, message: str) -> Trigger.Response:
+    response.success, response.message = success, message
+    return response
+
+
+def main() -> int:
+    """Run the node; return the exit code."""
+    return run("monitor", MonitorNode)

@@ -1,0 +1,176 @@
+"""Whether a machine has changed, and when: a CUSUM on how badly a model predicts, against what was usual.
+
+The filter's innovations, in their standard deviations, are taken in blocks. What is usual of a block's size (the
+logarithm of its mean square) and of a run of a few samples to one side is learnt while all is well. A block that is
+larger than any usual one adds to a sum, others take from it; the sum passes a bound within a block or two where a
+machine changes, and began to rise when it did [CUSUM: Page, Biometrika 41 (1954) 100; Basseville and Nikiforov,
+Detection of Abrupt Changes, 1993, sec. 2.2]. A sensor that shifts shows in a run of samples before a block is full.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+BLOCK = 0.25
+"""Seconds in a block."""
+LEAST = 8
+"""Samples in a block at least."""
+CLIP = 50.0
+"""A squared innovation counts so much at most: one wild sample is no change."""
+MARGIN = 0.7
+"""By how much the logarithm of a block's mean square must pass the largest usual one to count."""
+BOUND = 1.2
+"""Sum of what blocks have beyond that at which a change is called."""
+FORGIVEN = 0.4
+"""A usual block takes at most so much from the sum."""
+RUNS = (2, 3, 5)
+"""So many samples to one side are a shift; a single one is a wild value."""
+CLEAR = 2.5
+"""What the other values of a run must be on the mean, beside the largest."""
+RUN_MARGIN, RUN_FLOOR = 1.5, 5.5
+"""A run's size against the largest usual one, and at least."""
+FEWEST = 12
+"""Blocks that must be known before anything is called unusual."""
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """A change: when it was called and when it began, in s; ``kind`` is "shift" (of a sensor) or "change"."""
+
+    t: float
+    onset: float
+    kind: str
+
+
+@dataclass
+class _Usual:
+    """What was seen in one situation: sizes of blocks and of runs while all was well; the sum of what passes them."""
+
+    blocks: list[float] = field(default_factory=list)
+    runs: list[float] = field(default_factory=list)
+    sum: float = 0.0
+    onset: float = float("nan")
+
+    @property
+    def known(self) -> bool:
+        """Whether enough was seen to call anything unusual."""
+        return len(self.blocks) >= FEWEST
+
+    @property
+    def block(self) -> float:
+        """The largest usual block: the largest seen, or what a normal distribution of them would still hold."""
+        sizes = np.array(self.blocks)
+        middle = float(np.median(sizes))
+        spread = float(np.percentile(sizes, 84) - middle)
+        return max(float(sizes.max()), middle + 3.0 * spread, 0.0)
+
+    @property
+    def run(self) -> float:
+        """The largest usual run."""
+        return max(self.runs, default=0.0)
+
+    def learn(self, size: float, run: float) -> None:
+        """Take a block as usual."""
+        self.blocks.append(size)
+        self.runs.append(run)
+
+    def passed(self, start: float, size: float, margin: float) -> bool:
+        """Take a block that begins at ``start`` s; returns whether the sum passes its bound."""
+        beyond = size - self.block - margin
+        if self.sum <= 0.0 < beyond:
+            self.onset = start
+        self.sum = max(0.0, self.sum + max(beyond, -FORGIVEN))
+        return self.sum > BOUND
+
+
+class ChangeDetector:
+    """Takes innovations in their standard deviations, learns for ``learn`` s what is usual, then tells of changes.
+
+    What is usual differs by situation (in motion, near a reversal, at rest): a whole number that comes with each
+    sample; a block belongs to the largest in it. A situation that is new is learnt first. After an `Alarm` it stays:
+    ``alarm`` holds it until `restart`.
+    """
+
+    def __init__(self, learn: float = 30.0, margin: float = MARGIN) -> None:
+        self.learn, self.margin = learn, margin
+        self.restart()
+
+    def restart(self) -> None:
+        """Learn anew what is usual."""
+        self._usual: dict[int, _Usual] = {}
+        self.alarm: Alarm | None = None
+        self._begun, self._block_start, self._situation = np.nan, np.nan, 0
+        self._block: list[float] = []
+        self._run: deque[float] = deque(maxlen=RUNS[-1])
+        self._run_max = 0.0
+        self.size = np.nan
+
+    @property
+    def learning(self) -> bool:
+        """Whether it is still being learnt what is usual."""
+        return not self._block_start - self._begun >= self.learn
+
+    @property
+    def level(self) -> float:
+        """How near the sum is to its bound: a change is called at 1."""
+        return max((usual.sum for usual in self._usual.values()), default=0.0) / BOUND
+
+    def take(self, t: Array, z: Array, situation: NDArray[np.int64] | None = None) -> Alarm | None:
+        """Take innovations z (E,) at times t (E,), in their standard deviations; returns a change as it is called."""
+        before = self.alarm
+        kinds = np.zeros(t.size, dtype=np.int64) if situation is None else situation
+        for when, value, kind in zip(t.tolist(), z.tolist(), kinds.tolist(), strict=True):
+            self._take(when, value, kind)
+        return self.alarm if before is None else None
+
+    def _take(self, t: float, z: float, situation: int) -> None:
+        if self._begun != self._begun:
+            self._begun = self._block_start = t
+        if t - self._block_start >= BLOCK and len(self._block) >= LEAST:
+            self._end_block()
+            self._block_start = t
+        self._situation = max(self._situation, situation)
+        self._take_run(t, z)
+        self._block.append(min(z * z, CLIP))
+
+    def _take_run(self, t: float, z: float) -> None:
+        self._run.append(z)
+        size = _run_size(list(self._run))
+        self._run_max = max(self._run_max, size)
+        usual = self._usual.get(self._situation)
+        if self.learning or self.alarm is not None or usual is None or not usual.known:
+            return
+        if size > max(RUN_MARGIN * usual.run, RUN_FLOOR):
+            self.alarm = Alarm(t, t, "shift")
+
+    def _end_block(self) -> None:
+        size = float(np.log(np.mean(self._block) + 1e-12))
+        usual = self._usual.setdefault(self._situation, _Usual())
+        if self.learning or not usual.known:
+            usual.learn(size, self._run_max)
+        elif usual.passed(self._block_start, size, self.margin) and self.alarm is None:
+            self.alarm = Alarm(self._block_start + BLOCK, usual.onset, "change")
+        self.size, self._block, self._run_max, self._situation = size, [], 0.0, 0
+
+
+def _run_size(values: list[float]) -> float:
+    """Return the largest sum over its root's length of the last values that are all to one side.
+
+    All but the largest must be `CLEAR` on the mean: one wild value beside a usual one is no run.
+    """
+    size = 0.0
+    for length in RUNS:
+        last = [abs(value) for value in values[-length:]]
+        same = min(values[-length:]) > 0 or max(values[-length:]) < 0
+        if len(last) == length and same and sum(last) - max(last) >= CLEAR * (length - 1):
+            size = max(size, sum(last) / length**0.5)
+    return size
+
+
+__all__ = ["Alarm", "ChangeDetector"]

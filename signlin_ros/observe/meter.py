@@ -1,0 +1,66 @@
+"""How noisy a running sensor is, measured along the way."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.noise import noise_level, quantum_of
+
+Array = NDArray[np.float64]
+
+WINDOW = 512
+"""Samples that an estimate is made of at most."""
+AGAIN = 128
+"""Samples from one estimate to the next at most."""
+LEAST = 8
+"""Samples before the first estimate."""
+RELATIVE = 1e-6
+"""Noise of a value of which nothing is known yet, relative to it."""
+STANDING = 4.0
+"""A channel that stays within so many of its steps says nothing new of its noise."""
+
+
+class NoiseMeter:
+    """Standard deviation ``sigma`` of a channel's noise from its samples, again whenever they have doubled, or so.
+
+    An encoder counts with its step over sqrt(12). A ``known`` value is kept.
+    """
+
+    def __init__(self, known: float | None = None) -> None:
+        self.sigma = 1e-9 if known is None else known
+        self._known = known is not None
+        self._samples: deque[tuple[float, float]] = deque(maxlen=WINDOW)
+        self._count, self._next, self._quantum = 0, LEAST, np.inf
+
+    def take(self, t: float, value: float) -> None:
+        """Take a sample at t (s)."""
+        if self._known:
+            return
+        self._samples.append((t, value))
+        self._count += 1
+        if self._count < LEAST:
+            self.sigma = max(self.sigma, RELATIVE * abs(value))
+        elif self._count >= self._next:
+            self._next = self._count + min(self._count, AGAIN)
+            self._estimate()
+
+    def _estimate(self) -> None:
+        t, y = np.array(self._samples).T
+        quantum = quantum_of(y)
+        if quantum > 0:
+            self._quantum = min(self._quantum, quantum)
+        floor = self._quantum if np.isfinite(self._quantum) else 0.0
+        if np.ptp(y) <= STANDING * floor:
+            return
+        self.sigma = max(noise_level(t, y).sigma, floor / np.sqrt(12.0), 1e-12)
+
+    @staticmethod
+    def of(t: Array, y: Array) -> float:
+        """Return the standard deviation of the noise on a whole channel (T,)."""
+        return max(noise_level(t, y).sigma, 1e-12)
+
+
+__all__ = ["NoiseMeter"]

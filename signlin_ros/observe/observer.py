@@ -1,0 +1,322 @@
+"""States that are not measured, and measured ones without their noise: the model's own, corrected by what is measured.
+
+`KalmanObserver` takes samples as they come and works them off when asked; `observed_states` does a whole record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from signlin_ros.errors import InputError
+from signlin_ros.model import Model
+from signlin_ros.native import native
+from signlin_ros.observe.events import INPUT, QUERY, run_filters
+from signlin_ros.observe.meter import NoiseMeter
+from signlin_ros.observe.steps import pushed_states, step_tape
+
+Array = NDArray[np.float64]
+
+TRUSTS = (0.003, 0.03, 0.3, 3.0)
+"""Shares by which the model may be wrong: one filter for each."""
+LONGEST_STEP = 1.25e-3
+"""Seconds that the filter carries a state in one step."""
+MOST_STEPS = 40
+"""Steps between two samples at most: slow samples are followed in longer ones."""
+UNKNOWN = 1e3
+"""Standard deviation of a velocity or a current of which nothing is known yet, in its SI unit."""
+HARDLY_KNOWN = 1e-2
+"""The same of a state that an effect has of its own."""
+WILDEST, LEARNT_OVER, TOO_LARGE = 400.0, 200.0, 3.0
+"""A squared innovation counts so much at most; their mean is taken over so many samples; above this mean they are too
+large even for the filter that trusts the model least, and the noise is taken as so much larger."""
+
+
+Event = tuple[float, int, "Array | float"]
+"""When, a kind of `signlin_ros.observe.events`, and an input (m,) or a measured value."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """The state x (n,) at time t in s, and its standard deviations (n,)."""
+
+    t: float
+    x: Array
+    std: Array
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """What samples differed by from what was expected: time t (E,) in s, channel (E,), value and its variance (E,).
+
+    ``x`` (E, n): the state after each.
+    """
+
+    t: Array
+    channel: NDArray[np.int64]
+    value: Array
+    variance: Array
+    x: Array
+
+    @classmethod
+    def of(cls, events: list[Event], found: Array, n: int) -> Innovations:
+        """Read what the filters have found at events (E, ...)."""
+        kinds = np.array([kind for _, kind, _ in events], dtype=np.int64)
+        seen = kinds >= 0
+        t = np.array([when for when, _, _ in events])
+        return cls(t[seen], kinds[seen], found[seen, 0], found[seen, 1], found[seen, 2 : 2 + n])
+
+    @property
+    def sizes(self) -> Array:
+        """Innovations in their standard deviations (E,)."""
+        return np.asarray(self.value / np.sqrt(np.maximum(self.variance, 1e-300)))
+
+
+class KalmanObserver:
+    """The state of a running machine from measured states, by an extended Kalman filter on the model's equations.
+
+    Parameters
+    ----------
+    model : the model; its sensors' offsets, gains and delays are taken off, its input delay is kept.
+    channels : names of the states that are measured.
+    noise : standard deviation of each channel's noise, in its unit as shown; measured along the way where not given.
+    trusts : shares by which the model may be wrong; the likeliest of these filters is believed.
+
+    Times are in s; those of `take` must increase.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        channels: Iterable[str],
+        noise: Mapping[str, float] | None = None,
+        trusts: Iterable[float] = TRUSTS,
+    ) -> None:
+        self.model = model
+        self.channels = tuple(model.canonical(name) for name in channels)
+        unknown = [name for name in self.channels if name not in model.states]
+        if unknown or not self.channels:
+            raise InputError(f"{', '.join(unknown) or 'no channel'}: an observer needs measured states of the model")
+        self._sensors = [model.sensors[name] for name in self.channels]
+        self._late = max(sensor.delay for sensor in self._sensors)
+        self._states = np.array([model.states.index(name) for name in self.channels])
+        self._address = native(step_tape(model.structure))[0]
+        self._trusts = np.array(sorted(trusts))
+        self._disturbed = _disturbed(model)
+        known = {model.canonical(name): value for name, value in (noise or {}).items()}
+        self._meters = [NoiseMeter(known.get(name)) for name in self.channels]
+        self._inputs = np.zeros(len(model.inputs))
+        self._excess, self._factor = np.ones(len(self.channels)), np.ones(len(self.channels))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the state, not the noise: after a gap, or where time has jumped."""
+        n, count = self._disturbed.size, self._trusts.size
+        self._X, self._D, self._U = np.zeros((count, n)), np.zeros((count, n)), np.tile(np.eye(n), (count, 1, 1))
+        self._usual, self._score, self._clock = np.zeros((count, n)), np.zeros(count), np.zeros(1)
+        self._missed = np.zeros(len(self.channels), dtype=np.int64)
+        self._queue: list[Event] = []
+        self._last, self._started = -np.inf, False
+        self._step = LONGEST_STEP
+
+    def adopt(self, other: KalmanObserver) -> None:
+        """Go on where the observer of another model has got to: the states of one name, the noise, what is queued."""
+        self._meters = [other.meter(name) or meter for name, meter in zip(self.channels, self._meters, strict=True)]
+        if not other._started:
+            return
+        last = other.estimate()
+        x, deviation = _start(self.model, dict(zip(other.model.states, last.x.tolist(), strict=True)))
+        known = dict(zip(other.model.states, last.std.tolist(), strict=True))
+        deviation = np.array([known.get(name, d) for name, d in zip(self.model.states, deviation, strict=True)])
+        self._X[:, : x.size], self._D[:, : x.size] = x, deviation**2
+        self._clock[0], self._last, self._started = other._clock[0], other._last, True
+        if self._inputs.size == other._inputs.size:
+            self._inputs[:] = other._inputs
+
+    def meter(self, channel: str) -> NoiseMeter | None:
+        """Return what measures the noise of a channel, None where that is not measured."""
+        return dict(zip(self.channels, self._meters, strict=True)).get(channel)
+
+    # ---------------------------------------------------------------- what comes
+
+    def take_input(self, t: float, u: ArrayLike) -> None:
+        """Take an input (m,) that is held from time t on."""
+        value = np.array(u, dtype=float).reshape(self._inputs.size)
+        self._queue.append((t + self.model.delay, INPUT, value))
+
+    def take(self, t: float, measured: Mapping[str, float]) -> None:
+        """Take what the sensors show at time t, by name; NaN and absent is not measured."""
+        if t <= self._last:
+            raise InputError(f"time does not increase: {t} after {self._last}")
+        self._last = t
+        for c, (name, sensor) in enumerate(zip(self.channels, self._sensors, strict=True)):
+            value = measured.get(name, np.nan)
+            if value == value:
+                self._meters[c].take(t, value)
+                self._queue.append((t - sensor.delay, c, float(sensor.true(value))))
+
+    # ---------------------------------------------------------------- what it tells
+
+    def work(self) -> Innovations:
+        """Work off all samples that are in order up to now, and return how they differed from what was expected."""
+        self._queue.sort(key=lambda event: event[0])
+        ready = self._last - self._late
+        count = next((i for i, event in enumerate(self._queue) if event[0] > ready), len(self._queue))
+        events, self._queue = self._queue[:count], self._queue[count:]
+        if not self._started:
+            events = self._begin(events)
+        found = self._run(
+            events, self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed
+        )
+        innovations = Innovations.of(events, found, len(self.model.states))
+        self._learn(innovations)
+        return innovations
+
+    def _learn(self, innovations: Innovations) -> None:
+        """Let the noise grow where innovations stay larger than they should be, as with stamps that jitter."""
+        squares = np.minimum(innovations.sizes**2, WILDEST)
+        for c in range(len(self.channels)):
+            found = squares[innovations.channel == c]
+            keep = np.exp(-found.size / LEARNT_OVER)
+            if found.size:
+                self._excess[c] = keep * self._excess[c] + (1 - keep) * float(np.mean(found)) * max(
+                    self._factor[c], 1.0
+                )
+        self._factor = np.where(self._excess > TOO_LARGE, self._excess, 1.0)
+
+    def estimate(self, t: float | None = None) -> Estimate:
+        """Return the state at time t, the last sample's by default, after all that came until then."""
+        self.work()
+        if not self._started:
+            raise InputError("nothing was measured yet")
+        when = max(self._last if t is None else t, float(self._clock[0]))
+        events = [event for event in self._queue if event[0] <= when and event[1] == INPUT] + [(when, QUERY, 0.0)]
+        copies = (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
+        found = self._run(events, *(part.copy() for part in copies))[-1]
+        x, variance = found[2:].reshape(2, -1)[:, : len(self.model.states)]
+        return Estimate(when, x.copy(), np.sqrt(np.maximum(variance, 0.0)))
+
+    def record(self, t: Array, measured: Mapping[str, Array], u: Array) -> tuple[Array, Innovations]:
+        """Return the states (T, n) at the times t (T,) of a whole record, and how its samples differed from them."""
+        for when, value in zip(t.tolist(), u, strict=True):
+            self.take_input(when, value)
+        names = list(measured)
+        for when, row in zip(t.tolist(), np.column_stack([measured[name] for name in names]).tolist(), strict=True):
+            self.take(when, dict(zip(names, row, strict=True)))
+        self._queue += [(float(when), QUERY, 0.0) for when in t]
+        self._late = -np.inf
+        self._queue.sort(key=lambda event: (event[0], event[1] == QUERY))
+        events = self._begin(self._queue)
+        found = self._run(
+            events, self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed
+        )
+        self._queue = []
+        asked = np.array([kind == QUERY for _, kind, _ in events])
+        n = len(self.model.states)
+        x = np.full((len(t), n), np.nan)
+        x[len(t) - int(asked.sum()) :] = found[asked, 2 : 2 + n]
+        return x, Innovations.of(events, found, n)
+
+    @property
+    def sigma(self) -> dict[str, float]:
+        """Standard deviation of the noise of each channel, as it is known now."""
+        return {name: meter.sigma for name, meter in zip(self.channels, self._meters, strict=True)}
+
+    @property
+    def trust(self) -> float:
+        """The share by which the model is wrong, by the likeliest filter."""
+        return float(self._trusts[int(np.argmax(self._score))])
+
+    # ---------------------------------------------------------------- inside
+
+    def _begin(self, events: list[Event]) -> list[Event]:
+        """Start the filters at the first measured values; returns the events that are left for them."""
+        first = next((i for i, event in enumerate(events) if event[1] >= 0), None)
+        if first is None:
+            self._queue = events + self._queue
+            return []
+        for _, kind, value in events[:first]:
+            if kind == INPUT:
+                self._inputs[:] = value
+        shown = {kind: float(value) for _, kind, value in reversed(events) if kind >= 0}
+        x, deviation = _start(self.model, {self.channels[c]: value for c, value in shown.items()})
+        self._X[:, : x.size], self._D[:, : x.size] = x, deviation**2
+        self._clock[0], self._started = events[first][0], True
+        return events[first:]
+
+    def _run(self, events: list[Event], *known: NDArray[Any]) -> Array:
+        n, m = self._disturbed.size, self._inputs.size
+        found = np.full((len(events), 2 + 2 * n), np.nan)
+        if not events:
+            return found
+        times, kinds, values = _columns(events, max(m, 1))
+        gains = np.array([sensor.gain for sensor in self._sensors])
+        R = self._factor * np.array([max(meter.sigma, 1e-12) for meter in self._meters]) ** 2 / gains**2
+        X, U, D, usual, score, clock, u, missed = known
+        self._step = max(self._step, (times[-1] - clock[0]) / len(times) / MOST_STEPS)
+        fixed = (self._states, R, missed, self._step, found)
+        done = run_filters(
+            self._address, times, kinds, values, clock, X, U, D, usual, score, self._trusts, u, self._disturbed,
+            self.model.p, *fixed,
+        )  # fmt: skip
+        if done < len(times):
+            self.reset()
+            raise InputError("the observer's state ran away")
+        return found
+
+
+def _columns(events: list[Event], width: int) -> tuple[Array, NDArray[np.int64], Array]:
+    """Return times (E,), kinds (E,) and values (E, width) of events."""
+    times = np.array([event[0] for event in events])
+    kinds = np.array([event[1] for event in events], dtype=np.int64)
+    values = np.zeros((times.size, width))
+    for row, event in zip(values, events, strict=True):
+        row[: np.size(event[2])] = event[2]
+    return times, kinds, values
+
+
+def _disturbed(model: Model) -> Array:
+    """Return 1 for the states of effects, and the pushes, whose equations may be wrong (n + pushes,)."""
+    plant = model.plant
+    kinematic = {plant.position} if plant.velocity in model.states else set()
+    kinematic |= {name for name in model.states if name.endswith(".position")}
+    pushes = [1.0] * len(pushed_states(model.structure))
+    return np.array([0.0 if name in kinematic else 1.0 for name in model.states] + pushes)
+
+
+def _start(model: Model, measured: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return the state (n,) of which only the first measured values are known, and its standard deviations (n,).
+
+    What hangs on the machine is where the machine is.
+    """
+    x, states = model.x0.astype(float).copy(), model.states
+    position = model.plant.position
+    if position in measured and position in states:
+        shift = measured[position] - x[states.index(position)]
+        x += [shift if name.endswith(".position") else 0.0 for name in states]
+    for name, value in measured.items():
+        if name in states:
+            x[states.index(name)] = value
+    own = [("." in name or name in model.plant.own_state_names.values()) for name in states]
+    spread = np.where(own, HARDLY_KNOWN, UNKNOWN) * [name not in measured for name in states]
+    if position in states and position not in measured:
+        spread[states.index(position)] = 0.0  # where it began counts as known: nobody sees it
+    return x, spread
+
+
+def observed_states(model: Model, t: Array, measured: Mapping[str, Array], u: Array) -> tuple[Array, Innovations]:
+    """Return the states (T, n) at every sample of a record, each from what was measured until then, and innovations.
+
+    ``measured`` (T,) by name as the sensors show it, u (T, m). The level of the noise alone is taken from the whole
+    record.
+    """
+    noise = {name: NoiseMeter.of(t, values) for name, values in measured.items()}
+    observer = KalmanObserver(model, measured, noise)
+    return observer.record(t, measured, u)
+
+
+__all__ = ["Estimate", "Innovations", "KalmanObserver", "observed_states"]

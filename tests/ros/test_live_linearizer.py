@@ -1,0 +1,131 @@
+"""The linearizer while it runs: another model, position alone, and its life cycle."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
+
+from lifecycle_msgs.srv import ChangeState, GetState
+from std_msgs.msg import Float64MultiArray, String
+
+from signlin_ros.linearize import Linearizer
+from signlin_ros.model import Model
+from signlin_ros.nodes import convert
+
+CONFIGURE, CLEANUP, ACTIVATE, DEACTIVATE = 1, 2, 3, 4
+
+
+def sizes(models: list[Any]) -> list[int]:
+    return [int(message.data[4]) for message in models]
+
+
+def test_a_whole_model_is_taken_at_once_and_a_bad_one_is_refused(graph: Any, tmp_path: Path) -> None:
+    graph.start("plant_simulator", "input_signal:=square", "amplitude:=2", model=_with_position(tmp_path))
+    graph.start("linearizer", "update_period:=0.05", "state_source:=joint_state")
+    models, texts = graph.models(), graph.collect(String, "/linearizer/model_yaml", latched=True)
+    graph.wait(lambda: len(models) >= 5 and texts, "models")
+    better = Model.load("dc_motor").with_options(with_position=True, update_period=0.05)
+    better = better.with_effect("dahl_presliding").with_parameters(J=0.0023)
+    better.save(tmp_path / "better.yaml")
+    (tmp_path / "bad.yaml").write_text("/**: {ros__parameters: {plant: dc_motor, parameters: {J: -1.0}}}")
+    refused = graph.set_parameter("model_file", str(tmp_path / "bad.yaml"))
+    assert not refused.successful
+    assert "parameters.R_a: missing" in refused.reason
+    taken = graph.set_parameter("model_file", str(tmp_path / "better.yaml"))
+    assert taken.successful, taken.reason
+    graph.wait(lambda: sizes(models)[-1] == 4, "a model of four states")
+    graph.wait(lambda: sizes(models).count(4) >= 10, "ten of them")
+    updates = [convert.read_model(message) for message in models]
+    first = updates[0].sequence
+    assert [u.sequence for u in updates] == list(range(first, first + len(updates)))
+    assert Model.from_dict(_parameters(texts[-1].data)) == Model.from_dict(better.to_dict())
+    core = Linearizer(better)
+    for update in updates[-5:]:
+        np.testing.assert_array_equal(update.result.A, core(update.result.x, update.result.u).A)
+    from rcl_interfaces.srv import ListParameters
+
+    names = graph.call(ListParameters, "/linearizer/list_parameters", ListParameters.Request()).result.names
+    assert "effects.dahl_presliding.sigma" in names
+    assert graph.set_parameter("model_file", "").successful
+    graph.wait(lambda: sizes(models)[-1] == 2, "the first model again")
+
+
+def test_position_alone_is_enough(graph: Any, tmp_path: Path) -> None:
+    from sensor_msgs.msg import JointState
+
+    model = _with_position(tmp_path)
+    graph.start("plant_simulator", "input_signal:=sine", "amplitude:=3", "input_period:=2.0", model=model)
+    graph.start("linearizer", "update_period:=0.05", "state_source:=joint_state", model=model, namespace="/blind")
+    models, states = graph.models("/blind/linearizer"), graph.collect(Float64MultiArray, "/state")
+    joints, inputs = graph.collect(JointState, "/joint_states"), graph.collect(Float64MultiArray, "/input")
+    out = graph.publisher(JointState, "/blind/joint_states")
+    out_u = graph.publisher(Float64MultiArray, "/blind/input")
+    sent, truth = 0, {}
+
+    def forward() -> bool:
+        nonlocal sent
+        for k in range(sent, min(len(joints), len(states), len(inputs))):
+            message, sent = joints[k], k + 1
+            stamp = convert.nanoseconds(message.header.stamp)
+            truth[stamp] = np.array(states[k].data)
+            message.velocity, message.effort = [], []
+            out_u.publish(inputs[k])
+            out.publish(message)
+        return len(models) >= 60
+
+    graph.wait(forward, "60 models")
+    pairs = [(convert.read_model(m), truth.get(convert.read_model(m).stamp)) for m in models[20:]]
+    errors = np.array([abs(u.result.x[1] - x[1]) for u, x in pairs if x is not None])
+    assert errors.size > 20
+    assert np.median(errors) < 0.1  # of up to 30 rad/s, with messages that come unevenly
+
+
+def test_the_life_cycle_and_a_transition_that_is_refused(graph: Any) -> None:
+    graph.start("plant_simulator", "input_signal:=sine")
+    graph.start("linearizer", "update_period:=0.05", "autostart:=false")
+    models = graph.models()
+
+    def change(transition: int) -> bool:
+        request = ChangeState.Request()
+        request.transition.id = transition
+        return bool(graph.call(ChangeState, "/linearizer/change_state", request).success)
+
+    def label() -> str:
+        return str(graph.call(GetState, "/linearizer/get_state", GetState.Request()).current_state.label)
+
+    assert label() == "unconfigured"
+    assert not change(ACTIVATE)
+    assert label() == "unconfigured"
+    assert change(CONFIGURE)
+    graph.spin(0.3)
+    assert not models
+    assert change(ACTIVATE)
+    graph.wait(lambda: len(models) >= 5, "models")
+    assert not change(CONFIGURE)
+    assert change(DEACTIVATE)
+    graph.spin(0.2)
+    count = len(models)
+    graph.spin(0.3)
+    assert len(models) == count
+    assert change(ACTIVATE)
+    graph.wait(lambda: len(models) > count, "models again")
+    assert change(DEACTIVATE)
+    assert change(CLEANUP)
+    assert label() == "unconfigured"
+
+
+def _with_position(folder: Path) -> Path:
+    file = folder / "motor.yaml"
+    Model.load("dc_motor").with_options(with_position=True).save(file)
+    return file
+
+
+def _parameters(text: str) -> dict[str, Any]:
+    import yaml
+
+    return dict(yaml.safe_load(text)["/**"]["ros__parameters"])

@@ -1,0 +1,100 @@
+"""The monitor's logic in simulated time: errors, changes, names, records; without ROS."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from signlin_ros.errors import InputError
+from signlin_ros.linearize import Linearizer
+from signlin_ros.model import Model
+from signlin_ros.nodes.linearizer_logic import ERROR, NANO, OK, WARN, Refusal, Update
+from signlin_ros.nodes.monitor_logic import MonitorLogic, Score, Settings
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+from live_changes import CHANGES, STEP, Machine
+
+sys.path.pop(0)
+
+MOTOR = Model.load("dc_motor").with_options(with_position=True, update_period=0.1)
+LEARN, AT = 20.0, 24.0
+
+
+class Run:
+    """A machine under the monitor, and a linearizer that is always right about the state."""
+
+    def __init__(self, seed: int, model: Model = MOTOR) -> None:
+        self.rig, self.logic = Machine(np.random.default_rng(seed)), MonitorLogic(Settings(learn=LEARN), 0)
+        self.model, self.core, self.k = model, Linearizer(model), 0
+        self.scores: list[Score] = []
+        self.alarms: list[float] = []
+        self.logic.configure(model, 0)
+
+    def go(self, until: float) -> None:
+        while self.k * STEP < until:
+            now, x = round(self.k * STEP * NANO), self.rig.plant.x[: len(self.model.states)].copy()
+            shown, u = self.rig.step(self.k * STEP)
+            self.logic.take_input(np.array([u]), now)
+            self.logic.take_shown({"position": shown}, now)
+            if self.k % 20 == 0:
+                self.logic.take_update(Update(now, self.k // 20, self.core(x, [u])))
+                scores, alarm = self.logic.work(now)
+                self.scores += scores
+                self.alarms += [] if alarm is None else [alarm.t]
+            self.k += 1
+
+
+@pytest.mark.parametrize("change", ["friction", "shift"])
+def test_a_change_is_called_and_named(change: str) -> None:
+    run = Run(3001 + list(CHANGES).index(change))
+    run.go(AT)
+    run.rig.change(change)
+    run.go(AT + 22.0)
+    assert run.alarms
+    assert 0 <= run.alarms[0] - AT < 10.0
+    assert run.logic.health(run.k * round(STEP * NANO)).level == ERROR
+    assert run.logic.name_change()[0].name == CHANGES[change]
+
+
+def test_a_healthy_machine_is_left_alone_and_friction_in_the_model_pays() -> None:
+    run = Run(3100)
+    run.go(60.0)
+    assert not run.alarms
+    assert run.logic.health(round(60.0 * NANO)).level == OK
+    speed = MOTOR.states.index("speed")
+    assert run.scores[-1].rms[speed] < run.scores[-1].rms_bare[speed] / 2
+    assert run.scores[-1].fit[speed] > 90
+
+
+def test_what_is_kept_becomes_a_record() -> None:
+    run = Run(3200)
+    with pytest.raises(InputError, match="nothing to record"):
+        run.logic.record()
+    run.go(3.0)
+    record = run.logic.record()
+    assert set(record.signals) == {"voltage", "position"}
+    assert record.t.size == 600
+    assert np.diff(record.t) == pytest.approx(STEP)
+
+
+def test_bad_messages_change_nothing() -> None:
+    logic = MonitorLogic(Settings(), 0)
+    assert logic.health(0).level == WARN
+    logic.configure(MOTOR, 0)
+    logic.take_shown({"position": 1.0}, NANO)
+    logic.take_shown({"position": 2.0}, NANO)
+    logic.take_shown({"position": 2.0}, NANO // 2)
+    logic.take_shown(Refusal("not_finite", ""), 0)
+    logic.take_input(Refusal("length", ""), 0)
+    assert logic.refused == {"repeated": 1, "out_of_order": 1, "not_finite": 1, "input_length": 1}
+
+
+def test_a_jump_of_the_clock_starts_anew() -> None:
+    run = Run(3300)
+    run.go(2.0)
+    run.logic.reset(0)
+    with pytest.raises(InputError):
+        run.logic.record()

@@ -1,0 +1,63 @@
+"""Changes in innovations: called soon, dated, and not called where there is none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from signlin_ros.observe.detect import BLOCK, ChangeDetector
+
+STEP = 0.005
+
+
+def innovations(seconds: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    t = np.arange(0.0, seconds, STEP)
+    return t, np.random.default_rng(seed).standard_normal(t.size)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_white_noise_is_no_change(seed: int) -> None:
+    detector = ChangeDetector()
+    assert detector.take(*innovations(150.0, seed)) is None
+    assert not detector.learning
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_larger_innovations_are_called_within_a_second_and_dated(seed: int) -> None:
+    t, z = innovations(60.0, seed)
+    z[t >= 45.0] *= 3.0
+    alarm = ChangeDetector().take(t, z)
+    assert alarm is not None
+    assert 45.0 <= alarm.t < 46.0
+    assert alarm.onset == pytest.approx(45.0, abs=2 * BLOCK)
+
+
+def test_a_shift_is_called_at_once_and_one_wild_value_is_not() -> None:
+    t, z = innovations(60.0, 5)
+    z[8000] = 30.0
+    assert ChangeDetector().take(t, z) is None
+    z[9000:9004] = [9.0, 7.0, 5.0, 4.0]
+    alarm = ChangeDetector().take(t, z)
+    assert alarm is not None
+    assert alarm.kind == "shift"
+    assert alarm.t == pytest.approx(45.0, abs=0.03)
+
+
+def test_a_new_situation_is_learnt_before_anything_in_it_is_called() -> None:
+    t, z = innovations(60.0, 6)
+    new = t >= 45.0
+    z[new] *= 3.0
+    assert ChangeDetector().take(t, z, new.astype(np.int64)) is None
+    often = (t % 2.0 < 0.5).astype(np.int64)  # seen while it was learnt, and larger in it
+    z = innovations(60.0, 7)[1] * np.where(often == 1, 3.0, 1.0)
+    assert ChangeDetector().take(t, z, often) is None
+
+
+def test_pieces_of_any_length_give_the_same() -> None:
+    t, z = innovations(60.0, 8)
+    z[t >= 45.0] *= 2.5
+    whole, pieces = ChangeDetector(), ChangeDetector()
+    whole.take(t, z)
+    for part in np.array_split(np.arange(t.size), 777):
+        pieces.take(t[part], z[part])
+    assert whole.alarm == pieces.alarm
