@@ -22,6 +22,7 @@ class LoadDependentFriction(Effect):
         " {kappa_d:.3g} of the driving {F}, {kappa_e:.3g} of the external one"
     )
     experiment = "move at the same speed under different loads"
+    family = "dry friction"
     dissipative = True
 
     kappa_d = Par("-", nominal=0.1, high=0.99, doc="friction per unit of driving force")

@@ -27,6 +27,7 @@ class LoadDependentStribeck(Effect):
         " {kappa_e:.3g} of the external one, by {excess:.3g} times more beneath {v_s:.3g} {v_s.unit}"
     )
     experiment = "move under different loads, and let it creep through standstill under each"
+    family = "dry friction"
     dissipative = True
     telling = ("excess",)
     essential = ("excess",)

@@ -6,13 +6,13 @@ import re
 
 import numpy as np
 import pytest
-
-from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis.disturbance import Disturbance, disturbance
 from signlin_ros.diagnosis.findings import mere_noise
+from signlin_ros.diagnosis.verdict import diagnose
+
+from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis.fit import candidate, fit
 from signlin_ros.diagnosis.problem import Problem, prepare
-from signlin_ros.diagnosis.verdict import diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_hidden_effects import records

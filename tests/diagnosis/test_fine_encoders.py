@@ -9,10 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from signlin_ros.diagnosis.verdict import add, diagnose
 
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.problem import driven_by_inputs, prepare
-from signlin_ros.diagnosis.verdict import add, diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from signlin_ros.diagnosis.verdict import diagnose
 
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.data import load_records
 from signlin_ros.diagnosis.problem import bare
 from signlin_ros.diagnosis.results import Diagnosis
-from signlin_ros.diagnosis.verdict import diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_traps import proposed

@@ -7,12 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.refusals import plausible
-from signlin_ros.diagnosis.scan import finest
 from signlin_ros.diagnosis.search import prepared
 from signlin_ros.diagnosis.verdict import diagnose
+
+from signlin_ros.diagnosis.comparison import compare
+from signlin_ros.diagnosis.scan import finest
 from signlin_ros.effects import find_effect
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signlin_ros.diagnosis.search import prepared, search
 
 from signlin_ros.diagnosis import load_records
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.results import Entry, Estimate
-from signlin_ros.diagnosis.search import prepared, search
 from signlin_ros.errors import InputError, RecordError, SimulationError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from signlin_ros.diagnosis.rank import consistent, trusted
+from signlin_ros.diagnosis.verdict import diagnose
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis.fit import _belief, candidate, fit, follow_records
 from signlin_ros.diagnosis.problem import _first_slope, prepare
-from signlin_ros.diagnosis.rank import consistent, trusted
-from signlin_ros.diagnosis.verdict import diagnose
 from tests.diagnosis.test_hidden_effects import records
 from tests.diagnosis.test_traps import BENCH, SMALL, proposed, recorded
 

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
-
-from signlin_ros.diagnosis import search
-from signlin_ros.diagnosis.data import Stretch
-from signlin_ros.diagnosis.inverse import Efforts
 from signlin_ros.diagnosis.rank import applicable
 from signlin_ros.diagnosis.search import prepared
 from signlin_ros.diagnosis.several import best_sets
 from signlin_ros.diagnosis.verdict import diagnose
+
+from signlin_ros.diagnosis import search
+from signlin_ros.diagnosis.data import Stretch
+from signlin_ros.diagnosis.inverse import Efforts
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise
 from signlin_ros.records import ModelData

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from signlin_ros.diagnosis.verdict import describe, diagnose
 
 from signlin_ros.diagnosis import verdict
-from signlin_ros.diagnosis.verdict import describe, diagnose
 from tests.diagnosis.test_sensitive import drawn
 from tests.diagnosis.test_traps import AXIS, proposed, recorded
 

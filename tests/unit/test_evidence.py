@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from signlin_ros.diagnosis.coordinates import Place, share_told
+from signlin_ros.diagnosis.onestep import smoothed
 
 from signlin_ros.diagnosis import add
-from signlin_ros.diagnosis.coordinates import Place, share_told
 from signlin_ros.diagnosis.evidence import evidence
-from signlin_ros.diagnosis.onestep import smoothed
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate

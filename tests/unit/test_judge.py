@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-
 from signlin_ros.diagnosis.judge import gain_in_blocks, gain_on, residue, residues, together, whiteness
+
 from signlin_ros.diagnosis.problem import Segment, quanta
 
 T = 4000
