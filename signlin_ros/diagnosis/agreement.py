@@ -197,9 +197,8 @@ def _raises(force: Testimony | None, before: Fitted, after: Fitted, criteria: Cr
     a, b = force_left(force, before, left), force_left(force, after, left)
     if a is None or b is None or force is None:
         return False
-    noise = np.mean([p.noise for p in force.search.r.unseen.pieces]) ** 2
-    apart = float(np.mean(b) - np.mean(a))
-    return apart > max(criteria.alike * float(np.mean(a)), noise) and mean_certainty(a, b) < -criteria.worse
+    shows = float(np.mean(b)) > (1 + criteria.alike) ** 2 * float(np.mean(a))
+    return shows and mean_certainty(a, b) < -criteria.tie
 
 
 def _confirmed(motion: Motion, force: Testimony, criteria: Criteria, tried: list[Fitted]) -> Fitted | None:

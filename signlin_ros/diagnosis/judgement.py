@@ -138,13 +138,15 @@ class Judgement:
         return force_left(self.agreed.force, f, self.agreed._left)
 
 
-def judge(case: Case, agreed: Agreed, criteria: Criteria, only: str | None = None) -> Judgement:
-    """Return what follows; with ``only`` an effect was asked for, and stays whatever it is worth."""
-    final = agreed.final
-    names, motion = final.effects, agreed.motion
+def judge(case: Case, agreed: Agreed, criteria: Criteria) -> Judgement:
+    """Return what follows from an agreement."""
+    final, motion = agreed.final, agreed.motion
     steps = [agreed.base]
-    steps += [motion.fitted(names[:k], final.model) for k in range(1, len(names))]
-    if names:
+    for k in range(1, len(final.effects)):
+        part = motion.fitted(final.effects[:k], final.model)
+        if not motion.gain(steps[-1], part).worsens(criteria.worse, criteria.alike):
+            steps.append(part)
+    if final.effects:
         steps.append(final)
     return Judgement(case, agreed, criteria, final, tuple(steps))
 
