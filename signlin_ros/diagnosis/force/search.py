@@ -22,7 +22,9 @@ REFINED = 2
 STEPS = (0.25, 0.1, 0.04)
 """Relative steps by which shapes are refined,"""
 MOVES = 3
-"""and how often in a row."""
+"""and how often in a row,"""
+NOTHING = 1 - 1e-4
+"""unless a step leaves more than this of the squared error."""
 LITTLE = 0.97
 """A step that leaves more than this of the squared error of the one before ends the search."""
 HARMONICS = 8
@@ -191,7 +193,7 @@ class Search:
             par = self.r.laws[f.members[j][0]].effect.pars()[n]
             tried = [self.r.fitted(_with(f.members, j, n, factor, par)) for factor in factors]
             best = min(tried, key=lambda x: x.trained)
-            if best.trained >= f.trained * (1 - 1e-4):
+            if best.trained >= f.trained * NOTHING:
                 break
             f = best
         return f
