@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cache
 
@@ -54,13 +55,13 @@ def heard(law: Force, model: Model | None = None, rotary: bool = True, **options
 # ---------------------------------------------------------------- columns
 
 
-def bristle(rate: Callable[[float, float], float], q: Array, v: Array, fine: int = 40) -> Array:
+def bristle(rate: Callable[[float, float], float], q: Array, v: Array, fine: int = 10) -> Array:
     """Return what a bristle bends (T,), z' = rate(v, z), from rest, in small steps of Euler's."""
     z, bend, h = np.zeros_like(v), 0.0, STEP / fine
-    between = np.linspace(0.0, 1.0, fine, endpoint=False)
+    between = np.interp(np.arange(v.size * fine) / fine, np.arange(v.size), v).tolist()
     for k in range(1, v.size):
-        for part in between:
-            bend += h * rate(v[k - 1] + part * (v[k] - v[k - 1]), bend)
+        for speed in between[(k - 1) * fine : k * fine]:
+            bend += h * rate(speed, bend)
         z[k] = bend
     return z
 
@@ -70,18 +71,18 @@ def dahl(p: Piece, sigma: float) -> Array:
 
 
 def play(p: Piece, sigma: float, gap: float) -> Array:
-    def bent(z: Array | float) -> Array:
-        return np.maximum(z - gap, 0.0) - np.maximum(-np.asarray(z) - gap, 0.0)
+    def bent(z: float) -> float:
+        return max(z - gap, 0.0) - max(-z - gap, 0.0)
 
-    z = bristle(lambda v, z: v - sigma * abs(v) * float(bent(z)), *motion(p))
-    return -sigma * bent(z)
+    z = bristle(lambda v, z: v - sigma * abs(v) * bent(z), *motion(p))
+    return -sigma * np.array([bent(one) for one in z.tolist()])
 
 
 def lugre(p: Piece, sigma0: float, F_s: float, v_s: float) -> Array:
-    def level(v: Array | float) -> Array:
-        return np.asarray(1.0 + (F_s - 1.0) * np.exp(-((np.asarray(v) / v_s) ** 2)))
+    def level(v: float) -> float:
+        return 1.0 + (F_s - 1.0) * math.exp(-((v / v_s) ** 2))
 
-    return -sigma0 * bristle(lambda v, z: v - sigma0 * abs(v) * z / float(level(v)), *motion(p))
+    return -sigma0 * bristle(lambda v, z: v - sigma0 * abs(v) * z / level(v), *motion(p))
 
 
 def motion(p: Piece) -> tuple[Array, Array]:

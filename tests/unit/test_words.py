@@ -11,7 +11,7 @@ from signlin_ros.diagnosis.parameters import _moved, given
 from signlin_ros.diagnosis.proposal import _origin
 from signlin_ros.diagnosis.ranking import sentence_of
 from signlin_ros.diagnosis.results import Estimate
-from signlin_ros.diagnosis.verdict import _percent, _unexplained
+from signlin_ros.diagnosis import _percent, _unexplained
 from signlin_ros.model import Model
 
 AXIS = Model.from_dict(
