@@ -20,7 +20,7 @@ from signlin_ros.records import ModelData
 Array = NDArray[np.float64]
 STEP = 2e-3
 M, C = 2.0, 3.0
-DRIVE = {"plant": "mass_spring_damper", "parameters": {"m": M, "c": C, "k": 0.0}}
+DRIVE = {"plant": "mass_spring_damper", "parameters": {"m": M, "c": C, "k": 0.0}, "input_hold": "centred"}
 Force = Callable[[Array, Array], Array]
 
 
