@@ -134,7 +134,7 @@ def _right(truth: dict[str, Any], name: str | None) -> bool:
 
 
 def _named(folder: Path) -> str:
-    from signlin_ros.diagnosis.verdict import diagnose
+    from signlin_ros.diagnosis import diagnose
 
     paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
     model, (first, second) = load_records(Model.load(folder / "model.yaml"), paths)

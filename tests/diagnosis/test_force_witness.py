@@ -153,7 +153,7 @@ def test_a_ripple_has_the_columns_of_its_waves():
 def test_a_right_model_lacks_no_force():
     p = along()
     left = p.seen(missing_force(Model.from_dict(DRIVE), p))
-    assert np.sqrt(np.mean(left**2)) < 2e-3 * np.sqrt(np.mean(p.effort**2))
+    assert np.sqrt(np.mean(left**2)) < 5e-3 * np.sqrt(np.mean(p.effort**2))
 
 
 def test_nothing_goes_with_the_sine_of_a_position_that_does_not_turn():

@@ -245,4 +245,4 @@ def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) 
     return theta, std, left
 
 
-__all__ = ["KEY", "Base", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "side", "telling"]
+__all__ = ["KEY", "TINY", "Base", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "side", "telling"]

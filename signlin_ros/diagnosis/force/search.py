@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.force.laws import Law, Ripple, Shape, grid
-from signlin_ros.diagnosis.force.regression import Fit, Member, Regression
+from signlin_ros.diagnosis.force.regression import TINY, Fit, Member, Regression
 from signlin_ros.diagnosis.force.waves import orders, strongest
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
@@ -261,7 +261,7 @@ class Search:
     def level(self, f: Fit, name: str) -> float:
         """Return how many standard errors the levels of a law are from nothing: of the least, for its own columns."""
         law, span = self.r.laws[name], f.spans[name]
-        z = np.abs(f.theta[span]) / f.std[span]
+        z = np.abs(f.theta[span]) / np.maximum(f.std[span], TINY)
         if law.parts.turning:
             return float(np.min(np.hypot(z[::2], z[1::2])))
         return float(z[-1] if law.parts.group else np.max(z) if name == "asymmetric_viscous_friction" else np.min(z))
