@@ -27,7 +27,7 @@ Force = Callable[[Array, Array], Array]
 def moved(seed: int, seconds: float = 12.0, turns: float = 1.0) -> tuple[Array, Array, Array, Array]:
     """Return t, position, velocity and acceleration (T,) of a motion known in closed form: no program integrates it."""
     rng, t = np.random.default_rng(seed), np.arange(round(seconds / STEP)) * STEP
-    w, size, phase = 2 * np.pi * rng.uniform(0.1, 1.2, 5), rng.uniform(0.2, 0.6, 5), rng.uniform(0, 6, 5)
+    w, size, phase = 2 * np.pi * rng.uniform(0.05, 0.4, 5), rng.uniform(0.2, 0.6, 5), rng.uniform(0, 6, 5)
     angle = w * t[:, None] + phase
     q = turns * (size * np.sin(angle)).sum(axis=1)
     v = turns * (size * w * np.cos(angle)).sum(axis=1)
@@ -236,7 +236,7 @@ def test_orders_on_a_rotary_axis_are_whole():
     assert named(found)["cogging_torque"]["N"] == 7.0
     assert named(found)["cogging_torque"]["A"] == pytest.approx(0.8, rel=0.03)
     slide = heard(lambda q, v: -0.8 * np.sin(7.2 * q + 0.4), rotary=False, turns=3.0, unit="m")
-    assert named(slide)["cogging_torque"]["N"] == pytest.approx(7.2, abs=0.01)
+    assert named(slide)["cogging_torque"]["N"] == pytest.approx(7.2, abs=0.03)
 
 
 def test_orders_behind_a_gear_are_those_of_the_motor_too():
