@@ -16,7 +16,11 @@ from measure import Report
 from prediction import DATA
 from signlin_ros.diagnosis.search import search
 
+<<<<<<< HEAD
 from signlin_ros.diagnosis.data import load_records
+=======
+from signlin_ros.diagnosis import diagnose, load_records
+>>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
@@ -63,9 +67,9 @@ def _timed(base: Model, truth: Model, samples: int) -> tuple[float, dict[str, fl
         steps[name] = steps.get(name, 0.0) + now - last
         last, name = now, what
 
-    found = search(base, *data, progress=note)
+    found = diagnose(base, *data, progress=note)
     note("end", 1.0)
-    return time.perf_counter() - begun, steps, found.final.ranked.effects
+    return time.perf_counter() - begun, steps, found.ladder[-1].effects
 
 
 def _models() -> tuple[Model, dict[str, Model]]:
@@ -134,8 +138,6 @@ def _right(truth: dict[str, Any], name: str | None) -> bool:
 
 
 def _named(folder: Path) -> str:
-    from signlin_ros.diagnosis.verdict import diagnose
-
     paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
     model, (first, second) = load_records(Model.load(folder / "model.yaml"), paths)
     found = diagnose(model, first, second)

@@ -527,7 +527,7 @@ def _diagnosed(
     mapping = _mapping(signals)
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
-    from signlin_ros.diagnosis import diagnose as page
+    from signlin_ros.diagnosis import verbs as page
     from signlin_ros.diagnosis.data import load_sides
     from signlin_ros.files import write_text
     from signlin_ros.guard import check_files, check_records

@@ -19,7 +19,7 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -51,15 +51,18 @@ class Task:
 
 def diagnose_record(folder: Path) -> dict[str, Any]:
     """Return the diagnosis of a record's folder as the JSON of `signlin diagnose`; the only place that knows how."""
+<<<<<<< HEAD
     from signlin_ros.diagnosis.verdict import diagnose
 
     from signlin_ros.diagnosis.data import load_records
+=======
+    from signlin_ros.diagnosis import diagnose, load_records
+>>>>>>> dtests
     from signlin_ros.model import Model
 
     paths = [str(folder / f"{name}.csv") for name in ("estimation", "validation")]
     model, (estimation, validation) = load_records(Model.load(folder / "model.yaml"), paths)
-    with ThreadPoolExecutor(1) as one:  # the records run side by side, not the fits
-        return dict(diagnose(model, estimation, validation, jobs=one).to_json())
+    return dict(diagnose(model, estimation, validation, jobs=1).to_json())  # the records run side by side, not the fits
 
 
 def _brief(answer: Mapping[str, Any]) -> dict[str, Any]:

@@ -78,7 +78,7 @@ def _rungs(ax: Any, rungs: Sequence[Rung], name: str, unit: str) -> None:
     ax.grid(visible=False, axis="y")
 
 
-# -------------------------------------------------------------------- what varies along the way
+# -------------------------------------------------------------------- before and after
 
 
 def before_and_after(before: Comparison, after: Comparison, free_run: bool, stretch: int | None = None) -> Any:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from signlin_ros.diagnosis.verdict import diagnose
 
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData

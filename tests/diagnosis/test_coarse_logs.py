@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from signlin_ros.diagnosis.verdict import diagnose
 
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.problem import Gains, changes, driven_by_changes, prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData

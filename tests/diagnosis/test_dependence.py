@@ -7,12 +7,19 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
+<<<<<<< HEAD
 from signlin_ros.diagnosis.dependence import dependence
 from signlin_ros.diagnosis.findings import DEPENDENT, judged
 from signlin_ros.diagnosis.rank import assess
 from signlin_ros.diagnosis.search import prepared
 from signlin_ros.diagnosis.verdict import diagnose
 
+=======
+
+from signlin_ros.diagnosis import diagnose
+from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.diagnosis.motion import Motion
+>>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -47,19 +54,17 @@ def shaken(spring: Callable[[float], float], seed: int) -> ModelData:
 
 
 def share(record: ModelData) -> float:
+    """Return the share of what the fitted model leaves that follows from its own motion."""
     model = RINGING.with_parameters({"m": 0.0442, "c": 1.76, "k": 9500.0})
-    problem, _ = prepared(model, [record], None)
-    base = assess(problem, None)
-    assert base is not None
-    return float(dependence(problem, judged(problem, base))[0])
+    return Motion.of(model, [record], None, DEFAULT, jobs=1).base.left[0].dependent
 
 
 def test_a_right_model_leaves_what_nothing_predicts():
-    assert share(shaken(lambda q: 0.0, 1)) < DEPENDENT / 2
+    assert share(shaken(lambda q: 0.0, 1)) < DEFAULT.dependent / 2
 
 
 def test_a_square_is_seen_in_what_looks_white():
-    assert share(shaken(lambda q: -2.7e5 * q * q, 2)) > 10 * DEPENDENT
+    assert share(shaken(lambda q: -2.7e5 * q * q, 2)) > 10 * DEFAULT.dependent
 
 
 def test_a_spring_that_no_effect_describes_is_not_explained():

@@ -11,6 +11,7 @@ import pytest
 from signlin_ros.diagnosis.verdict import add, diagnose, refine
 
 from benchmarks.hidden.generator import draw, write
+from signlin_ros.diagnosis import add, diagnose, refine
 from signlin_ros.diagnosis.data import load_records
 from signlin_ros.errors import InputError, ModelError, RecordError
 from signlin_ros.model import Model

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import butter, filtfilt, lfilter
 from signlin_ros.diagnosis.verdict import diagnose
 
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.derived import position_alone, without_derived
 from signlin_ros.diagnosis.outliers import without_outliers

@@ -9,9 +9,13 @@ import pytest
 from signlin_ros.diagnosis.rank import applicable
 from signlin_ros.diagnosis.verdict import diagnose
 
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.data import driving
+<<<<<<< HEAD
 from signlin_ros.diagnosis.problem import prepare
+=======
+>>>>>>> dtests
 from signlin_ros.effects.lugre_friction import LuGreFriction
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
@@ -42,12 +46,6 @@ def record(seed: int, zero: float = 0.0, seconds: float = 20.0) -> ModelData:
     return ModelData(t, held[:, None], measured, None, ("velocity",), ("displacement",), units)
 
 
-def test_nothing_stands_between_an_imposed_motion_and_its_measurement():
-    trials, outside = applicable(prepare(Model.from_dict(BASE), [record(1)]))
-    assert {"input_saturation", "input_deadzone"} <= set(outside)
-    assert {"input_delay", "dahl_presliding"} <= {t.effect for t in trials}
-
-
 @pytest.mark.parametrize("zero", [0.0, 130.0], ids=["sensor without a zero", "sensor with one"])
 def test_a_hysteresis_is_found_beneath_an_offset(zero):
     found = diagnose(Model.from_dict(BASE), record(1, zero), record(2, zero))
@@ -60,7 +58,7 @@ def test_a_hysteresis_is_found_beneath_an_offset(zero):
     assert {n for e in found.ranking for n in e.indistinguishable_from if n in ZEROS} == (ZEROS if zero else set())
 
 
-@pytest.mark.parametrize("late", [1, 4])
+@pytest.mark.parametrize("late", [4])
 def test_a_force_that_is_measured_late_is_told_to_the_sample(late):
     records = []
     for seed in (1, 2):
@@ -116,8 +114,7 @@ def mount(lost: slice = slice(0, 0), offset: float = 0.0):
     return model, ModelData(t, v[:, None] + offset, measured, None, ("velocity",), ("displacement",), units), v
 
 
-@pytest.mark.parametrize("recorded", [("displacement", "velocity"), ("displacement",)], ids=["both", "displacement"])
-@pytest.mark.parametrize("resolution", [1e-7, 5e-5])
+@pytest.mark.parametrize(("recorded", "resolution"), [(("displacement", "velocity"), 1e-7), (("displacement",), 5e-5)])
 def test_a_spring_whose_motion_is_sampled_is_no_damper(tmp_path, recorded, resolution):
     def written(seed):
         rng, t = np.random.default_rng(seed), np.arange(4000) * 0.002

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from signlin_ros.diagnosis.verdict import diagnose
 
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.data import load_records
 from signlin_ros.diagnosis.problem import bare
@@ -105,5 +106,5 @@ def test_a_servo_is_judged_by_what_explains_other_motions_too():
     names = [f"xl330_kp400_{motion}" for motion in ("lift_and_drop", "sin_time_square", "sin_sin", "up_and_down")]
     found, unseen = diagnosed(Model.load("xl330"), "xl330", names[:3], names[3])
     assert found.ladder[-1].effects == ("load_dependent_friction",)
-    before, after = (over(m, unseen, 0.2) for m in (found.findings.steps[0].ranked.fit.fitted(), found.model))
+    before, after = (over(m, unseen, 0.2) for m in (found.findings.judgement.steps[0].model, found.model))
     assert after < 0.7 * before

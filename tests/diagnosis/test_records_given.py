@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from signlin_ros.diagnosis.search import prepared, search
 
-from signlin_ros.diagnosis import load_records
+from signlin_ros.diagnosis import diagnose, load_records
 from signlin_ros.diagnosis.comparison import compare
+from signlin_ros.diagnosis.motion.prepare import prepared
 from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.results import Entry, Estimate
 from signlin_ros.errors import InputError, RecordError, SimulationError
@@ -76,7 +77,7 @@ def test_a_time_in_another_unit_is_asked_for(per_second, unit):
 
 def test_a_diagnosis_asks_for_the_unit_of_the_time_too():
     with pytest.raises(SimulationError, match="is the time in ms"):
-        search(MOTOR, [record(t=1e3 * T)])
+        diagnose(MOTOR, [record(t=1e3 * T)])
 
 
 def test_a_time_that_may_be_in_seconds_is_not_asked_for():

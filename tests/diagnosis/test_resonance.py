@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from signlin_ros.diagnosis.verdict import diagnose
 
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.model import Model
@@ -68,7 +69,6 @@ def test_nothing_is_missing_where_nothing_is():
     ("effect", "values"),
     [
         ("cubic_stiffness", {"k3": 0.03 * 2.0 * OWN**2 / 1e-3**2}),
-        ("coulomb_friction", {"mu": 1.0}),
         ("quadratic_drag", {"c2": 40.0}),
     ],
 )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from signlin_ros.diagnosis.verdict import diagnose
 
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.problem import fourth_difference_noise, prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData

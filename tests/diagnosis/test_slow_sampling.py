@@ -7,6 +7,7 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 from signlin_ros.diagnosis.verdict import diagnose
 
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.tracking import discrete
 from signlin_ros.model import Model
@@ -26,7 +27,7 @@ def record(model: Model, seed: int) -> ModelData:
     return ModelData(times, u, measured, None, model.inputs, model.states, units)
 
 
-@pytest.fixture(scope="module", params=[1e-4, 1e-5])
+@pytest.fixture(scope="module", params=[1e-5])
 def motor(request) -> Model:
     model = Model.load("dc_motor").without_effect("coulomb_friction").with_parameters({"L_a": request.param})
     assert model.parameters["R_a"] / request.param * DT > 50.0

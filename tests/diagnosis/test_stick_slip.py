@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+<<<<<<< HEAD
 from signlin_ros.diagnosis.verdict import diagnose
 
+=======
+
+from signlin_ros.diagnosis import diagnose
+>>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
@@ -28,7 +33,7 @@ def stroked(seed: int) -> ModelData:
     return ModelData(t, u[:, None], {"displacement": q}, None, model.inputs, model.states, units)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1])
 def test_friction_that_falls_from_breakaway_is_named(seed):
     nominal = VALVE.with_parameters({"m": 1.4, "c": 78.0, "k": 3450.0}).with_options(tolerance=0.1)
     found = diagnose(nominal, stroked(seed), stroked(seed + 10))

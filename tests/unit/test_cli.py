@@ -327,7 +327,7 @@ def test_a_path_that_the_system_refuses_is_bad_input(run):
 
 def test_a_disk_that_fills_up_under_a_model_file_is_no_fault_of_ours(run, data, tmp_path, monkeypatch):
     done = SimpleNamespace(yaml="")
-    monkeypatch.setattr("signlin_ros.diagnosis.verdict.add", lambda *_, **__: done)
+    monkeypatch.setattr("signlin_ros.diagnosis.verbs.add", lambda *_, **__: done)
     monkeypatch.setattr("signlin_ros.diagnosis.load_records", lambda model, *_: (model, [()]))
     monkeypatch.setattr("signlin_ros.guard.check_records", lambda _, records, __: (records, []))
     monkeypatch.setattr(cli, "_as_written", lambda result, *_: result)

@@ -15,14 +15,16 @@ from signlin_ros.diagnosis.force.regression import Fit, Regression
 
 Array = NDArray[np.float64]
 
-FEATURES = 160
-WIDTHS = (0.35, 0.8)
+FEATURES, WIDTHS = 160, (0.35, 0.8)
+"""Random cosines, and how fine they are: inverse widths in standard deviations of a coordinate."""
 LAGS = (0.15, 1.0)
 """Time constants in s of the past that counts."""
 BRISTLES = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
 """Half widths of elements that slip, as parts of the travel."""
 WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
+"""Weights of the ridge that are tried,"""
 FOLDS = 5
+"""each on so many parts of the record, left out in turn."""
 
 
 def slipping(q: Array, widths: Array) -> Array:

@@ -42,6 +42,7 @@ GRID = 160
 WAYS = (1.0, 0.2, 0.04)
 """What a law remembers may go back over a way that is so much shorter than its starts say."""
 QUARTER = math.pi / 2
+"""A quarter of a turn."""
 
 
 @dataclass(frozen=True)

@@ -53,6 +53,19 @@ SHORTEST_REST = 0.04
 """Rest in s from which on the net force tells the sign of dry friction."""
 BLOCKS = 60
 """Most blocks that a record is cut into for standard errors."""
+NYQUIST, HIGHEST = 0.45, 0.4
+"""Parts of the sampling rate: from the first on nothing is left to filter; no low-pass is set above the second."""
+FEWEST, DIFFERENCES = 20, 16
+"""Samples that a channel must have, and fourth differences from which a noise is told."""
+OUTLYING, SMOOTH = 5.0, 0.25
+"""Times the median beyond which a difference is a jump; part of the coarse differences below which the fine ones tell
+nothing of coloured noise, but of a smooth signal."""
+SURELY = 3.0
+"""Times the velocity's noise below which it counts as rest."""
+FEW_AT_REST = 4
+"""Samples of rest in a row that are a rest."""
+RESTING = (0.01, 0.9)
+"""Shares of a record at rest between which the net force tells the sign of friction there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +101,7 @@ class Piece:
 
 def low_pass(values: Array, cutoff: float, step: float) -> Array:
     """Return values (T, ...) without what is faster than ``cutoff`` Hz, and without a phase shift."""
-    if cutoff >= 0.45 / step:
+    if cutoff >= NYQUIST / step:
         return values
     sos = butter(ORDER, cutoff, fs=1 / step, output="sos")
     return np.asarray(sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 / (step * cutoff)))))
@@ -109,16 +122,16 @@ def sensor_noise(values: Array) -> float:
     the steps in which the values come.
     """
     fine, coarse = _fourth(values), np.sqrt(3.0) * _fourth(values[::3])
-    level = max(fine, coarse) if fine > 0.25 * coarse else fine
+    level = max(fine, coarse) if fine > SMOOTH * coarse else fine
     return float(max(level, quantum_of(values) / np.sqrt(12)))
 
 
 def _fourth(values: Array) -> float:
     d = np.diff(values, 4)
-    if d.size < 16:
+    if d.size < DIFFERENCES:
         return 0.0
     size = np.abs(d)
-    return float(np.sqrt(np.mean(d[size <= 5 * np.median(size) + 1e-300] ** 2) / 70))
+    return float(np.sqrt(np.mean(d[size <= OUTLYING * np.median(size) + 1e-300] ** 2) / 70))
 
 
 def derivative_noise(level: float, order: int, cutoff: float, step: float) -> float:
@@ -141,7 +154,7 @@ class _Raw:
 def _raw(model: Model, data: ModelData) -> _Raw:
     step = float(np.median(np.diff(data.t)))
     t = data.t[0] + step * np.arange(int((data.t[-1] - data.t[0]) / step + 1e-6) + 1)
-    names = [n for n, v in data.measured.items() if np.isfinite(v).sum() > 20]
+    names = [n for n, v in data.measured.items() if np.isfinite(v).sum() > FEWEST]
     values = {n: np.interp(t, data.t, filled(data.t, corrected(model, data, n))) for n in names}
     late = 0.5 - model.early
     if data.acts is not None:
@@ -232,7 +245,7 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
     """Return a record (without gaps) as the force witness sees it, with a low-pass at ``cutoff`` Hz."""
     raw, plant = _raw(model, data), model.plant
     step, m = raw.step, inertia(model)
-    wide = min(WIDER * cutoff, 0.4 / step)
+    wide = min(WIDER * cutoff, HIGHEST / step)
     q, v, noise, lost = _motion(plant, raw, wide)
     effort, effort_noise = _effort(model, raw)
     values = {n: low_pass(x, wide, step) for n, x in raw.values.items() if n == "current"}
@@ -272,7 +285,7 @@ def _kept(still: NDArray[np.bool_], cutoff: float, step: float, ends: float, eve
     each period.
     """
     e = min(int(ends / step) + 1, still.size // 5)
-    moving = low_pass(still.astype(float), min(cutoff, 0.4 / step), step) < AT_REST
+    moving = low_pass(still.astype(float), min(cutoff, HIGHEST / step), step) < AT_REST
     moving[:e] = moving[-e:] = False
     if moving.mean() < AT_REST:
         moving[e:-e] = True
@@ -283,17 +296,17 @@ def _kept(still: NDArray[np.bool_], cutoff: float, step: float, ends: float, eve
 
 def _direction(v: Array, noise: float, net: Array, wide: float, step: float) -> tuple[Array, NDArray[np.bool_]]:
     """Return the sign of the velocity (T,), softened where noise hides it, and where (T,) it is at rest."""
-    still = np.abs(v) < max(3 * noise, SLOW * float(np.abs(v).max()))
+    still = np.abs(v) < max(SURELY * noise, SLOW * float(np.abs(v).max()))
     sign = np.clip(v / (2 * max(noise, 1e-12)), -1.0, 1.0)
     edges = np.diff(np.concatenate([[0], still.astype(np.int8), [0]]))
     on, off = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    long = off - on >= max(4, SHORTEST_REST / step)
+    long = off - on >= max(FEW_AT_REST, SHORTEST_REST / step)
     marks = np.zeros(v.size + 1)
     np.add.at(marks, on[long], 1)
     np.add.at(marks, off[long], -1)
     rest = np.cumsum(marks)[:-1] > 0
-    if 0.01 < rest.mean() < 0.9:
-        pushing = low_pass(net, min(3 * wide, 0.4 / step), step)
+    if RESTING[0] < rest.mean() < RESTING[1]:
+        pushing = low_pass(net, min(3 * wide, HIGHEST / step), step)
         sign = np.where(rest, np.clip(pushing / (np.quantile(np.abs(pushing[rest]), 0.97) + 1e-300), -1, 1), sign)
     return sign, still
 

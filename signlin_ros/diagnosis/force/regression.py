@@ -28,7 +28,11 @@ STEP = 1e-4
 APART = 0.5
 """Most samples by which effort and motion may be stamped apart: more is a delay, and has a name."""
 SWEEPS = 9
+"""Most rounds in which coefficients beyond their bounds are held there."""
 TINY = 1e-300
+"""What keeps a division from failing."""
+FEWEST = 3
+"""Blocks from which a standard error is told."""
 
 
 @dataclass(frozen=True)
@@ -206,7 +210,7 @@ def mean_certainty(before: Array, after: Array) -> float:
 
 
 def _sure(values: Array) -> float:
-    if values.size < 3:
+    if values.size < FEWEST:
         return 0.0
     return float(values.mean() / (values.std(ddof=1) / np.sqrt(values.size) + TINY))
 
@@ -241,4 +245,4 @@ def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) 
     return theta, std, left
 
 
-__all__ = ["KEY", "Base", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "side", "telling"]
+__all__ = ["KEY", "TINY", "Base", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "side", "telling"]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.force.laws import Law, Ripple, Shape, grid
-from signlin_ros.diagnosis.force.regression import Fit, Member, Regression
+from signlin_ros.diagnosis.force.regression import TINY, Fit, Member, Regression
 from signlin_ros.diagnosis.force.waves import orders, strongest
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
@@ -22,7 +22,9 @@ REFINED = 2
 STEPS = (0.25, 0.1, 0.04)
 """Relative steps by which shapes are refined,"""
 MOVES = 3
-"""and how often in a row."""
+"""and how often in a row,"""
+NOTHING = 1 - 1e-4
+"""unless a step leaves more than this of the squared error."""
 LITTLE = 0.97
 """A step that leaves more than this of the squared error of the one before ends the search."""
 HARMONICS = 8
@@ -191,7 +193,7 @@ class Search:
             par = self.r.laws[f.members[j][0]].effect.pars()[n]
             tried = [self.r.fitted(_with(f.members, j, n, factor, par)) for factor in factors]
             best = min(tried, key=lambda x: x.trained)
-            if best.trained >= f.trained * (1 - 1e-4):
+            if best.trained >= f.trained * NOTHING:
                 break
             f = best
         return f
@@ -259,7 +261,7 @@ class Search:
     def level(self, f: Fit, name: str) -> float:
         """Return how many standard errors the levels of a law are from nothing: of the least, for its own columns."""
         law, span = self.r.laws[name], f.spans[name]
-        z = np.abs(f.theta[span]) / f.std[span]
+        z = np.abs(f.theta[span]) / np.maximum(f.std[span], TINY)
         if law.parts.turning:
             return float(np.min(np.hypot(z[::2], z[1::2])))
         return float(z[-1] if law.parts.group else np.max(z) if name == "asymmetric_viscous_friction" else np.min(z))

@@ -20,6 +20,9 @@ from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
 
+APART = 1.2
+"""Times the quiet band that a wider one must be to be tried."""
+
 
 @dataclass(frozen=True, eq=False)
 class Testimony:
@@ -60,7 +63,7 @@ def hear(
     first = _in_band(model, known, unseen, rotary, criteria, cutoff)
     step = first.search.r.known.pieces[0].step
     wide = min(criteria.wider * cutoff, 0.12 / step)
-    if (first.effects and not first.structure) or wide < 1.2 * cutoff:
+    if (first.effects and not first.structure) or wide < APART * cutoff:
         return first
     second = _in_band(model, known, unseen, rotary, criteria, wide)
     better = (second.effects and not second.structure) or (

@@ -23,6 +23,14 @@ SPAN, NEAR, ALIKE = 12, 5, 0.2
 common cause: sensors do not know of each other."""
 
 
+UNSURE = 0.02
+"""How well a share of the variance, or a correlation, is known at best."""
+SURE, SURER, SUREST = 3.0, 4.0, 5.0
+"""Standard errors beyond which a residual is slow; coloured, or not white; and two channels have a common cause."""
+LIKELY, EXCESS = 0.9999, 1.5
+"""Quantile of chi squared below so many times of which a residual is white."""
+
+
 @dataclass(frozen=True)
 class Colour:
     """Shares of a residual's ``variance``: ``slow``, ``coloured`` (of correlation ``rho``), the rest white. ``alone``:
@@ -46,13 +54,13 @@ class Colour:
             return False
         alone = min(self.alone, 0.95) if self.coloured > 0 else 0.0
         error = np.sqrt((1 + alone**2) / (1 - alone**2) / max(self.samples, 1))
-        return bool(self.slow > 0.02 + 3.0 * error)
+        return bool(self.slow > UNSURE + SURE * error)
 
     def limited(self, white: float, whole: bool) -> Colour:
         """Return the same where all that is not ``white`` noise (a share) is structure, if its colour lasts too long
         for noise, or in any case (``whole``).
         """
-        lasting = self.rho > LONGEST - 0.02 and self.coloured > 0.0 and not self.pure
+        lasting = self.rho > LONGEST - UNSURE and self.coloured > 0.0 and not self.pure
         if not (lasting or whole) or white >= 1.0:
             return self
         most = 1.0 if whole else self.slow + self.coloured
@@ -96,7 +104,7 @@ def _colour(parts: Sequence[Array]) -> Colour:
         slow, fast = (0.0, one) if slow < 0 else (max(float(r.mean()), 0.0), 0.0) if fast < 0 else (slow, fast)
         best = min(best, (float(np.sum((r - slow - fast * shape) ** 2)), float(slow), float(fast), rho))
     _, slow, fast, rho = best
-    slow, fast = min(slow, 1.0), fast if fast >= 4.0 / np.sqrt(max(count, 1)) else 0.0
+    slow, fast = min(slow, 1.0), fast if fast >= SURER / np.sqrt(max(count, 1)) else 0.0
     return Colour(variance, slow, min(fast, 1.0 - slow), rho, count, alone[1])
 
 
@@ -111,7 +119,7 @@ def _pole(parts: Sequence[Array], r: Array, count: int) -> tuple[float, float] |
     """Return the correlation of noise of one pole that lasts long and its share, if a residual is nothing else."""
     rho = float(r[1:] @ r[:-1] / max(float(r[:-1] @ r[:-1]), 1e-300))
     share = min(float(r[0]) / max(rho, 1e-12), 1.0)
-    if not (LONGEST - 0.02 < rho <= PURE and count * (1.0 - rho) >= TIMES and share >= 1.0 - ROUGH):
+    if not (LONGEST - UNSURE < rho <= PURE and count * (1.0 - rho) >= TIMES and share >= 1.0 - ROUGH):
         return None
     first = rho * (1 - share) / (share * (1 - rho**2) + (1 - share) * (1 + rho**2))
     theta = 2.0 * first / (1.0 + np.sqrt(max(1.0 - 4.0 * first**2, 0.0)))
@@ -127,8 +135,8 @@ def white(parts: Sequence[Array], tolerance: float = 0.05) -> bool:
     lags = int(min(200, max(20, sum(p.size for p in parts) // 20)))
     r, _, count = correlations(parts, lags)
     statistic = count * (count + 2) * float(np.sum(r**2 / np.maximum(count - np.arange(1, lags + 1), 1)))
-    bound = tolerance + 4.0 / np.sqrt(max(count, 1))
-    small = statistic < 1.5 * float(chi2.ppf(0.9999, lags)) or float(np.max(np.abs(r))) < bound
+    bound = tolerance + SURER / np.sqrt(max(count, 1))
+    small = statistic < EXCESS * float(chi2.ppf(LIKELY, lags)) or float(np.max(np.abs(r))) < bound
     return bool(small and abs(float(r[:LAGS].mean())) < bound / 2)
 
 
@@ -144,7 +152,7 @@ def _together(innovations: Sequence[Array]) -> set[int]:
         error = np.sqrt(max(1.0 + 2.0 * float(np.sum(own[a][0] * own[b][0])), 1.0) / count)
         sums = np.sum([[_product(e, a, b, k) for k in range(-SPAN, SPAN + 1)] for e in whole], axis=0)
         r = np.convolve(sums / max(np.sqrt(own[a][1] * own[b][1]) * count, 1e-300), np.ones(NEAR) / NEAR, "valid")
-        if np.max(np.abs(r)) > max(ALIKE, 5.0 * error):
+        if np.max(np.abs(r)) > max(ALIKE, SUREST * error):
             found |= {a, b}
     return found
 

@@ -26,6 +26,9 @@ BLOCKS, BLOCK = 40, 0.25
 """Blocks that a standard error is taken from, and how long each is at least in s."""
 EDGE = 1e-6
 """How near a coordinate is to a bound that it is at, in standard units."""
+ODD, UNTOLD = 3.0, 0.95
+"""Tolerances from nominal that are told beside a parameter; part of its tolerance above which its standard error says
+that the record did not show it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,11 +165,10 @@ def estimates(problem: Problem, f: Fit, errors: Array) -> dict[str, Estimate]:
 
 
 def _note(k: Coordinate, x: float, own: float) -> str:
-    if k.spread < 1.0 and abs(x - k.prior) > 3 * k.spread:
+    if k.spread < 1.0 and abs(x - k.prior) > ODD * k.spread:
         return f"{abs(x - k.prior) / k.spread:.1f} standard deviations from its nominal value"
-    return (
-        "not excited: the record says nothing beyond the tolerance" if k.spread < 1.0 and own > 0.95 * k.spread else ""
-    )
+    untold = k.spread < 1.0 and own > UNTOLD * k.spread
+    return "not excited: the record says nothing beyond the tolerance" if untold else ""
 
 
 def _of_sensor(problem: Problem, name: str) -> str:

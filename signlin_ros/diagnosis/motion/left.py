@@ -31,6 +31,8 @@ MOST, ENOUGH, RIDGE = 30_000, 10, 1e-5
 """Samples that are looked at; samples for each function, below which nothing is said; ridge of the regression."""
 SLOW = (0.1, 0.03)
 """Velocities, as shares of the largest, within which friction may fade."""
+ALL = 0.99
+"""Part of a response that counts as nearly all of it."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ def _regressors(
 def _length(response: Array) -> int:
     """Return in how many samples (of M, ny) nearly all of a response happens, in the slowest channel."""
     share = np.cumsum(response**2, axis=0) / np.maximum(np.sum(response**2, axis=0), 1e-300)
-    return int(np.max(np.sum(share < 0.99, axis=0))) + 1
+    return int(np.max(np.sum(share < ALL, axis=0))) + 1
 
 
 def _motion(problem: Problem, f: Fit, s: Segment, X: Array) -> tuple[Array, Array, Array]:

@@ -24,6 +24,8 @@ BLOCKS = 100
 """Blocks of whole windows, at most, that a standard error is taken from."""
 LOST = 1e6
 """Error of a model that diverges, in variances of the noise."""
+FEWEST = 3
+"""Blocks from which a standard error is told."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ def _certainty(falls: Array) -> float:
     """Return the mean of falls (blocks) over its standard error, which is larger where neighbours go together; 0 where
     there is nothing to tell it from.
     """
-    if falls.size < 3:
+    if falls.size < FEWEST:
         return 0.0
     apart = falls - falls.mean()
     square = float(apart @ apart)

@@ -27,8 +27,9 @@ from signlin_ros.errors import SignlinError, SimulationError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
-SERIOUS, FINISHED = 0.25, 8
-"""Share of the best candidate's gain that makes another one worth a thorough fit; and how many get one at most."""
+SERIOUS, FIRST, FINISHED = 0.25, 3, 8
+"""Share of the best candidate's gain that makes another one worth a thorough fit; how many get one in any case, and at
+most."""
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -264,7 +265,7 @@ class Motion:
         if base is None or not ordered:
             return ordered[:FINISHED]
         most = base.cost - ordered[0].cost
-        return [f for i, f in enumerate(ordered) if i < 3 or base.cost - f.cost > SERIOUS * most][:FINISHED]
+        return [f for i, f in enumerate(ordered) if i < FIRST or base.cost - f.cost > SERIOUS * most][:FINISHED]
 
     def bred(self, of: Fitted) -> list[Fitted]:
         """Return what can be added of the effects that have many local minima, from the best of all their starts."""

@@ -1,0 +1,258 @@
+"""The rule by which two witnesses agree, and the verdict that follows, on made-up witnesses whose numbers are known."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis import agreement, judgement, words
+from signlin_ros.diagnosis.agreement import Agreed, agree
+from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.motion.score import gain
+
+BLOCKS, NOISE, EFFORT = 40, 0.1, 10.0
+
+
+def around(level: float, seed: int) -> np.ndarray:
+    """Return squares in blocks about a level (RMS), a tenth up or down."""
+    return (level * np.exp(0.1 * np.random.default_rng(seed).normal(size=BLOCKS))) ** 2
+
+
+@dataclass(eq=False)
+class Fit:
+    """A fit of the motion witness: ``rms`` of its error on unseen data by channel, ``force`` that it leaves."""
+
+    effects: tuple[str, ...]
+    rms: tuple[float, ...]
+    force: float
+    white: bool = False
+    away: dict[str, float] = field(default_factory=dict)
+    fit: Any = None
+
+    @property
+    def unseen_squares(self) -> np.ndarray:
+        return np.column_stack([around(r, 7 * len(self.effects) + k) for k, r in enumerate(self.rms)])
+
+    def far(self, criteria: Any) -> dict[str, float]:
+        return {n: x for n, x in self.away.items() if abs(x) > criteria.far}
+
+
+class Motion:
+    """A motion witness with a table of fits."""
+
+    def __init__(self, base: Fit) -> None:
+        self.base = base
+        units = {"speed": "rad/s", "current": "A"}
+        channels = ("speed", "current")[: len(base.rms)]
+        self.problem = SimpleNamespace(
+            channels=channels,
+            units=units,
+            shown=lambda unit: unit,
+            base=SimpleNamespace(update_period=0.2),
+            scale=SimpleNamespace(step=0.01),
+        )
+
+    def gain(self, before: Fit, after: Fit) -> Any:
+        return gain(before.unseen_squares, after.unseen_squares, np.full(len(before.rms), NOISE))
+
+
+def force_witness(*laws: str, effects: tuple[str, ...] = (), structure: bool = False, flexible: float = 1.0) -> Any:
+    unseen = SimpleNamespace(pieces=[SimpleNamespace(noise=0.01)], effort=EFFORT)
+    search = SimpleNamespace(r=SimpleNamespace(laws=dict.fromkeys(laws), unseen=unseen))
+    return SimpleNamespace(search=search, effects=effects, structure=structure, flexible=flexible)
+
+
+def left(*fits: Fit) -> dict[int, np.ndarray]:
+    """Return what the fits leave of the force, as `force_left` keeps it."""
+    return {id(f): around(f.force, 3 * k) for k, f in enumerate(fits)}
+
+
+def chosen(force: Any, base: Fit, first: list[Fit], second: Fit) -> tuple[Fit, str]:
+    return agreement._chosen(Motion(base), force, first, second, DEFAULT, left(base, *first, second))
+
+
+BASE = Fit((), (3.0,), 2.0)
+LAWS = ("coulomb_friction", "stribeck_friction", "gravity_load")
+
+
+def test_a_silent_force_witness_is_no_veto(monkeypatch):
+    second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
+    monkeypatch.setattr(agreement, "search", lambda motion, depth, start=None: [[motion.base], [second]])
+    found = agree(Motion(BASE), None, DEFAULT, 3)
+    assert found.final is second
+    assert found.conflict == ""
+    assert found.percent(second) is None
+
+
+def test_a_model_that_leaves_more_force_than_the_base_is_not_stood_for():
+    """A play follows the motion of a record with noise in its force; it takes none of that force away."""
+    second = Fit(("backlash",), (1.0,), 2.6)
+    final, conflict = chosen(force_witness(*LAWS), BASE, [], second)
+    assert final is BASE
+    assert "backlash" in conflict
+    assert "more force" in conflict
+
+
+def test_a_static_name_is_not_displaced_by_memory_that_leaves_more_force():
+    first, second = Fit(("coulomb_friction",), (1.0,), 0.5), Fit(("compliant_load",), (0.4,), 1.5)
+    final, conflict = chosen(force_witness(*LAWS), BASE, [first], second)
+    assert final is first
+    assert "compliant load" in conflict
+
+
+def test_what_the_force_witness_cannot_see_may_be_added_where_the_force_does_not_rise():
+    first = Fit(("coulomb_friction",), (1.0,), 0.5)
+    second = Fit(("coulomb_friction", "input_delay"), (0.3,), 0.5)
+    final, conflict = chosen(force_witness(*LAWS), BASE, [first], second)
+    assert final is second
+    assert conflict == ""
+
+
+def test_what_the_force_witness_can_see_it_must_see():
+    first = Fit(("coulomb_friction",), (1.0,), 0.5)
+    blind = Fit(("coulomb_friction", "gravity_load"), (0.3,), 0.5)
+    assert chosen(force_witness(*LAWS), BASE, [first], blind)[0] is first
+    seen = Fit(("coulomb_friction", "gravity_load"), (0.3,), 0.2)
+    assert chosen(force_witness(*LAWS), BASE, [first], seen)[0] is seen
+
+
+def test_a_richer_model_that_gains_nothing_gains_nothing():
+    first = Fit(("coulomb_friction",), (1.0,), 0.5)
+    same = Fit(("coulomb_friction", "input_delay"), (1.0,), 0.5)
+    assert chosen(force_witness(*LAWS), BASE, [first], same)[0] is first
+
+
+# ---------------------------------------------------------------- the verdict
+
+
+def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "") -> Judgement:
+    agreed = Agreed(Motion(base), force, base, final, conflict, (), (), (), left(base, final))
+    steps = (base, final) if final is not base else (base,)
+    case: Any = SimpleNamespace(rotary=True)
+    return Judgement(case, agreed, DEFAULT, final, steps)
+
+
+@pytest.fixture(autouse=True)
+def no_sign_is_wrong(monkeypatch):
+    monkeypatch.setattr(judgement, "reversed_signal", lambda problem, fit: "")
+
+
+COULOMB = Fit(("coulomb_friction",), (0.5,), 0.4)
+
+
+def sees(**options: Any) -> Any:
+    return force_witness(*LAWS, effects=("coulomb_friction",), **options)
+
+
+def test_what_both_stand_for_is_missing_though_something_is_left():
+    found = judged(COULOMB, force=sees())
+    assert found.sees
+    assert not found.final.white
+    assert found.verdict == "missing"
+
+
+@pytest.mark.parametrize(
+    ("final", "force", "conflict", "why"),
+    [
+        (COULOMB, sees(), "they differ", "conflict"),
+        (Fit(("coulomb_friction",), (0.5, 1.2), 0.4), sees(), "", "worse"),
+        (Fit(("coulomb_friction",), (0.5,), 0.4, away={"K_m": 45.0}), sees(), "", "far"),
+        (COULOMB, sees(structure=True, flexible=0.5), "", "structure"),
+        (COULOMB, None, "", "structure"),
+    ],
+    ids=["the witnesses differ", "a channel gets worse", "a known parameter is far", "a curve", "no force is seen"],
+)
+def test_why_a_record_is_not_explained(final, force, conflict, why):
+    base = Fit((), (3.0, 1.0)[: len(final.rms)], 2.0)
+    found = judged(final, base, force, conflict)
+    assert found.unexplained == why
+    assert found.verdict == "unexplained"
+
+
+def test_a_channel_that_gets_worse_by_what_no_table_shows_forbids_nothing():
+    base, final = Fit((), (3.0, 1.0), 2.0), Fit(("coulomb_friction",), (0.5, 1.002), 0.4)
+    assert judged(final, base, sees()).worse == ""
+
+
+def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):
+    monkeypatch.setattr(judgement, "reversed_signal", lambda problem, fit: "speed")
+    found = judged(COULOMB, force=sees())
+    assert found.unexplained == "reversed"
+    assert "the sign of speed reversed" in words.sentence(found)
+
+
+def test_noise_is_adequate_whoever_sees_it():
+    noise = Fit((), (NOISE,), 0.005, white=True)
+    for force in (None, force_witness(*LAWS)):
+        found = judged(noise, noise, force)
+        assert found.verdict == "adequate"
+
+
+def test_a_large_force_that_nothing_takes_away_is_not_adequate():
+    odd = Fit((), (3.0,), 0.1 * EFFORT)
+    assert judged(odd, odd, force_witness(*LAWS)).verdict == "unexplained"
+
+
+# ---------------------------------------------------------------- words
+
+
+def numbers(text: str) -> list[float]:
+    return [float(x) for x in re.findall(r"(?<![\w.])-?\d+\.?\d*(?:e[+-]?\d+)?", text)]
+
+
+def in_the_tables(j: Judgement) -> set[str]:
+    """Return every number that a table of the diagnosis shows, to three digits: errors, forces, noise, tolerances."""
+    fits, motion = (j.agreed.base, j.final), j.agreed.motion
+    rms = [float(x) for f in fits for x in np.sqrt(np.mean(f.unseen_squares, axis=0))]
+    forces = [p for f in fits if (p := j.agreed.percent(f)) is not None]
+    more = [j.horizon, j.noise_percent, j.structure[1], *(abs(x) for x in j.far.values())]
+    assert motion.problem.channels
+    return {f"{x:.3g}" for x in (*rms, *forces, *more, *(p / j.noise_percent for p in forces))}
+
+
+@pytest.mark.parametrize(
+    ("final", "force", "conflict"),
+    [
+        (COULOMB, sees(), ""),
+        (COULOMB, sees(structure=True, flexible=0.5), ""),
+        (COULOMB, sees(), "input delay would follow the motion better"),
+        (Fit(("coulomb_friction",), (0.5,), 0.4, away={"K_m": 45.0}), sees(), ""),
+        (Fit((), (NOISE,), 0.005, white=True), force_witness(*LAWS), ""),
+        (Fit((), (3.0,), 1.5), force_witness(*LAWS, structure=True, flexible=2.0), ""),
+    ],
+    ids=["missing", "a curve", "conflict", "far", "adequate", "unexplained"],
+)
+def test_every_number_in_a_sentence_is_in_the_tables(final, force, conflict):
+    j = judged(final, final if not final.effects else BASE, force, conflict)
+    said = numbers(words.sentence(j))
+    shown = in_the_tables(j)
+    assert [x for x in said if f"{x:.3g}" not in shown] == []
+    assert said or conflict
+
+
+def test_a_sentence_names_what_falls_and_by_how_much():
+    j = judged(COULOMB, force=sees())
+    text = words.sentence(j)
+    assert text.startswith("The model lacks coulomb friction: on unseen data the missing force falls from ")
+    assert "the error of speed over 0.2 s from " in text
+    a, b = numbers(text)[:2]
+    assert b < a
+
+
+def test_a_parameter_that_is_far_is_told_first():
+    far = Fit(("coulomb_friction",), (0.5,), 0.4, away={"K_m": 45.0})
+    text = words.sentence(judged(far, force=sees()))
+    assert text.startswith("Check this first: K_m ends 45 tolerances from its nominal value.")
+    assert "The model lacks" not in text
+
+
+def test_a_curve_that_would_take_more_away_is_offered():
+    text = words.sentence(judged(COULOMB, force=sees(structure=True, flexible=0.5)))
+    assert "would leave 0.5 %" in text
+    assert "add learned_force" in text

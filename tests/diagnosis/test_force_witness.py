@@ -1,0 +1,264 @@
+"""The force witness: its columns are the laws written by hand, its fits the truth, and noise has no name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from signlin_ros.diagnosis.force import witness
+from signlin_ros.diagnosis.force.laws import Ripple, Shape, laws
+from signlin_ros.diagnosis.force.record import Piece, missing_force, piece, sensor_noise
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+Array = NDArray[np.float64]
+STEP = 2e-3
+M, C = 2.0, 3.0
+DRIVE = {"plant": "mass_spring_damper", "parameters": {"m": M, "c": C, "k": 0.0}, "input_hold": "centred"}
+Force = Callable[[Array, Array], Array]
+
+
+def moved(seed: int, seconds: float = 12.0, turns: float = 1.0) -> tuple[Array, Array, Array, Array]:
+    """Return t, position, velocity and acceleration (T,) of a motion known in closed form: no program integrates it."""
+    rng, t = np.random.default_rng(seed), np.arange(round(seconds / STEP)) * STEP
+    w, size, phase = 2 * np.pi * rng.uniform(0.05, 0.4, 5), rng.uniform(0.2, 0.6, 5), rng.uniform(0, 6, 5)
+    angle = w * t[:, None] + phase
+    q = turns * (size * np.sin(angle)).sum(axis=1)
+    v = turns * (size * w * np.cos(angle)).sum(axis=1)
+    return t, q, v, -turns * (size * w**2 * np.sin(angle)).sum(axis=1)
+
+
+def record(
+    seed: int, law: Force = lambda q, v: 0.0 * q, noise: float = 1e-5, unit: str = "rad", turns: float = 1.0
+) -> ModelData:
+    """Return a record of a drive that moves so: the force it takes is m q'' + c q' - law, and is known."""
+    t, q, v, a = moved(seed, turns=turns)
+    rng = np.random.default_rng(seed + 100)
+    effort = M * a + C * v - law(q, v)
+    shown = {"displacement": q + noise * rng.normal(size=t.size), "velocity": v + 10 * noise * rng.normal(size=t.size)}
+    torque = "N·m" if unit == "rad" else "N"
+    units = {"force": torque, "displacement": unit, "velocity": f"{unit}/s"}
+    return ModelData(t, effort[:, None], shown, None, ("force",), ("displacement", "velocity"), units)
+
+
+def heard(law: Force, model: Model | None = None, rotary: bool = True, **options: float) -> witness.Testimony:
+    known, unseen = record(1, law, **options), record(2, law, **options)
+    return witness.hear(model or Model.from_dict(DRIVE), [known], [unseen], rotary)
+
+
+# ---------------------------------------------------------------- columns
+
+
+def bristle(rate: Callable[[float, float], float], q: Array, v: Array, fine: int = 10) -> Array:
+    """Return what a bristle bends (T,), z' = rate(v, z), from rest, in small steps of Euler's."""
+    z, bend, h = np.zeros_like(v), 0.0, STEP / fine
+    between = np.interp(np.arange(v.size * fine) / fine, np.arange(v.size), v).tolist()
+    for k in range(1, v.size):
+        for speed in between[(k - 1) * fine : k * fine]:
+            bend += h * rate(speed, bend)
+        z[k] = bend
+    return z
+
+
+def dahl(p: Piece, sigma: float) -> Array:
+    return -sigma * bristle(lambda v, z: v - sigma * abs(v) * z, *motion(p))
+
+
+def play(p: Piece, sigma: float, gap: float) -> Array:
+    def bent(z: float) -> float:
+        return max(z - gap, 0.0) - max(-z - gap, 0.0)
+
+    z = bristle(lambda v, z: v - sigma * abs(v) * bent(z), *motion(p))
+    return -sigma * np.array([bent(one) for one in z.tolist()])
+
+
+def lugre(p: Piece, sigma0: float, F_s: float, v_s: float) -> Array:
+    def level(v: float) -> float:
+        return 1.0 + (F_s - 1.0) * math.exp(-((v / v_s) ** 2))
+
+    return -sigma0 * bristle(lambda v, z: v - sigma0 * abs(v) * z / level(v), *motion(p))
+
+
+def motion(p: Piece) -> tuple[Array, Array]:
+    return p.values["displacement"], p.values["velocity"]
+
+
+@cache
+def along() -> Piece:
+    return piece(Model.from_dict(DRIVE), record(1), 25.0)
+
+
+STATIC: dict[str, tuple[Shape, Callable[[Array, Array, Array], list[Array]]]] = {
+    "coulomb_friction": ((), lambda q, v, s: [-s]),
+    "viscous_friction": ((), lambda q, v, s: [-v]),
+    "constant_load": ((), lambda q, v, s: [np.ones_like(q)]),
+    "linear_stiffness": ((), lambda q, v, s: [-q]),
+    "cubic_stiffness": ((), lambda q, v, s: [-(q**3)]),
+    "quadratic_drag": ((), lambda q, v, s: [-v * np.abs(v)]),
+    "stribeck_friction": ((("v_s", 0.7),), lambda q, v, s: [-s, -s * np.exp(-((v / 0.7) ** 2))]),
+    "gravity_load": ((), lambda q, v, s: [-np.sin(q), np.cos(q)]),
+    "cogging_torque": ((("N", 5.0),), lambda q, v, s: [-np.sin(5 * q), -np.cos(5 * q)]),
+}
+
+
+@pytest.mark.parametrize("name", STATIC)
+def test_columns_are_the_laws_written_by_hand(name):
+    shape, by_hand = STATIC[name]
+    p, law = along(), laws(Model.from_dict(DRIVE), rotary=True)[name]
+    found = law.columns(p, shape)
+    wanted = p.seen(np.column_stack(by_hand(*motion(p), p.sign)))
+    assert found.shape == wanted.shape
+    np.testing.assert_allclose(found, wanted, rtol=1e-6, atol=1e-6 * np.abs(wanted).max())
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "by_hand"),
+    [
+        ("dahl_presliding", {"F_c": 1.0, "sigma": 8.0}, lambda p: dahl(p, 8.0)),
+        ("play_friction", {"F_c": 1.0, "sigma": 12.0, "gap": 0.05}, lambda p: play(p, 12.0, 0.05)),
+        (
+            "lugre_friction",
+            {"sigma0": 10.0, "F_c": 1.0, "F_s": 1.5, "v_s": 0.4, "sigma1": 0.0, "sigma2": 0.0},
+            lambda p: lugre(p, 10.0, 1.5, 0.4),
+        ),
+    ],
+)
+def test_laws_with_memory_are_driven_by_the_measured_motion(name, shape, by_hand):
+    """One column, all that is a force scaled together; what is linear in LuGre's law stands beside it."""
+    p, law = along(), laws(Model.from_dict(DRIVE), rotary=True)[name]
+    found, wanted = law.columns(p, tuple(shape.items()))[:, -1], p.seen(by_hand(p))
+    apart = found - wanted
+    assert np.sqrt(np.mean(apart**2)) < 0.01 * np.sqrt(np.mean(wanted**2))
+
+
+def test_a_ripple_has_the_columns_of_its_waves():
+    p, every = along(), laws(Model.from_dict(DRIVE), rotary=True)
+    ripple = every["torque_ripple"]
+    assert isinstance(ripple, Ripple)
+    both = [every["cogging_torque"].columns(p, (("N", N),)) for N in (3.0, 7.0)]
+    np.testing.assert_allclose(ripple.columns(p, (("N", 3.0), ("N", 7.0))), np.hstack(both))
+    assert ripple.parameters((("N", 3.0), ("N", 7.0)), np.array([3.0, 4.0, 0.0, 2.0])) == {
+        "orders": [3.0, 7.0],
+        "A": pytest.approx([5.0, 2.0]),
+        "phi": pytest.approx([np.arctan2(4.0, 3.0), np.pi / 2]),
+    }
+
+
+def test_a_right_model_lacks_no_force():
+    p = along()
+    left = p.seen(missing_force(Model.from_dict(DRIVE), p))
+    assert np.sqrt(np.mean(left**2)) < 5e-3 * np.sqrt(np.mean(p.effort**2))
+
+
+def test_nothing_goes_with_the_sine_of_a_position_that_does_not_turn():
+    straight, round_ = (laws(Model.from_dict(DRIVE), rotary) for rotary in (False, True))
+    assert "gravity_load" not in straight
+    assert {"gravity_load", "cogging_torque", "torque_ripple"} <= set(round_)
+
+
+# ---------------------------------------------------------------- sensors
+
+
+@pytest.mark.parametrize("level", [1e-6, 1e-4, 1e-2])
+def test_the_noise_of_a_sensor_is_told_from_its_differences(level):
+    t, q, *_ = moved(3)
+    shown = q + level * np.random.default_rng(0).normal(size=t.size)
+    assert sensor_noise(shown) == pytest.approx(level, rel=0.1)
+
+
+def test_the_noise_of_an_encoder_is_that_of_its_steps():
+    _, q, *_ = moved(3)
+    assert sensor_noise(np.round(q / 2e-3) * 2e-3) == pytest.approx(2e-3 / np.sqrt(12), rel=0.2)
+
+
+def test_coloured_noise_counts_by_what_it_has_at_low_frequencies():
+    white = np.random.default_rng(1).normal(size=20_000)
+    coloured = lfilter([0.6], [1.0, -0.8], white)
+    assert sensor_noise(coloured) > 1.5 * sensor_noise(white * coloured.std())
+
+
+# ---------------------------------------------------------------- what is named
+
+
+def named(found: witness.Testimony) -> dict[str, dict[str, float]]:
+    r, fit = found.search.r, found.fit
+    return {n: r.laws[n].parameters(z, fit.theta[fit.spans[n]]) for n, z in fit.members}
+
+
+def test_base_parameters_are_recovered():
+    off = Model.from_dict({**DRIVE, "parameters": {"m": 1.06 * M, "c": 0.95 * C, "k": 0.0}})
+    found = heard(lambda q, v: 0.0 * q, off)
+    moved_by = dict(zip(found.search.r.base.names, found.fit.theta, strict=False))
+    assert found.effects == ()
+    assert 1.06 * (1 + moved_by["m"]) == pytest.approx(1.0, abs=0.005)
+    assert 0.95 * (1 + moved_by["c"]) == pytest.approx(1.0, abs=0.02)
+
+
+def test_noise_has_no_name():
+    for noise in (1e-5, 1e-3):
+        found = heard(lambda q, v: 0.0 * q, noise=noise)
+        assert found.effects == ()
+        assert not found.structure
+
+
+def test_the_simplest_law_of_a_family_is_named():
+    """Stribeck's, Dahl's and LuGre's laws have Coulomb's as a limit, and can do no worse where they are fitted."""
+    found = heard(lambda q, v: -1.5 * np.sign(v))
+    assert found.effects == ("coulomb_friction",)
+    assert named(found)["coulomb_friction"]["mu"] == pytest.approx(1.5, rel=0.02)
+    models = found.search.models
+    assert models[frozenset({"stribeck_friction"})].trained <= 1.001 * models[frozenset({"coulomb_friction"})].trained
+
+
+def test_a_richer_law_is_named_where_it_acts():
+    found = heard(lambda q, v: -(1.0 + 1.5 * np.exp(-((v / 0.5) ** 2))) * np.sign(v))
+    assert found.effects == ("stribeck_friction",)
+    values = named(found)["stribeck_friction"]
+    assert values["mu"] == pytest.approx(1.0, rel=0.05)
+    assert values["excess"] == pytest.approx(1.5, rel=0.15)
+    assert values["v_s"] == pytest.approx(0.5, rel=0.1)
+
+
+def test_orders_on_a_rotary_axis_are_whole():
+    """A wave of seven periods and a fifth a turn is none of a machine that turns; on a slide any wave may be."""
+
+    def law(q: Array, v: Array) -> Array:
+        return -0.8 * np.sin(7.0 * q + 0.4)
+
+    found = heard(law, turns=3.0)
+    assert found.effects == ("cogging_torque",)
+    assert named(found)["cogging_torque"]["N"] == 7.0
+    assert named(found)["cogging_torque"]["A"] == pytest.approx(0.8, rel=0.03)
+    slide = heard(lambda q, v: -0.8 * np.sin(7.2 * q + 0.4), rotary=False, turns=3.0, unit="m")
+    assert named(slide)["cogging_torque"]["N"] == pytest.approx(7.2, abs=0.03)
+
+
+def test_orders_behind_a_gear_are_those_of_the_motor_too():
+    model = Model.from_dict({**DRIVE, "axis": "rotary", "gear": 2.5})
+    found = heard(lambda q, v: -0.8 * np.sin(7.5 * q), model, turns=3.0)
+    assert named(found)["cogging_torque"]["N"] == pytest.approx(7.5)
+
+
+def test_several_harmonics_are_one_effect():
+    def law(q: Array, v: Array) -> Array:
+        return -(0.8 * np.sin(6.0 * q + 0.4) + 0.5 * np.sin(12.0 * q - 1.0) + 0.3 * np.sin(18.0 * q))
+
+    found = heard(law, turns=3.0)
+    assert found.effects == ("torque_ripple",)
+    values = named(found)["torque_ripple"]
+    size = dict(zip(values["orders"], values["A"], strict=True))
+    assert set(size) == {6.0, 12.0, 18.0}
+    for order, wanted in ((6.0, 0.8), (12.0, 0.5), (18.0, 0.3)):
+        assert size[order] == pytest.approx(wanted, rel=0.05)
+
+
+def test_a_force_of_no_listed_shape_is_told_as_structure():
+    found = heard(lambda q, v: -1.5 * np.tanh(4.0 * q) * np.abs(v) ** 0.3)
+    assert found.structure
+    assert found.flexible < found.percent()
