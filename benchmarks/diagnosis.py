@@ -14,13 +14,8 @@ from typing import Any
 import numpy as np
 from measure import Report
 from prediction import DATA
-from signlin_ros.diagnosis.search import search
 
-<<<<<<< HEAD
-from signlin_ros.diagnosis.data import load_records
-=======
 from signlin_ros.diagnosis import diagnose, load_records
->>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate

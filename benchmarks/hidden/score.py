@@ -51,13 +51,7 @@ class Task:
 
 def diagnose_record(folder: Path) -> dict[str, Any]:
     """Return the diagnosis of a record's folder as the JSON of `signlin diagnose`; the only place that knows how."""
-<<<<<<< HEAD
-    from signlin_ros.diagnosis.verdict import diagnose
-
-    from signlin_ros.diagnosis.data import load_records
-=======
     from signlin_ros.diagnosis import diagnose, load_records
->>>>>>> dtests
     from signlin_ros.model import Model
 
     paths = [str(folder / f"{name}.csv") for name in ("estimation", "validation")]

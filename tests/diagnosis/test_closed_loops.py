@@ -6,7 +6,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.verdict import diagnose
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.results import Diagnosis

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.verdict import diagnose
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.problem import Gains, changes, driven_by_changes, prepare

@@ -7,19 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
-<<<<<<< HEAD
-from signlin_ros.diagnosis.dependence import dependence
-from signlin_ros.diagnosis.findings import DEPENDENT, judged
-from signlin_ros.diagnosis.rank import assess
-from signlin_ros.diagnosis.search import prepared
-from signlin_ros.diagnosis.verdict import diagnose
-
-=======
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.motion import Motion
->>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

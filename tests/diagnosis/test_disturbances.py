@@ -4,19 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-<<<<<<< HEAD
-from signlin_ros.diagnosis.disturbance import Disturbance, disturbance
-from signlin_ros.diagnosis.findings import mere_noise
-from signlin_ros.diagnosis.verdict import diagnose
-
-from benchmarks.hidden.generator import draw, write
-from signlin_ros.diagnosis.fit import candidate, fit
-from signlin_ros.diagnosis.problem import Problem, prepare
-=======
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import diagnose
->>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_hidden_effects import records

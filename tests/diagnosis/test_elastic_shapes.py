@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.verdict import diagnose
 
 from benchmarks.hidden.drives import MASS, Drive
-<<<<<<< HEAD
-=======
 from signlin_ros.diagnosis import diagnose
->>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_traps import proposed, recorded, status

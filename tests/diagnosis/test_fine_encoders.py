@@ -9,7 +9,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.verdict import add, diagnose
 
 from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.diagnosis.comparison import compare

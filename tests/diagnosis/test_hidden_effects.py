@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.verdict import add, diagnose, refine
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import add, diagnose, refine

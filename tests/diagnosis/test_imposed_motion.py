@@ -6,16 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.rank import applicable
-from signlin_ros.diagnosis.verdict import diagnose
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.data import driving
-<<<<<<< HEAD
-from signlin_ros.diagnosis.problem import prepare
-=======
->>>>>>> dtests
 from signlin_ros.effects.lugre_friction import LuGreFriction
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
-from signlin_ros.diagnosis.verdict import diagnose
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare

@@ -6,18 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-<<<<<<< HEAD
-from signlin_ros.diagnosis.refusals import plausible
-from signlin_ros.diagnosis.search import prepared
-from signlin_ros.diagnosis.verdict import diagnose
-
-from signlin_ros.diagnosis.comparison import compare
-=======
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.motion.prepare import prepared
->>>>>>> dtests
 from signlin_ros.diagnosis.scan import finest
 from signlin_ros.effects import find_effect
 from signlin_ros.model import Model

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.search import prepared, search
 
 from signlin_ros.diagnosis import diagnose, load_records
 from signlin_ros.diagnosis.comparison import compare

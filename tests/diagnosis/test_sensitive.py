@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.rank import consistent, trusted
-from signlin_ros.diagnosis.verdict import diagnose
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import diagnose

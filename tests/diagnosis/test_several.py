@@ -7,19 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
-<<<<<<< HEAD
-from signlin_ros.diagnosis.rank import applicable
-from signlin_ros.diagnosis.search import prepared
-from signlin_ros.diagnosis.several import best_sets
-from signlin_ros.diagnosis.verdict import diagnose
-
-from signlin_ros.diagnosis import search
-from signlin_ros.diagnosis.data import Stretch
-from signlin_ros.diagnosis.inverse import Efforts
-=======
 
 from signlin_ros.diagnosis import diagnose
->>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_traps import proposed

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.verdict import diagnose
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.problem import fourth_difference_noise, prepare

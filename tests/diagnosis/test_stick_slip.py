@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-<<<<<<< HEAD
-from signlin_ros.diagnosis.verdict import diagnose
-
-=======
 
 from signlin_ros.diagnosis import diagnose
->>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate

@@ -7,19 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from signlin_ros.diagnosis.rank import Ranked, applicable, assess, descend, evidence_of, extended, ranked
-from signlin_ros.diagnosis.refusals import plausible, refusal, vague
-from signlin_ros.diagnosis.verdict import add, diagnose
 
 from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
 from benchmarks.hidden.generator import draw, simulate, write
 from benchmarks.hidden.laws import STEP
-<<<<<<< HEAD
-from signlin_ros.diagnosis.problem import Problem, prepare
-=======
 from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.diagnosis.problem import prepare
->>>>>>> dtests
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.errors import RecordError, SimulationError
 from signlin_ros.model import Model

@@ -4,17 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from signlin_ros.diagnosis.varying import along_a_wave, varying
-from signlin_ros.diagnosis.verdict import Diagnosis, diagnose
 
-<<<<<<< HEAD
-from signlin_ros.diagnosis.diagnosis_pictures import along_the_way
-from signlin_ros.diagnosis.fit import candidate, fit
-from signlin_ros.diagnosis.problem import prepare
-from signlin_ros.errors import InputError
-=======
 from signlin_ros.diagnosis import Diagnosis, diagnose
->>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

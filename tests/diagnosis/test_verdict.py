@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from signlin_ros.diagnosis.verdict import describe, diagnose
 
-<<<<<<< HEAD
-from signlin_ros.diagnosis import verdict
-=======
 from signlin_ros.diagnosis import diagnose
->>>>>>> dtests
 from tests.diagnosis.test_sensitive import drawn
 from tests.diagnosis.test_traps import proposed
 

@@ -5,21 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from signlin_ros.diagnosis.coordinates import Place, share_told
-from signlin_ros.diagnosis.onestep import smoothed
 
 from signlin_ros.diagnosis import add
-<<<<<<< HEAD
-from signlin_ros.diagnosis.evidence import evidence
-=======
 from signlin_ros.diagnosis.diagnosis_pictures import evidence_picture
 from signlin_ros.diagnosis.evidence import _unexplained, evidence
->>>>>>> dtests
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
-
-pytestmark = pytest.mark.slow
 
 MASS = Model.from_dict(
     {"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.8, "k": 30.0}, "update_period": 0.1}

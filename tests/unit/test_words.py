@@ -5,20 +5,11 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import pytest
-from signlin_ros.diagnosis.parameters import _moved, given
-from signlin_ros.diagnosis.ranking import sentence_of
-from signlin_ros.diagnosis.verdict import _percent, _unexplained
 
-<<<<<<< HEAD
-from signlin_ros.diagnosis import evidence
-from signlin_ros.diagnosis.proposal import _origin
-from signlin_ros.diagnosis.results import Estimate
-=======
 from signlin_ros.diagnosis.evidence import nearest
 from signlin_ros.diagnosis.proposal import _origin, given
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.diagnosis.words import shown
->>>>>>> dtests
 from signlin_ros.model import Model
 
 AXIS = Model.from_dict(

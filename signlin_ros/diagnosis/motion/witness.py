@@ -21,7 +21,7 @@ from signlin_ros.diagnosis.motion.prepare import prepared, stretched
 from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, gain, level, windowed
 from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
-from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.problem import Gains, Problem
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError, SimulationError
 from signlin_ros.model import Model
@@ -93,12 +93,13 @@ class Motion:
         """Return a fit with all that is told of it; remembered if it is the best of its class."""
         f = tidied(found.fit)
         errors = spreads(self.short, f)
+        observer, seen = self._observed(f, found)
         mine = Fitted(
             names_of(self.problem, f),
             whole_model(f),
             estimates(self.problem, f, errors),
-            found.known if self.short is self.problem else windowed(self.problem, f.candidate, f.theta, f.gains),
-            windowed(self.unseen, f.candidate, f.theta, f.gains),
+            seen,
+            windowed(self.unseen, f.candidate, f.theta, observer),
             functools.partial(left, self.short, found.low, self.criteria),
             at_bound(f),
             self.unseen.noise,
@@ -110,8 +111,21 @@ class Motion:
             self._best[_class(mine)] = mine
         return self._best[_class(mine)]
 
+    def _observed(self, f: Fit, found: Found) -> tuple[Gains, Array]:
+        """Return the observer from whose states a model predicts the known records best, and the squared errors there:
+        that of the fit, or the quickest, where a slow one loses its track.
+        """
+        whole = self.short is self.problem
+        own = found.known if whole else windowed(self.problem, f.candidate, f.theta, f.gains)
+        quick = windowed(self.problem, f.candidate, f.theta, self.problem.levels[0])
+        better = self._level(quick) < self._level(own)
+        return (self.problem.levels[0], quick) if better else (f.gains, own)
+
+    def _level(self, squares: Array) -> float:
+        return level(squares, self.problem.noise)
+
     def _known_level(self, f: Fitted) -> float:
-        return level(f.known_squares, self.problem.noise)
+        return self._level(f.known_squares)
 
     def best(self, f: Fitted) -> Fitted:
         """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
