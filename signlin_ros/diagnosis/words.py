@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -112,13 +113,14 @@ def shown(j: Judgement, f: Fitted, effect: str) -> str:
     values: dict[str, Shown] = {}
     keys = [k for k, use in f.model.effects.items() if use.type == effect]
     for n, value in f.model.effects[keys[-1]].parameters.items():
-        p = own.get(f"{keys[-1]}.{n}")
-        values[n] = Shown(value, p.unit if p else _unit(f, f"{keys[-1]}.{n}"), p.std if p else None)
+        known = own.get(f"{keys[-1]}.{n}")
+        unit = known.unit if known else _unit(f, f"{keys[-1]}.{n}")
+        values[n] = Shown(value, unit, known.std if known else None)
     force = "force" if plant.force_unit == "N" and not j.case.rotary else "torque"
     return cls.shown(_with_lists(values), force, plant.position, plant.velocity)
 
 
-def _with_lists(values: dict[str, Shown]) -> dict[str, object]:
+def _with_lists(values: dict[str, Shown]) -> dict[str, Any]:
     from signlin_ros.par import gathered
 
     return gathered(values)

@@ -167,7 +167,7 @@ class Law:
             if n not in self.structural:
                 p[names.index(f"{KEY}.{n}")] = value
         tape = columns_of(model.structure, KEY, self.parts)
-        return mass(model, p) * evaluated(model, tape, piece, self._states(piece, shape), p).T
+        return np.asarray(mass(model, p) * evaluated(model, tape, piece, self._states(piece, shape), p).T)
 
     @functools.cached_property
     def structural(self) -> frozenset[str]:

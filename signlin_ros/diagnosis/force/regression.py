@@ -192,7 +192,7 @@ class Regression:
         if a is b or a.members == b.members:
             return 0.0
         blocks, n = self.unseen.blocks, np.bincount(self.unseen.blocks)
-        first, second = (np.bincount(blocks, f.unseen**2)[n > 0] for f in (a, b))
+        first, second = (np.bincount(blocks, f.unseen**2)[n > 0].astype(float) for f in (a, b))
         return mean_certainty(second, first)
 
     def percent(self, fit: Fit) -> float:

@@ -102,7 +102,7 @@ def completed(problem: Problem, effect: type[Effect], values: Mapping[str, float
     pars, spring = effect.pars(), problem.base._has_spring
     kept = {n: v for n, v in values.items() if not (pars[n].free_standing and spring)}
     kept |= {n: v for n, v in effect.held.items() if v is not None}
-    return {n: v if isinstance(v, list) or pars[n].words else pars[n].nearest(v) for n, v in kept.items()}
+    return {n: v if pars[n].words else pars[n].nearest(v) for n, v in kept.items()}
 
 
 def rescanned(problem: Problem, trial: Trial, before: Fit) -> Trial:
