@@ -68,7 +68,8 @@ def percent(force: Testimony, left: Array) -> float:
 def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> Array | None:
     """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell.
 
-    Effort and motion may be stamped apart, by what the force witness found.
+    Effort and motion may be stamped apart by half a sample. With the values that the motion gave, or, where that leaves
+    less, with those that the force gave the same set of effects: each set counts at its best.
     """
     if force is None or not comparable(f):
         return None
@@ -77,6 +78,9 @@ def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> A
         left = np.concatenate([p.seen(missing_force(f.model, p)) for p in r.unseen.pieces])
         late = r.unseen.X[:, -1]
         left = left - late * np.clip(float(late @ left) / max(float(late @ late), 1e-300), -0.5, 0.5)
+        own = force.search.models.get(frozenset(f.effects))
+        if own is not None and own.error < float(np.mean(left**2)):
+            left = own.unseen
         count = np.bincount(r.unseen.blocks)
         known[id(f)] = np.bincount(r.unseen.blocks, left**2)[count > 0] / count[count > 0]
     return known[id(f)]
