@@ -86,6 +86,18 @@ def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> A
     return known[id(f)]
 
 
+def noise_percent(force: Testimony) -> float:
+    """Return what the sensors' noise leaves of a force, in per cent of the effort (RMS)."""
+    unseen = force.search.r.unseen
+    return 100.0 * float(np.sqrt(np.mean([p.noise**2 for p in unseen.pieces]))) / max(unseen.effort, 1e-300)
+
+
+def sees(force: Testimony | None, f: Fitted, criteria: Criteria, known: dict[int, Array]) -> bool:
+    """Tell whether the force witness can tell what is in the force that a model leaves."""
+    left = force_left(force, f, known)
+    return left is not None and force is not None and percent(force, left) > criteria.sees * noise_percent(force)
+
+
 def comparable(f: Fitted) -> bool:
     """Tell whether the force that a model leaves can be compared with the base model's: not where the effort itself,
     or what is measured, is what was changed.
@@ -113,7 +125,7 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     tried: list[Fitted] = []
     base = motion.base
     proposed = force.effects if force else ()
-    first = _confirmed(motion, force, criteria, tried) if force and force.effects else None
+    first = _confirmed(motion, force, criteria, tried, left) if force and force.effects else None
     if first is not None and first.white:
         return Agreed(motion, force, base, first, "", tuple(tried), proposed, (), left)
     if first is None:
@@ -180,6 +192,8 @@ def _beyond(
     if other.white and not now.white:
         return True
     surely = g.certainty >= criteria.certainty and g.share >= criteria.share
+    if not sees(force, now, criteria, left):
+        return surely
     return surely and (
         set(other.effects) - set(now.effects) <= _unseen(force) or _falls(force, now, other, criteria, left)
     )
@@ -205,7 +219,9 @@ def _raises(force: Testimony | None, before: Fitted, after: Fitted, criteria: Cr
     return shows and mean_certainty(a, b) < -criteria.tie
 
 
-def _confirmed(motion: Motion, force: Testimony, criteria: Criteria, tried: list[Fitted]) -> Fitted | None:
+def _confirmed(
+    motion: Motion, force: Testimony, criteria: Criteria, tried: list[Fitted], left: dict[int, Array]
+) -> Fitted | None:
     """Return the model that the force witness proposes, fitted by simulation; None where the motion refuses it."""
     names = [n for n, _ in force.fit.members]
     try:
@@ -216,11 +232,20 @@ def _confirmed(motion: Motion, force: Testimony, criteria: Criteria, tried: list
     g = motion.gain(motion.base, found)
     if g.certainty <= 0.0 or g.worsens(criteria.worse, criteria.alike):
         return None
-    return _in_family(motion, found, force, tried)
+    return _in_family(motion, found, force, criteria, tried, left)
 
 
-def _in_family(motion: Motion, found: Fitted, force: Testimony, tried: list[Fitted]) -> Fitted:
-    """Return a model with a richer law of the same family in place of one, where the motion surely asks for it."""
+def _in_family(
+    motion: Motion,
+    found: Fitted,
+    force: Testimony,
+    criteria: Criteria,
+    tried: list[Fitted],
+    left: dict[int, Array],
+) -> Fitted:
+    """Return a model with a richer law of the same family in place of one, where the motion surely asks for it, and
+    the force too, if it is seen.
+    """
     for name in found.effects:
         law = force.search.r.laws[name]
         kin = [n for n, x in force.search.r.laws.items() if x.effect.family and x.effect.family == law.effect.family]
@@ -234,6 +259,8 @@ def _in_family(motion: Motion, found: Fitted, force: Testimony, tried: list[Fitt
                 continue
         tried += options
         better = motion.alike(found, options)
+        if sees(force, found, criteria, left):
+            better = [one for one in better if _falls(force, found, one, criteria, left)]
         found = better[0] if better else found
     return found
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.agreement import Agreed, force_left
+from signlin_ros.diagnosis.agreement import Agreed, force_left, noise_percent, sees
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import structured
@@ -56,17 +56,12 @@ class Judgement:
     @cached_property
     def noise_percent(self) -> float:
         """What the sensors' noise leaves of a force, in per cent of the effort."""
-        force = self.agreed.force
-        if force is None:
-            return np.inf
-        unseen = force.search.r.unseen
-        noise = np.sqrt(np.mean([p.noise**2 for p in unseen.pieces]))
-        return 100.0 * float(noise) / max(unseen.effort, 1e-300)
+        return np.inf if self.agreed.force is None else noise_percent(self.agreed.force)
 
     @property
     def sees(self) -> bool:
         """Whether the force witness can tell what is in the force that is left."""
-        return self.percent is not None and self.percent > self.criteria.sees * self.noise_percent
+        return sees(self.agreed.force, self.final, self.criteria, self.agreed._left)
 
     @cached_property
     def structure(self) -> tuple[bool, float]:

@@ -29,6 +29,7 @@ class BoucWenHysteresis(Effect):
     imitates = "a loop without width is an elastic force that hardens or softens, the same both ways"
     outdoes = True
     states = {"h": "-"}
+    family = "dry friction"
 
     alpha = Par("-", nominal=0.5, high=1.0, doc="share of the stiffness that stays elastic")
     D = Par("Q", nominal=1.0, positive=True, doc="yield displacement")

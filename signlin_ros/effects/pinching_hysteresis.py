@@ -28,6 +28,7 @@ class PinchingHysteresis(Effect):
     )
     experiment = "cycle slowly between two positions, with several amplitudes"
     states = {"z": "Q"}
+    family = "dry friction"
     telling = ("F_c", "zeta")
     essential = ("zeta",)
 

@@ -86,7 +86,7 @@ class Fitted:
 
     def far(self, criteria: Criteria) -> dict[str, float]:
         """Return the base parameters that are far from nominal, and by how many tolerances."""
-        off = {k.name: (x - k.prior) / k.spread for k, x, _ in self._coordinates(False) if "." not in k.name}
+        off = {k.name: _apart(x - k.prior) / k.spread for k, x, _ in self._coordinates(False) if "." not in k.name}
         return {n: x for n, x in off.items() if abs(x) > criteria.far}
 
     def vague(self, criteria: Criteria) -> str:
@@ -111,6 +111,11 @@ class Fitted:
         needed = min((sizes[n] for n in effect.telling if n in sizes), default=max(sizes.values(), default=np.inf))
         few = f"{key} is {needed:.1f} of its own standard errors from nothing"
         return few if needed < criteria.coefficient else ""
+
+
+def _apart(log: float) -> float:
+    """Return a distance in logarithms as a relative one: of what is tolerated by all of it, nothing is one tolerance."""
+    return float(np.expm1(log)) if log < 0 else log
 
 
 def spreads(problem: Problem, f: Fit) -> Array:
