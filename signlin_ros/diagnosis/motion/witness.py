@@ -244,7 +244,7 @@ class Motion:
         found, parts = [], Parts.of(f.fit)
         for key in parts.keys if f.vague(self.criteria) else ():
             effect = EFFECTS[f.model.effects[key].type]
-            nothing = dict.fromkeys(effect.telling, 0.0)
+            nothing = {n: 0.0 for n in effect.telling if not effect.pars()[n].positive}
             for name, start in effect.simpler(f.model.effects[key].parameters | nothing).items():
                 if name not in f.effects:
                     found.append(self._from(f, extended(self.problem, parts.without(key), Trial(name, ()), start)))
