@@ -77,7 +77,7 @@ class Fitted:
     def far(self, criteria: Criteria) -> dict[str, float]:
         """Return the base parameters that are far from nominal, and by how many tolerances."""
         pairs = zip(self.fit.candidate.coordinates, self.fit.theta.tolist(), strict=True)
-        off = {k.name: (x - k.prior) / k.spread for k, x in pairs if k.spread < np.inf and "." not in k.name}
+        off = {k.name: _off(k, x) / k.spread for k, x in pairs if k.spread < np.inf and "." not in k.name}
         return {n: x for n, x in off.items() if abs(x) > criteria.far}
 
     def vague(self, criteria: Criteria) -> str:
@@ -166,6 +166,11 @@ def estimates(problem: Problem, f: Fit, errors: Array) -> dict[str, Estimate]:
         note = "at its bound" if k.name in bounds else _note(k, x, own)
         result[k.name] = Estimate(k.value(x), own * abs(k.slope(x)), unit, note)
     return result
+
+
+def _off(k: Coordinate, x: float) -> float:
+    """Return how far a coordinate is from nominal: what is known to within all of itself may be nothing."""
+    return float(np.expm1(x - k.prior)) if k.log and x < k.prior else x - k.prior
 
 
 def _note(k: Coordinate, x: float, own: float) -> str:
