@@ -167,6 +167,8 @@ def _chosen(
     """Return the model to stand for, of what force (``first``) and motion (``second``) arrived at, and why not both."""
     base = motion.base
     if not first:
+        if force is not None and force.effects and _overruled(force, second, left):
+            return base, _both(force, second)
         if second.effects and _raises(force, base, second, criteria, left):
             return base, f"{_words(second)} would follow the motion, but leaves more force than the model as it is"
         return second, ""
@@ -178,6 +180,25 @@ def _chosen(
     if now is not second and g.certainty >= criteria.certainty and g.share >= HALF and second.effects:
         return now, f"{_words(second)} would follow the motion better than {_words(now)}, but leaves more force"
     return now, ""
+
+
+def _overruled(force: Testimony, second: Fitted, left: dict[int, Array]) -> bool:
+    """Tell whether a model that leaves more than noise would stand in the place of laws that take away most of the
+    missing force, and does not take that away itself.
+    """
+    before = force.search.base.error
+    own = force_left(force, second, left)
+    explains = own is not None and float(np.mean(own)) < HALF * before
+    return not second.white and force.fit.error < HALF * before and not explains
+
+
+def _both(force: Testimony, second: Fitted) -> str:
+    """Return what both witnesses say where the motion refuses what the force shows."""
+    before, after = (percent(force, np.array([f.error])) for f in (force.search.base, force.fit))
+    laws = _listed(force.effects)
+    told = f"by the force {laws} would leave {after:.3g} % of the effort in place of {before:.3g} %, but the motion"
+    other = f"; {_words(second)} would follow it better" if second.effects else ""
+    return f"{told} that they make is not the one that was measured{other}"
 
 
 def _beyond(

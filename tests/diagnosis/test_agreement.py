@@ -122,6 +122,20 @@ def test_what_the_force_witness_can_see_it_must_see():
     assert chosen(force_witness(*LAWS), BASE, [first], seen)[0] is seen
 
 
+def test_what_the_force_shows_and_the_motion_refuses_is_told_and_not_replaced():
+    """A motor that its own waves throw about: a load on a coupling and a late sensor took the place of seven waves."""
+    force = force_witness(*LAWS, effects=("torque_ripple",))
+    force.fit, force.search.base = SimpleNamespace(error=0.3), SimpleNamespace(error=4.0)
+    final, conflict = chosen(force, BASE, [], Fit(("compliant_load", "sensor_delay"), (1.0,), 1.9))
+    assert final is BASE
+    for name in ("torque ripple", "compliant load", "sensor delay"):
+        assert name in conflict
+    white = Fit(("input_delay",), (NOISE,), 1.9, white=True)
+    assert chosen(force, BASE, [], white) == (white, "")
+    as_good = Fit(("compliant_load",), (1.0,), 0.5)
+    assert chosen(force, BASE, [], as_good) == (as_good, "")
+
+
 def test_a_richer_model_that_gains_nothing_gains_nothing():
     first = Fit(("coulomb_friction",), (1.0,), 0.5)
     same = Fit(("coulomb_friction", "input_delay"), (1.0,), 0.5)

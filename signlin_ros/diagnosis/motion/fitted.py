@@ -86,7 +86,8 @@ class Fitted:
 
     def far(self, criteria: Criteria) -> dict[str, float]:
         """Return the base parameters that are far from nominal, and by how many tolerances."""
-        off = {k.name: _apart(x - k.prior) / k.spread for k, x, _ in self._coordinates(False) if "." not in k.name}
+        pairs = zip(self.fit.candidate.coordinates, self.fit.theta.tolist(), strict=True)
+        off = {k.name: _off(k, x) / k.spread for k, x in pairs if k.spread < np.inf and "." not in k.name}
         return {n: x for n, x in off.items() if abs(x) > criteria.far}
 
     def vague(self, criteria: Criteria) -> str:
@@ -111,11 +112,6 @@ class Fitted:
         needed = min((sizes[n] for n in effect.telling if n in sizes), default=max(sizes.values(), default=np.inf))
         few = f"{key} is {needed:.1f} of its own standard errors from nothing"
         return few if needed < criteria.coefficient else ""
-
-
-def _apart(log: float) -> float:
-    """Return a distance in logarithms as a relative one: of what is tolerated by all of it, nothing is one tolerance."""
-    return float(np.expm1(log)) if log < 0 else log
 
 
 def spreads(problem: Problem, f: Fit) -> Array:
@@ -167,6 +163,11 @@ def estimates(problem: Problem, f: Fit, errors: Array) -> dict[str, Estimate]:
         note = "at its bound" if k.name in bounds else _note(k, x, own)
         result[k.name] = Estimate(k.value(x), own * abs(k.slope(x)), unit, note)
     return result
+
+
+def _off(k: Coordinate, x: float) -> float:
+    """Return how far a coordinate is from nominal: what is known to within all of itself may be nothing."""
+    return float(np.expm1(x - k.prior)) if k.log and x < k.prior else x - k.prior
 
 
 def _note(k: Coordinate, x: float, own: float) -> str:

@@ -259,7 +259,8 @@ class Motion:
         parts, found = Parts.of(f.fit), list[Fitted | None]()
         for key in (k for k in parts.keys if f.vague(self.criteria).startswith(k)):
             effect, values = EFFECTS[f.model.effects[key].type], f.model.effects[key].parameters
-            simpler = effect.simpler(values | dict.fromkeys(effect.telling, 0.0))
+            nothing = {n: 0.0 for n in effect.telling if not effect.pars()[n].positive}
+            simpler = effect.simpler(values | nothing)
             fewer = [extended(self.problem, parts.without(key), Trial(n, ()), start) for n, start in simpler.items()]
             if not fewer and len(f.effects) > 1:
                 fewer = [parts.without(key).candidate(self.problem)]

@@ -1,0 +1,33 @@
+"""How far a base parameter is from nominal, in its tolerances."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.diagnosis.fit import Coordinate
+from signlin_ros.diagnosis.motion import Fitted
+
+
+def far(nominal: float, tolerance: float, value: float) -> dict[str, float]:
+    k = Coordinate("c", True, nominal, -50.0, 50.0, 0.0, tolerance)
+    fit: Any = SimpleNamespace(
+        coordinates=(k,), candidate=SimpleNamespace(coordinates=(k,)), theta=np.array([k.theta(value)])
+    )
+    nothing = np.zeros((1, 1))
+    model: Any = None
+    return Fitted((), model, {}, nothing, nothing, (), (), np.ones(1), fit, np.zeros(1)).far(DEFAULT)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "value", "off"),
+    [(1.0, 1e-6, None), (0.05, 0.5, -10.0), (0.05, 1.9, 100 * np.log(1.9) / 5), (0.05, 0.8, None), (0.05, 1.25, None)],
+    ids=["nothing, of what is known to within itself", "half", "twice", "four tolerances less", "and more"],
+)
+def test_what_is_known_to_within_all_of_itself_may_be_nothing(tolerance, value, off):
+    found = far(1.0, tolerance, value)
+    assert found == ({} if off is None else {"c": pytest.approx(off)})
