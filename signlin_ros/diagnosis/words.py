@@ -64,7 +64,7 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
     """Return by how much the errors on unseen data fall from one model to another: the force, and the motion."""
     parts = []
     a, b = j.agreed.percent(before), j.agreed.percent(after)
-    if a is not None and b is not None:
+    if a is not None and b is not None and b < a:
         parts.append(f"the missing force falls from {_digits(a)} % to {_digits(b)} % of the effort")
     motion = j.agreed.motion
     for k, name in enumerate(motion.problem.channels):
