@@ -436,8 +436,8 @@ def _diagnosed(
 ) -> Report:
     mapping = _pairs(signals, "--signal", "NAME=COLUMN")
     from signlin_ros import console
-    from signlin_ros.diagnosis import verbs as page
     from signlin_ros.diagnosis import load_records
+    from signlin_ros.diagnosis import verbs as page
     from signlin_ros.files import write_text
     from signlin_ros.guard import check_files
     from signlin_ros.model import SUFFIXES, Model
