@@ -47,11 +47,11 @@ class Criteria:
     """where it carries at least this part of the effort."""
 
     # ------------------------------------------------------------ what can be seen
-    noise: float = 0.03
+    noise: float = 0.0175
     """Largest noise of the inertial force, as a part of the effort, in the band where forces are compared."""
     wider: float = 3.0
     """Times that band, where nothing is found in it."""
-    sees: float = 2.0
+    sees: float = 3.5
     """Times the sensors' noise that the force left must be, for the force witness to tell what is in it."""
 
     # ------------------------------------------------------------ what counts as left over
@@ -63,6 +63,9 @@ class Criteria:
     """and the least part of the base model's squared error that it takes away,"""
     flexible_visible: float = 0.004
     """and of the effort (RMS)."""
+    part: float = 0.5
+    """Part of the squared force beyond the sensors' noise that a proposal may leave, where the motion shows structure:
+    more is no explanation."""
     large: float = 0.05
     """Part of the effort (RMS) from which on a force that is left, and is no noise, is missing something."""
 

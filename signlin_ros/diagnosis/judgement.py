@@ -79,13 +79,22 @@ class Judgement:
 
     @cached_property
     def worse(self) -> str:
-        """The channel whose error rises from the base model to the proposal, if one does."""
-        c, motion = self.criteria, self.agreed.motion
-        if self.final is self.agreed.base:
+        """The channel whose printed error rises from the base model to the proposal beyond its standard error, or the
+        missing force, if one does.
+        """
+        motion, base = self.agreed.motion, self.agreed.base
+        if self.final is base:
             return ""
-        g = motion.gain(self.agreed.base, self.final)
-        bad = (g.certainties < -c.worse) & (g.ratios > 1.0 + c.alike)
-        return motion.problem.channels[int(np.argmax(bad))] if bad.any() else ""
+        pairs = zip(motion.problem.channels, base.unseen_squares.T, self.final.unseen_squares.T, strict=True)
+        rows = [*pairs, ("the missing force", self.left(base), self.left(self.final))]
+        return next((n for n, a, b in rows if a is not None and b is not None and self._rises(a, b)), "")
+
+    def _rises(self, before: Array, after: Array) -> bool:
+        """Tell whether mean squares (blocks,) rise so that it shows, and beyond their standard error."""
+        rise = after - before
+        error = float(np.nanstd(rise) / np.sqrt(max(np.count_nonzero(np.isfinite(rise)), 1)))
+        shows = np.nanmean(after) > (1.0 + self.criteria.alike) ** 2 * np.nanmean(before)
+        return bool(shows and np.nanmean(rise) > self.criteria.tie * error)
 
     @cached_property
     def unexplained(self) -> str:
@@ -100,8 +109,17 @@ class Judgement:
             return "far"
         if self.sees:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
-            return "structure" if self.structure[0] or (large and not self.final.white) else ""
+            return "structure" if self.structure[0] or ((large or self.little) and not self.final.white) else ""
         return "" if self.final.white else "structure"
+
+    @property
+    def little(self) -> bool:
+        """Whether a proposal leaves the larger part of the force that is missing."""
+        before, after = (self.agreed.percent(f) for f in (self.agreed.base, self.final))
+        if not self.names or before is None or after is None:
+            return False
+        noise = self.noise_percent**2
+        return after**2 - noise > self.criteria.part * max(before**2 - noise, 0.0)
 
     @property
     def verdict(self) -> str:

@@ -79,7 +79,7 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
 
 def remainder(j: Judgement) -> str:
     """Return what is left, and what would take it away."""
-    if j.percent is None or not j.sees:
+    if j.percent is None or not j.sees or not j.noise_percent:
         return ""
     left, (flexible, after) = f" What is left is {_digits(j.percent)} % of the effort", j.structure
     if flexible:

@@ -194,6 +194,14 @@ def test_a_channel_that_gets_worse_by_what_no_table_shows_forbids_nothing():
     assert judged(final, base, sees()).worse == ""
 
 
+def test_a_force_that_rises_forbids_a_name_and_is_not_told_to_fall():
+    """A bench under a random current: "falls from 35.6 % to 38.6 %"."""
+    found = judged(Fit(("coulomb_friction",), (0.5,), 2.4), BASE, sees())
+    assert found.worse == "the missing force"
+    assert found.verdict == "unexplained"
+    assert "missing force falls" not in words.sentence(found)
+
+
 def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):
     monkeypatch.setattr(judgement, "reversed_signal", lambda problem, fit: "speed")
     found = judged(COULOMB, force=sees())

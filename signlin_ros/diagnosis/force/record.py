@@ -41,6 +41,8 @@ EDGE = 1.2
 """Periods of the cut-off that are left out at either end."""
 PER_PERIOD = 2.5
 """Samples that are kept for a period of the cut-off."""
+THREE = 3
+"""Samples that are taken together to see coloured noise."""
 SAMPLED = 10.0
 """Samples for a period of the cut-off with which laws are driven."""
 MOST = 4000
@@ -118,10 +120,11 @@ def slope(values: Array, step: float) -> Array:
 def sensor_noise(values: Array) -> float:
     """Return the standard deviation of white noise that leaves as much at low frequencies as a sensor's noise does.
 
-    Fourth differences of all samples, and of every third one, in which coloured noise shows too; at least that of
-    the steps in which the values come.
+    Fourth differences of all samples, and of means of three, in which coloured noise shows too; at least that of the
+    steps in which the values come.
     """
-    fine, coarse = _fourth(values), np.sqrt(3.0) * _fourth(values[::3])
+    means = values[: values.size // THREE * THREE].reshape(-1, THREE).mean(axis=1)
+    fine, coarse = _fourth(values), np.sqrt(THREE) * _fourth(means)
     level = max(fine, coarse) if fine > SMOOTH * coarse else fine
     return float(max(level, quantum_of(values) / np.sqrt(12)))
 
@@ -164,7 +167,13 @@ def _raw(model: Model, data: ModelData) -> _Raw:
     if plant.velocity in model.inputs:
         u = np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
         values[plant.velocity] = u[:, model.inputs.index(plant.velocity)]
-    return _Raw(t - t[0], step, u, values, {n: sensor_noise(v) for n, v in values.items()})
+    noise = {n: sensor_noise(_known(data.measured[n])) for n in names}
+    noise |= {n: sensor_noise(v) for n, v in values.items() if n not in noise}
+    return _Raw(t - t[0], step, u, values, noise)
+
+
+def _known(values: Array) -> Array:
+    return values[np.isfinite(values)]
 
 
 def _acting(u: Array, late: float | Array) -> Array:
