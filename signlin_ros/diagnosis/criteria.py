@@ -51,7 +51,7 @@ class Criteria:
     """Largest noise of the inertial force, as a part of the effort, in the band where forces are compared."""
     wider: float = 3.0
     """Times that band, where nothing is found in it."""
-    sees: float = 3.5
+    sees: float = 2.5
     """Times the sensors' noise that the force left must be, for the force witness to tell what is in it."""
 
     # ------------------------------------------------------------ what counts as left over
@@ -63,7 +63,7 @@ class Criteria:
     """and the least part of the base model's squared error that it takes away,"""
     flexible_visible: float = 0.004
     """and of the effort (RMS)."""
-    part: float = 0.5
+    part: float = 0.25
     """Part of the squared force beyond the sensors' noise that a proposal may leave, where the motion shows structure:
     more is no explanation."""
     large: float = 0.05

@@ -92,7 +92,7 @@ class Judgement:
     def _rises(self, before: Array, after: Array) -> bool:
         """Tell whether mean squares (blocks,) rise so that it shows, and beyond their standard error."""
         rise = after - before
-        error = float(np.nanstd(rise) / np.sqrt(max(np.count_nonzero(np.isfinite(rise)), 1)))
+        error = float(np.nanstd(rise) / np.sqrt(max(int(np.count_nonzero(np.isfinite(rise))), 1)))
         shows = np.nanmean(after) > (1.0 + self.criteria.alike) ** 2 * np.nanmean(before)
         return bool(shows and np.nanmean(rise) > self.criteria.tie * error)
 
