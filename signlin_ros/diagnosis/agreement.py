@@ -301,11 +301,12 @@ def _started(force: Testimony, found: Fitted, name: str, other: str) -> Model:
 
 
 def with_laws(force: Testimony, fit: Fit) -> Model:
-    """Return the model as given with the laws of a fit of the force witness, and their values."""
+    """Return the model with the laws of a fit of the force witness, all values as found there."""
     r, model = force.search.r, force.search.r.model
     for name, shape in fit.members:
         model = model.with_effect(name, _key(model, name), **r.laws[name].parameters(shape, fit.theta[fit.spans[name]]))
-    return model
+    moved = zip(r.base.names[:-1], fit.theta, strict=False)
+    return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
 
 
 def _key(model: Model, name: str) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.fit import Candidate, Fit, candidate, tidied
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, estimates, names_of, spreads, whole_model
-from signlin_ros.diagnosis.motion.fitting import Found, bred, climbed, settled, solved
+from signlin_ros.diagnosis.motion.fitting import NEXT, Found, bred, climbed, settled, solved
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.prepare import prepared, stretched
 from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, gain, level, windowed
@@ -162,7 +162,19 @@ class Motion:
         }
         base = {n: known[n] for n in (k.name for k in c.coordinates) if n in known}
         found = settled(self.short, c, [None, c.start(base)], self.check)
-        return self._around(found) if found else None
+        held = self._held(c, c.start(base), found)
+        best = min((one for one in (found, held) if one), key=lambda one: self._level(one.known), default=None)
+        return self._around(best) if best else None
+
+    def _held(self, c: Candidate, theta: Array, found: Found | None) -> Found | None:
+        """Return a candidate fitted from given values with the quickest observer, which keeps a motion to what was
+        measured: a slower one lets it slip from one wave to the next, and the fit walks away.
+        """
+        quick = solved(self.short, c, self.problem.levels[0], theta, NEXT)
+        if quick is None:
+            return None
+        known = windowed(self.short, c, quick.theta, quick.gains)
+        return Found(quick, known, found.low if found else quick)
 
     def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
         """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
