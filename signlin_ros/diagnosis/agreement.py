@@ -100,9 +100,10 @@ def sees(force: Testimony | None, f: Fitted, criteria: Criteria, known: dict[int
 
 def comparable(f: Fitted) -> bool:
     """Tell whether the force that a model leaves can be compared with the base model's: not where the effort itself,
-    or what is measured, is what was changed.
+    or what is measured, is what was changed, nor where a load floats, which only an observer keeps where it is.
     """
-    return not any(changes_effort(find_effect(name, "effects")) for name in f.effects)
+    effects = [find_effect(name, "effects") for name in f.effects]
+    return not any(changes_effort(effect) or effect.floating for effect in effects)
 
 
 def changes_effort(effect: type[Effect]) -> bool:

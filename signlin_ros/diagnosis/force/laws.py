@@ -245,16 +245,17 @@ class Ripple(Law):
         return {"orders": orders, "A": [t[amplitude] for t in turned], "phi": [t[phase] for t in turned]}
 
 
-def laws(model: Model, rotary: bool) -> dict[str, Law]:
+def laws(model: Model, angular: bool) -> dict[str, Law]:
     """Return the laws that act as a force along a measured motion, and that a model may lack, by their names.
 
-    On an axis that is not ``rotary`` nothing goes with the sine of its position but waves, whose order is free.
+    ``angular``: whether something may go with the sine of the position itself: the axis turns, or travels so far that
+    this is a wave like any other, whose order is free.
 
     Left to the motion witness: what changes the input, an electrical state or a sensor, and hidden inertias.
     """
     found = {}
     for name, effect in EFFECTS.items():
-        law = _law(model, name, effect) if rotary or effect.periodic or not effect.turning else None
+        law = _law(model, name, effect) if angular or effect.periodic or not effect.turning else None
         if law is not None:
             found[name] = law
     for name, effect in EFFECTS.items():

@@ -85,10 +85,22 @@ def _in_band(
     moved = telling(model, found[0], base_of(model, current))
     spread = np.array([*(s for _, s in moved.values()), 0.5])
     base = Base((*moved, "timing"), spread)
-    r = Regression(model, laws(model, rotary), side(model, found, moved), side(model, other, moved), base, criteria)
+    r = Regression(
+        model,
+        laws(model, rotary or _waves(model, found) >= criteria.waves),
+        side(model, found, moved),
+        side(model, other, moved),
+        base,
+        criteria,
+    )
     search = Search(r, scale_of(model, found), rotary, model.gear)
     search.run()
     return Testimony(search, *structured(r, search.chosen, search.base))
+
+
+def _waves(model: Model, pieces: Sequence[Piece]) -> float:
+    """Return how many waves of order 1 the records travel."""
+    return max(float(np.ptp(p.values[model.plant.position])) for p in pieces) / (2 * np.pi)
 
 
 def scale_of(model: Model, pieces: Sequence[Piece]) -> Scale:
