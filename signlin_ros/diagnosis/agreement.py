@@ -214,11 +214,12 @@ def _beyond(
     if other.white and not now.white:
         return True
     surely = g.certainty >= criteria.certainty and g.share >= criteria.share
-    if not sees(force, now, criteria, left):
+    if not surely or not sees(force, now, criteria, left):
         return surely
-    return surely and (
-        set(other.effects) - set(now.effects) <= _unseen(force) or _falls(force, now, other, criteria, left)
-    )
+    added = set(other.effects) - set(now.effects)
+    if any(find_effect(name, "effects").floating for name in added):
+        return False  # a load that floats follows any motion; only what leaves noise is one
+    return added <= _unseen(force) or _falls(force, now, other, criteria, left)
 
 
 def _unseen(force: Testimony | None) -> set[str]:
