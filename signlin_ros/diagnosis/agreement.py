@@ -86,6 +86,15 @@ def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> A
     return known[id(f)]
 
 
+def leaves_noise(f: Fitted, criteria: Criteria) -> bool:
+    """Tell whether a model leaves nothing but noise. Of a load that floats its residual says nothing, since a filter
+    holds it to what is measured: its windows must be near the noise.
+    """
+    if not any(find_effect(name, "effects").floating for name in f.effects):
+        return f.white
+    return f.white and bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < criteria.near * f.noise))
+
+
 def noise_percent(force: Testimony) -> float:
     """Return what the sensors' noise leaves of a force, in per cent of the effort (RMS)."""
     unseen = force.search.r.unseen
@@ -211,7 +220,7 @@ def _beyond(
     g = motion.gain(now, other)
     if g.worsens(criteria.worse, criteria.alike) or _raises(force, now, other, criteria, left):
         return False
-    if other.white and not now.white:
+    if leaves_noise(other, criteria) and not now.white:
         return True
     surely = g.certainty >= criteria.certainty and g.share >= criteria.share
     if not surely or not sees(force, now, criteria, left):
@@ -283,9 +292,20 @@ def _in_family(
         tried += options
         better = motion.alike(found, options)
         if sees(force, found, criteria, left):
-            better = [one for one in better if _falls(force, found, one, criteria, left)]
+            better = [
+                one
+                for one in better
+                if _falls(force, found, one, criteria, left) and _shows(force, found, one, criteria, left)
+            ]
         found = better[0] if better else found
     return found
+
+
+def _shows(force: Testimony, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]) -> bool:
+    """Tell whether a richer law takes away a visible part of all the force that is missing, not of a remainder."""
+    a, b = force_left(force, before, left), force_left(force, after, left)
+    gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
+    return gone > criteria.share * force.search.base.error
 
 
 def _single(force: Testimony) -> set[str]:

@@ -55,6 +55,8 @@ class Criteria:
     """Times the sensors' noise that the force left must be, for the force witness to tell what is in it."""
 
     # ------------------------------------------------------------ what counts as left over
+    near: float = 2.0
+    """Times the sensors' noise beneath which the windows of a model whose residual says nothing are noise."""
     dependent: float = 0.02
     """Part of the squared residual that follows from the model's own motion. Right models leave 0.007 at most."""
     flexible: float = 3.0

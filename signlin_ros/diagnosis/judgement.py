@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.agreement import Agreed, force_left, noise_percent, sees
+from signlin_ros.diagnosis.agreement import Agreed, force_left, leaves_noise, noise_percent, sees
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import structured
@@ -110,7 +110,7 @@ class Judgement:
         if self.sees:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             return "structure" if self.structure[0] or ((large or self.little) and not self.final.white) else ""
-        return "" if self.final.white else "structure"
+        return "" if leaves_noise(self.final, self.criteria) else "structure"
 
     @property
     def little(self) -> bool:
