@@ -92,10 +92,10 @@ def test_a_silent_force_witness_is_no_veto(monkeypatch):
 
 def test_a_model_that_leaves_more_force_than_the_base_is_not_stood_for():
     """A play follows the motion of a record with noise in its force; it takes none of that force away."""
-    second = Fit(("backlash",), (1.0,), 2.6)
+    second = Fit(("compliant_load",), (1.0,), 2.6)
     final, conflict = chosen(force_witness(*LAWS), BASE, [], second)
     assert final is BASE
-    assert "backlash" in conflict
+    assert "compliant_load" in conflict
     assert "more force" in conflict
 
 

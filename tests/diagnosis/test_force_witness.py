@@ -115,7 +115,7 @@ STATIC: dict[str, tuple[Shape, Callable[[Array, Array, Array], list[Array]]]] = 
 @pytest.mark.parametrize("name", STATIC)
 def test_columns_are_the_laws_written_by_hand(name):
     shape, by_hand = STATIC[name]
-    p, law = along(), laws(Model.from_dict(DRIVE), rotary=True)[name]
+    p, law = along(), laws(Model.from_dict(DRIVE), angular=True)[name]
     found = law.columns(p, shape)
     wanted = p.seen(np.column_stack(by_hand(*motion(p), p.sign)))
     assert found.shape == wanted.shape
@@ -136,14 +136,14 @@ def test_columns_are_the_laws_written_by_hand(name):
 )
 def test_laws_with_memory_are_driven_by_the_measured_motion(name, shape, by_hand):
     """One column, all that is a force scaled together; what is linear in LuGre's law stands beside it."""
-    p, law = along(), laws(Model.from_dict(DRIVE), rotary=True)[name]
+    p, law = along(), laws(Model.from_dict(DRIVE), angular=True)[name]
     found, wanted = law.columns(p, tuple(shape.items()))[:, -1], p.seen(by_hand(p))
     apart = found - wanted
     assert np.sqrt(np.mean(apart**2)) < 0.01 * np.sqrt(np.mean(wanted**2))
 
 
 def test_a_ripple_has_the_columns_of_its_waves():
-    p, every = along(), laws(Model.from_dict(DRIVE), rotary=True)
+    p, every = along(), laws(Model.from_dict(DRIVE), angular=True)
     ripple = every["torque_ripple"]
     assert isinstance(ripple, Ripple)
     both = [every["cogging_torque"].columns(p, (("N", N),)) for N in (3.0, 7.0)]
@@ -182,10 +182,10 @@ def test_the_noise_of_an_encoder_is_that_of_its_steps():
     assert sensor_noise(np.round(q / 2e-3) * 2e-3) == pytest.approx(2e-3 / np.sqrt(12), rel=0.2)
 
 
-def test_coloured_noise_counts_by_what_it_has_at_low_frequencies():
-    white = np.random.default_rng(1).normal(size=20_000)
-    coloured = lfilter([0.6], [1.0, -0.8], white)
-    assert sensor_noise(coloured) > 1.5 * sensor_noise(white * coloured.std())
+def test_coloured_noise_counts_for_more_than_neighbouring_samples_show():
+    coloured = lfilter([0.6], [1.0, -0.8], np.random.default_rng(1).normal(size=20_000))
+    between_samples = np.sqrt(np.mean(np.diff(coloured, 4) ** 2) / 70)
+    assert sensor_noise(coloured) > 1.5 * between_samples
 
 
 # ---------------------------------------------------------------- what is named
