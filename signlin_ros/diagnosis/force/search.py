@@ -241,15 +241,18 @@ class Search:
 
     def needed(self, f: Fit, name: str) -> bool:
         """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part
-        of the unseen error: of what is left without it, and with a simpler law of its family in its place.
+        of the unseen error: of what is left without it; and of all that is missing, where a simpler law of its family
+        stands in its place.
         """
         law = self.r.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
         if self.level(f, name) < self.r.criteria.coefficient or not law.effect.plausible(values):
             return False
-        return all(
-            self.worth(f, g, law.free(dict(f.members)[name])) for g in (self.without(f, name), *self._simpler(f, name))
-        )
+        free = law.free(dict(f.members)[name])
+        if not self.worth(f, self.without(f, name), free):
+            return False
+        shown = self.r.criteria.share * self.base.error
+        return all(self.worth(f, g, free) and g.error - f.error > shown for g in self._simpler(f, name))
 
     def worth(self, f: Fit, reference: Fit, free: int) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error."""
