@@ -262,7 +262,7 @@ def _confirmed(
         return None
     tried.append(found)
     g = motion.gain(motion.base, found)
-    if g.certainty <= 0.0 or g.worsens(criteria.worse, criteria.alike):
+    if g.certainty < criteria.least or g.worsens(criteria.worse, criteria.alike):
         return None
     return _in_family(motion, found, force, criteria, tried, left)
 
