@@ -479,25 +479,29 @@ def _learned(
     output: str,
     signals: tuple[str, ...],
     jobs: int | None = None,
+    cures: tuple[str, ...] = (),
 ) -> Report:
     if report is not None:
         raise InputError("--report: add learned_force draws none; use signlin compare NEW.yaml DATA --report OUT.html")
     mapping = _mapping(signals)
     from signlin_ros import console
+    from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis.data import load_sides
-    from signlin_ros.guard import check_files
+    from signlin_ros.guard import check_files, check_records
     from signlin_ros.learned import add_learned
     from signlin_ros.model import SUFFIXES, Model
 
     original = Model.load(model)
     check_files(original, data, validation, output, SUFFIXES)
     loaded, first, second = load_sides(original, data, validation, mapping)
+    records, findings = check_records(loaded, [*first, *(second or ())], cures)
+    first, second = records[: len(first)], records[len(first) :] or None
     _progress(f"{effect}: {sum(map(len, [*first, *(second or ())]))} samples ...")
     new, content = add_learned(loaded, first, second, over)
     new = new.with_options(with_position=original.with_position)
     new.save(output)
     text = new.placed_in(Path(output).parent).to_yaml()
-    return {**content, "model": text}, console.diagnosis_text
+    return {**content, "model": text, "record": to_json(findings)}, console.diagnosis_text
 
 
 @signlin.command(

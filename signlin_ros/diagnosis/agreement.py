@@ -305,7 +305,7 @@ def _shows(force: Testimony, before: Fitted, after: Fitted, criteria: Criteria, 
     """Tell whether a richer law takes away a visible part of all the force that is missing, not of a remainder."""
     a, b = force_left(force, before, left), force_left(force, after, left)
     gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
-    return gone > criteria.share * force.search.base.error
+    return gone > criteria.each * force.search.base.error
 
 
 def _single(force: Testimony) -> set[str]:

@@ -18,7 +18,8 @@ class Criteria:
     share: float = 0.05
     """Least part of the squared error beyond the sensors' noise that one effect takes away,"""
     each: float = 0.02
-    """and so much more, of the missing force, for each parameter beyond its first."""
+    """and so much more for each parameter beyond its first; of all the force that is missing where a simpler law of its
+    family stands in its place."""
     visible: float = 0.003
     """Least part of the effort (RMS) that a force takes away: no sensor of an effort is better."""
     coefficient: float = 4.0

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.agreement import changes_effort
-from signlin_ros.diagnosis.curves import Band, band, memory
+from signlin_ros.diagnosis.curves import LEAST, Band, band, memory
 from signlin_ros.diagnosis.force.record import missing_force
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
@@ -174,7 +174,9 @@ def _explanation(
 
 
 def _bands(place: Place, values: Array, sides: Sequence[NDArray[np.bool_]], block: int) -> tuple[Band, ...]:
-    return tuple(band(place.x[s], values[s], block, dense_at_zero=place.dense) for s in sides)
+    few = [min(BINS, max(2, int(np.count_nonzero(s)) // (2 * LEAST))) for s in sides]
+    rows = zip(sides, few, strict=True)
+    return tuple(band(place.x[s], values[s], block, bins, place.dense) for s, bins in rows)
 
 
 __all__ = ["Evidence", "Explanation", "Place", "evidence", "nearest"]

@@ -21,6 +21,7 @@ from signlin_ros.cli import main
 from signlin_ros.errors import InputError, RecordError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
+from signlin_ros.records.notes import Note
 from signlin_ros.simulate import simulate
 
 Array = NDArray[np.float64]
@@ -517,10 +518,8 @@ class Said(str):
     kind, channel = "", ""
 
 
-def said(text: str, kind: str) -> Said:
-    note = Said(text)
-    note.kind = kind
-    return note
+def said(text: str, kind: str) -> Note:
+    return Note(text, kind)
 
 
 def test_faults_that_the_reader_put_right_are_told() -> None:

@@ -147,7 +147,7 @@ BAD = {
     "tolerance of an unknown parameter": (motor(tolerance={"mass": 0.1}), ["tolerance", "'mass'", "K_t"]),
     "frozen is a word": (motor(frozen="K_m"), ["frozen", "'K_m'", "a list of names"]),
     "frozen is unknown": (motor(frozen=["K_x"]), ["frozen", "'K_x'", "K_m"]),
-    "signal is a number": (motor(signals={"voltage": 3}), ["signals.voltage", "3", "a column's name"]),
+    "signal is a list": (motor(signals={"voltage": [3]}), ["signals.voltage"]),
     "signal of an unknown name": (motor(signals={"volts": "u"}), ["signals", "volts"]),
     "effect file is not there": (motor(effect_files=["nowhere.py"]), ["effect_files", "nowhere.py", "does not exist"]),
     "with_position is a word": (motor(with_position="yes"), ["with_position", "'yes'", "true or false"]),
@@ -470,7 +470,7 @@ SLIPS = {
     ),
     "a name for a tuple of names": ('("b",)', '("b")', ["essential: found 'b'", "tuple"]),
     "a name of nothing": ('("b",)', '("bb",)', ["essential: no parameter 'bb'"]),
-    "a unit that is none": ("F·s²/Q²", "furlong", ["b: the unit is 'furlong'", "F, Q, U"]),
+    "a unit that is none": ("F·s²/Q²", "wurlitz", ["b: the unit is 'wurlitz'", "F, Q, U"]),
     "a unit of the wrong letter": ("F·s²/Q²", "F·s²/q²", ["b: the unit is 'F·s²/q²'"]),
     "a method that asks for what is not there": ('p["b"]', 'p["bb"]', ["plausible fails: KeyError: 'bb'"]),
 }

@@ -251,7 +251,7 @@ class Search:
         free = law.free(dict(f.members)[name])
         if not self.worth(f, self.without(f, name), free):
             return False
-        shown = self.r.criteria.share * self.base.error
+        shown = self.r.criteria.each * self.base.error
         return all(self.worth(f, g, free) and g.error - f.error > shown for g in self._simpler(f, name))
 
     def worth(self, f: Fit, reference: Fit, free: int) -> bool:

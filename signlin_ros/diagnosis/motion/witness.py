@@ -170,11 +170,10 @@ class Motion:
         """Return a candidate fitted from given values with the quickest observer, which keeps a motion to what was
         measured: a slower one lets it slip from one wave to the next, and the fit walks away.
         """
-        quick = solved(self.short, c, self.problem.levels[0], theta, NEXT)
-        if quick is None:
-            return None
-        known = windowed(self.short, c, quick.theta, quick.gains)
-        return Found(quick, known, found.low if found else quick)
+        tried = (solved(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, NEXT))
+        fits = [(windowed(self.short, c, f.theta, f.gains), f) for f in tried if f]
+        options = [Found(f, known, found.low if found else f) for known, f in fits]
+        return min(options, key=lambda one: self._level(one.known), default=None)
 
     def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
         """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
