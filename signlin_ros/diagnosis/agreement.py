@@ -144,10 +144,26 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
         final, conflict = _chosen(motion, force, [], path[-1][0], criteria, left)
         return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, path[-1][0].effects, left)
     hidden = sorted(_unseen(force))
+    if not _explained(force, base, first, criteria, left):
+        path = search(motion, depth)
+        tried += [f for step in path for f in step]
+        final, conflict = _chosen(motion, force, [first], path[-1][0], criteria, left)
+        return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, path[-1][0].effects, left)
     alone, beside = _best_of(motion, base, hidden, tried), _best_of(motion, first, hidden, tried, depth)
     found = alone or base
     final, conflict = _chosen(motion, force, [f for f in (first, beside) if f], found, criteria, left)
     return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, found.effects, left)
+
+
+def _explained(
+    force: Testimony | None, base: Fitted, first: Fitted, criteria: Criteria, left: dict[int, Array]
+) -> bool:
+    """Tell whether a model takes away most of a missing force that is seen."""
+    before, after = force_left(force, base, left), force_left(force, first, left)
+    if before is None or after is None or force is None or not sees(force, first, criteria, left):
+        return False
+    noise = (noise_percent(force) / 100.0 * force.search.r.unseen.effort) ** 2
+    return float(np.mean(after)) - noise <= criteria.part * max(float(np.mean(before)) - noise, 0.0)
 
 
 def _best_of(

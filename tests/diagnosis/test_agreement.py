@@ -95,7 +95,7 @@ def test_a_model_that_leaves_more_force_than_the_base_is_not_stood_for():
     second = Fit(("compliant_load",), (1.0,), 2.6)
     final, conflict = chosen(force_witness(*LAWS), BASE, [], second)
     assert final is BASE
-    assert "compliant_load" in conflict
+    assert "compliant load" in conflict
     assert "more force" in conflict
 
 
