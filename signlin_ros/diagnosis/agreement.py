@@ -14,16 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.laws import KEY
 from signlin_ros.diagnosis.force.record import missing_force
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.search import search
-from signlin_ros.diagnosis.motion.trials import trials_of
+from signlin_ros.diagnosis.motion.trials import free_key, trials_of
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
-from signlin_ros.errors import SignlinError
+from signlin_ros.errors import SignlinError, joined
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -342,16 +341,11 @@ def with_laws(force: Testimony, fit: Fit) -> Model:
     """Return the model with the laws of a fit of the force witness, all values as found there."""
     r, model = force.search.r, force.search.r.model
     for name, shape in fit.members:
-        model = model.with_effect(name, _key(model, name), **r.laws[name].parameters(shape, fit.theta[fit.spans[name]]))
+        model = model.with_effect(
+            name, free_key(model, name), **r.laws[name].parameters(shape, fit.theta[fit.spans[name]])
+        )
     moved = zip(r.base.names[:-1], fit.theta, strict=False)
     return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
-
-
-def _key(model: Model, name: str) -> str:
-    key, count = name, 2
-    while key in model.effects:
-        key, count = f"{name}_{count}", count + 1
-    return key
 
 
 def _words(f: Fitted) -> str:
@@ -359,8 +353,7 @@ def _words(f: Fitted) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    plain = [n.replace("_", " ") for n in names]
-    return " and ".join([", ".join(plain[:-1]), plain[-1]] if len(plain) > 2 else plain)
+    return joined([n.replace("_", " ") for n in names])
 
 
-__all__ = ["KEY", "Agreed", "agree", "changes_effort", "comparable", "with_laws"]
+__all__ = ["Agreed", "agree", "changes_effort", "comparable", "with_laws"]

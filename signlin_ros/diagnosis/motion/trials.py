@@ -66,7 +66,9 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
         return []  # what is imposed is measured, not commanded
     starts = _starts(problem, effect)
     try:
-        applies = bool(starts) and bool(problem.base.with_effect(name, key=_key(problem.base, name), **starts[0]).trace)
+        applies = bool(starts) and bool(
+            problem.base.with_effect(name, key=free_key(problem.base, name), **starts[0]).trace
+        )
     except ModelError:
         applies = False
     return [Trial(name, tuple(starts))] if applies else []
@@ -80,7 +82,8 @@ def _of_sensors(problem: Problem, name: str) -> list[Trial]:
     return [Trial(name, tuple({f"{name}.{c}": start} for start in starts)) for c in shown]
 
 
-def _key(model: Model, name: str) -> str:
+def free_key(model: Model, name: str) -> str:
+    """Return a key under which an effect can be added to a model."""
     key, number = name, 2
     while key in model.effects:
         key, number = f"{name}_{number}", number + 1
@@ -158,7 +161,7 @@ def extended(problem: Problem, before: Parts, trial: Trial, start: Mapping[str, 
     """
     if trial.of_sensor:
         return from_nominal(problem, replace(before, sensors={**before.sensors, **start}).candidate(problem))
-    key = _key(before.model, trial.effect)
+    key = free_key(before.model, trial.effect)
     more = replace(before, model=before.model.with_effect(trial.effect, key=key, **start), keys=(*before.keys, key))
     return from_nominal(problem, more.candidate(problem))
 
@@ -172,4 +175,15 @@ def from_nominal(problem: Problem, c: Candidate) -> Candidate:
     return replace(c, values={n: given.get(n, v) for n, v in values.items()})
 
 
-__all__ = ["Parts", "Trial", "completed", "extended", "from_nominal", "rescanned", "sensors_of", "trials", "trials_of"]
+__all__ = [
+    "Parts",
+    "Trial",
+    "completed",
+    "extended",
+    "free_key",
+    "from_nominal",
+    "rescanned",
+    "sensors_of",
+    "trials",
+    "trials_of",
+]
