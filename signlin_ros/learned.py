@@ -97,13 +97,14 @@ def add_learned(
     new = with_learned(model, learned)
     runs = [[compare(one, part).to_json() for part in (known, unseen)] for one in (model, new)]
     rungs: list[dict[str, Any]] = [
-        {"effects": effects, "estimation": _scores(seen), "validation": _scores(other)}
+        {"effects": effects, "estimation": _scores(seen), "validation": _scores(other), **_force_left(other)}
         for effects, (seen, other) in zip(([], ["learned_force"]), runs, strict=True)
     ]
     entry = _entry(new, learned, *(rung["validation"] for rung in rungs))
     return new, {
         "verdict": "missing" if entry["status"] == "confirmed" else "unexplained",
         "sentence": f"Learned: {entry['why']}. Beyond what the records visited it goes straight on.",
+        "given": None,
         "base": {"parameters": {}, "validation": rungs[0]["validation"]},
         "ranking": [entry],
         "ladder": rungs,
@@ -113,7 +114,14 @@ def add_learned(
         "noise": {n: c["noise"] for n, c in runs[0][0]["channels"].items()},
         "experiments": [],
         "notes": list(dict.fromkeys(note for run in runs[0] for note in run["notes"])),
+        "horizon": runs[0][1]["horizon"],
     }
+
+
+def _force_left(comparison: dict[str, Any]) -> dict[str, Any]:
+    """Return the force that is left in per cent of what is measured, None where the motion does not tell it."""
+    left = [c["relative_error_percent"] for c in (comparison["inverse"] or {}).values()]
+    return {"missing_force_percent": left[0] if left else None}
 
 
 def _entry(new: Model, learned: Learned, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:

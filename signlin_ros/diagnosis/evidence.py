@@ -20,7 +20,7 @@ from signlin_ros.trace import resolve_unit
 
 Array = NDArray[np.float64]
 
-ENOUGH = 60
+ENOUGH = 20
 """Samples below which nothing is shown of a direction of motion."""
 BINS = 30
 """Bins by which is told over which coordinate a force is a curve."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 
 from signlin_ros.diagnosis.agreement import Agreed, agree
 from signlin_ros.diagnosis.case import Case, case
@@ -42,8 +43,9 @@ def diagnose(
     used.
     """
     prepared = case(model, data, validation)
-    motion = _motion(prepared, jobs, progress, cancelled, criteria)
-    force = _force(prepared, criteria, progress)
+    tell = _stages(progress)
+    motion = _motion(prepared, jobs, tell, cancelled, criteria)
+    force = _force(prepared, criteria, tell)
     agreed = agree(motion, force, criteria, criteria.most)
     return told(judge(prepared, agreed, criteria))
 
@@ -95,8 +97,9 @@ def add(
     find_effect(effect, "effect")
     prepared = case(model, data, validation)
     _check_addable(prepared.model, effect)
-    motion = _motion(prepared, jobs, progress, cancelled, criteria)
-    force = _force(prepared, criteria, progress)
+    tell = _stages(progress)
+    motion = _motion(prepared, jobs, tell, cancelled, criteria)
+    force = _force(prepared, criteria, tell)
     final = _asked(motion, force, effect)
     agreed = Agreed(motion, force, motion.base, final, "", (final,), (effect,), (effect,))
     return told(judge(prepared, agreed, criteria), asked=effect)
@@ -105,21 +108,25 @@ def add(
 def _motion(
     prepared: Case,
     jobs: int | None,
-    progress: Progress | None,
+    tell: Callable[[str], None],
     cancelled: Callable[[], bool] | None,
     criteria: Criteria,
 ) -> Motion:
     """Return the motion witness, the base model fitted."""
     load_entry_points()
-    tell = (lambda what: progress(what, 0.0)) if progress else None
     unseen = list(prepared.unseen)
     return Motion.of(prepared.model, list(prepared.known), unseen, criteria, jobs, tell, cancelled)
 
 
-def _force(prepared: Case, criteria: Criteria, progress: Progress | None) -> Testimony | None:
+def _stages(progress: Progress | None) -> Callable[[str], None]:
+    """Return what tells of stages: how many there are shows on the way, so each is a fifth of what is left."""
+    shares = (1.0 - 0.8**n for n in count())
+    return (lambda what: progress(what, next(shares))) if progress else (lambda what: None)
+
+
+def _force(prepared: Case, criteria: Criteria, tell: Callable[[str], None]) -> Testimony | None:
     """Return the force witness; None where effort or motion are not known."""
-    if progress:
-        progress("missing force", 0.0)
+    tell("missing force")
     if not all(prepared.parts) or not _seen(prepared):
         return None
     return hear(prepared.model, *prepared.parts, prepared.rotary, criteria)

@@ -103,7 +103,7 @@ def _standardized(x: Array) -> Array:
 def _pooled(a: Sequence[Array], b: Sequence[Array], lag: int) -> float:
     """Return the correlation of a with b ``lag`` samples before, over all stretches."""
     total = sum(x.size for x in a)
-    return float(sum(x[lag:] @ y[: y.size - lag] for x, y in zip(a, b, strict=True)) / total)
+    return float(sum(x[lag:] @ y[: max(y.size - lag, 0)] for x, y in zip(a, b, strict=True)) / total)
 
 
 def _filtered(x: Array, u: Array) -> Array:

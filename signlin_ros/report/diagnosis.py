@@ -11,6 +11,7 @@ from signlin_ros.diagnosis import diagnosis_pictures as drawn
 from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import Comparison, compare
 from signlin_ros.diagnosis.evidence import Evidence, evidence, nearest
+from signlin_ros.diagnosis.motion.fitted import held
 from signlin_ros.diagnosis.motion.prepare import held_out
 from signlin_ros.diagnosis.proposal import given
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Scores
@@ -248,6 +249,9 @@ def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
         known = after or before
         shown = [_given(base, name, known) if known else "-", *(str(e) if e else "-" for e in (before, after))]
         rows.append([name, *shown, after.note if after else ""])
+    if d.findings:
+        rest = held(d.findings.problem, d.model, {*d.parameters, *d.base})
+        rows += [[name, *[str(e)] * 3, e.note] for name, e in rest.items()]
     head = ["parameter", "as given", "base model, refitted", "proposal", ""]
     text = "± is one standard error; it allows for what correlation is left in the residual."
     return [Table(head, rows), Text(text, "note")]

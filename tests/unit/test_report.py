@@ -200,6 +200,7 @@ def test_report_on_an_effect_that_was_added(added, rubbing, tmp_path):
         "where-the-model-as-given-fails",
         "where-the-proposal-still-fails",
         "parameters",
+        "what-else-was-tried",
         "what-this-record-cannot-tell",
         "to-reproduce",
     ]
@@ -227,7 +228,7 @@ def test_parameters_that_were_given_are_told_and_units_are_those_of_the_record(t
     base = MASS.with_effect("constant_load", F0=0.4).with_options(frozen=("m",))
     data = [recorded(true, seed, ("displacement",), displacement="rad", force="N·m") for seed in (1, 2)]
     found = add("coulomb_friction", base, data[:1], data[1:])
-    assert found.parameters["constant_load.F0"].note.startswith("was 0.4; ")
+    assert found.parameters["constant_load.F0"].note.endswith("from its nominal value")
     (line,) = [line for line in found.yaml.splitlines() if "constant_load.F0" in line]
     assert " N·m; was 0.4; " in line
     path = diagnosis_report(found, tmp_path / "out.html", model=base)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -152,17 +152,24 @@ def _edge(k: Coordinate, x: float) -> bool:
 
 def estimates(problem: Problem, f: Fit, errors: Array) -> dict[str, Estimate]:
     """Return all free parameters with standard errors and units."""
-    units = {n.split(".", 1)[1]: p.unit for n, p in f.candidate.model.par_declarations().items()}
-    bounds, result = at_bound(f), {}
+    units, bounds, result = _units(problem, f.candidate.model), at_bound(f), {}
     for k, x, own in zip(f.candidate.coordinates, f.theta.tolist(), errors.tolist(), strict=True):
-        unit = (
-            resolve_unit(units[k.name], f.candidate.model.plant, problem.rotary)
-            if k.name in units
-            else _of_sensor(problem, k.name)
-        )
+        unit = units[k.name] if k.name in units else _of_sensor(problem, k.name)
         note = "at its bound" if k.name in bounds else _note(k, x, own)
         result[k.name] = Estimate(k.value(x), own * abs(k.slope(x)), unit, note)
     return result
+
+
+def held(problem: Problem, model: Model, free: Collection[str]) -> dict[str, Estimate]:
+    """Return the parameters of the plant that are not free, with units."""
+    units = _units(problem, model)
+    return {n: Estimate(x, None, units[n], "held") for n, x in model.parameters.items() if n not in free}
+
+
+def _units(problem: Problem, model: Model) -> dict[str, str]:
+    """Return the units of all parameters by name: ``key.name`` for those of effects."""
+    declared = model.par_declarations()
+    return {n.split(".", 1)[1]: resolve_unit(p.unit, model.plant, problem.rotary) for n, p in declared.items()}
 
 
 def _off(k: Coordinate, x: float) -> float:
@@ -199,4 +206,4 @@ def names_of(problem: Problem, f: Fit) -> tuple[str, ...]:
     return tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label)
 
 
-__all__ = ["Fitted", "at_bound", "estimates", "names_of", "spreads", "tidied", "whole_model"]
+__all__ = ["Fitted", "at_bound", "estimates", "held", "names_of", "spreads", "tidied", "whole_model"]
