@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.record import missing_force
-from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
+from signlin_ros.diagnosis.force.regression import SCALING, TINY, Fit, mean_certainty, scaling
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.search import search
@@ -50,7 +50,11 @@ class Agreed:
     _left: dict[int, Array] = field(default_factory=dict, repr=False)
 
     def left(self, f: Fitted) -> Array | None:
-        """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell."""
+        """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell: of
+        what is stood for as it is written, of others at their best.
+        """
+        if f is self.final and self.force is not None and comparable(f):
+            return written_left(self.force, f)
         return force_left(self.force, f, self._left)
 
     def percent(self, f: Fitted) -> float | None:
@@ -65,24 +69,62 @@ def percent(force: Testimony, left: Array) -> float:
 
 
 def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> Array | None:
-    """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell.
-
-    Effort and motion may be stamped apart by half a sample. With the values that the motion gave, or, where that leaves
-    less, with those that the force gave the same set of effects: each set counts at its best.
+    """Return the mean squared force (blocks,) that a set of effects leaves of unseen data; None where forces do not
+    tell: with the values that the motion gave or those that the force gave, whichever leave less. So that what is held
+    against a set is the best of it.
     """
     if force is None or not comparable(f):
         return None
     if id(f) not in known:
-        r = force.search.r
-        left = np.concatenate([p.seen(missing_force(f.model, p)) for p in r.unseen.pieces])
-        late = r.unseen.X[:, -1]
-        left = left - late * np.clip(float(late @ left) / max(float(late @ late), 1e-300), -0.5, 0.5)
-        own = force.search.models.get(frozenset(f.effects))
-        if own is not None and own.error < float(np.mean(left**2)):
-            left = own.unseen
-        count = np.bincount(r.unseen.blocks)
-        known[id(f)] = np.bincount(r.unseen.blocks, left**2)[count > 0] / count[count > 0]
+        left, own = written_left(force, f), force.search.models.get(frozenset(f.effects))
+        better = own is not None and own.error < float(np.mean(left))
+        known[id(f)] = _by_block(force, own.unseen) if own and better else left
     return known[id(f)]
+
+
+def written_left(force: Testimony, f: Fitted) -> Array:
+    """Return the mean squared force (blocks,) that a model leaves of unseen data, with the values that are written in
+    it, in the size of the effort as given. Effort and motion may be stamped apart by half a sample.
+    """
+    r = force.search.r
+    left = np.concatenate([p.seen(missing_force(f.model, p)) for p in r.unseen.pieces])
+    left = left * scaling(r.model, r.current) / scaling(f.model, r.current)
+    late = r.unseen.X[:, -1]
+    left = left - late * np.clip(float(late @ left) / max(float(late @ late), 1e-300), -0.5, 0.5)
+    return _by_block(force, left)
+
+
+def _by_block(force: Testimony, left: Array) -> Array:
+    """Return the mean squares (blocks,) of what is left (K,)."""
+    blocks = force.search.r.unseen.blocks
+    count = np.bincount(blocks)
+    return np.asarray(np.bincount(blocks, left**2)[count > 0] / count[count > 0])
+
+
+def written(motion: Motion, force: Testimony | None, f: Fitted, criteria: Criteria) -> Fitted:
+    """Return the best model with some effects: with the values that the motion gave, or with those that the force gave,
+    where these leave less force beyond doubt, and less of both together. What leaves but noise of the motion has the
+    right values.
+    """
+    best = motion.best(f)
+    if force is None or best.white or not (f.effects and comparable(f)):
+        return best
+    f = min(f, best, key=lambda one: _both_left(force, one))
+    fit = force.search.models.get(frozenset(f.effects))
+    if fit is None:
+        return f
+    model, scale = with_laws(force, fit), SCALING[: 1 if force.search.r.current else None]
+    untold = set(f.model.plant.pars()) - {*force.search.r.base.names, *scale}
+    model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
+    stated = motion.stated([n for n, _ in fit.members], model)
+    if stated is None or mean_certainty(written_left(force, f), written_left(force, stated)) < criteria.certainty:
+        return f
+    return min(f, stated, key=lambda one: _both_left(force, one))
+
+
+def _both_left(force: Testimony, f: Fitted) -> float:
+    """Return the sum of the logarithms of what a model leaves of the force and of every channel of the motion."""
+    return f.level + float(np.log(np.mean(written_left(force, f)) + TINY))
 
 
 def leaves_noise(f: Fitted, criteria: Criteria) -> bool:
@@ -132,26 +174,33 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     """
     left: dict[int, Array] = {}
     tried: list[Fitted] = []
+    final, conflict, found = _stood_for(motion, force, criteria, depth, tried, left)
+    proposed, final = force.effects if force else (), written(motion, force, final, criteria)
+    return Agreed(motion, force, motion.base, final, conflict, tuple(tried), proposed, found, left)
+
+
+def _stood_for(
+    motion: Motion,
+    force: Testimony | None,
+    criteria: Criteria,
+    depth: int,
+    tried: list[Fitted],
+    left: dict[int, Array],
+) -> tuple[Fitted, str, tuple[str, ...]]:
+    """Return the model to stand for, why the witnesses differ, and what the motion witness found by itself."""
     base = motion.base
-    proposed = force.effects if force else ()
     first = _confirmed(motion, force, criteria, tried, left) if force and force.effects else None
     if first is not None and first.white:
-        return Agreed(motion, force, base, first, "", tuple(tried), proposed, (), left)
-    if first is None:
+        return first, "", ()
+    if first is None or not _explained(force, base, first, criteria, left):
         path = search(motion, depth)
         tried += [f for step in path for f in step]
-        final, conflict = _chosen(motion, force, [], path[-1][0], criteria, left)
-        return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, path[-1][0].effects, left)
+        found, options = path[-1][0], [first] if first else []
+        return *_chosen(motion, force, options, found, criteria, left), found.effects
     hidden = sorted(_unseen(force))
-    if not _explained(force, base, first, criteria, left):
-        path = search(motion, depth)
-        tried += [f for step in path for f in step]
-        final, conflict = _chosen(motion, force, [first], path[-1][0], criteria, left)
-        return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, path[-1][0].effects, left)
-    alone, beside = _best_of(motion, base, hidden, tried), _best_of(motion, first, hidden, tried, depth)
-    found = alone or base
-    final, conflict = _chosen(motion, force, [f for f in (first, beside) if f], found, criteria, left)
-    return Agreed(motion, force, base, final, conflict, tuple(tried), proposed, found.effects, left)
+    found = _best_of(motion, base, hidden, tried) or base
+    beside = _best_of(motion, first, hidden, tried, depth)
+    return *_chosen(motion, force, [f for f in (first, beside) if f], found, criteria, left), found.effects
 
 
 def _explained(
@@ -279,6 +328,13 @@ def _confirmed(
     g = motion.gain(motion.base, found)
     if g.certainty < criteria.least or g.worsens(criteria.worse, criteria.alike):
         return None
+    if found.vague(criteria):
+        plain = motion.plainer(found)
+        tried += plain
+        sound = motion.alike(motion.base, plain)
+        if not sound:
+            return None
+        found = sound[0]
     return _in_family(motion, found, force, criteria, tried, left)
 
 
@@ -356,4 +412,4 @@ def _listed(names: Sequence[str]) -> str:
     return joined([n.replace("_", " ") for n in names])
 
 
-__all__ = ["Agreed", "agree", "changes_effort", "comparable", "with_laws"]
+__all__ = ["Agreed", "agree", "changes_effort", "comparable", "with_laws", "written"]

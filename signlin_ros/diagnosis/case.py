@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from signlin_ros.diagnosis.data import as_list, measured_channels
 from signlin_ros.diagnosis.motion.prepare import held_out
-from signlin_ros.diagnosis.problem import LEAST_SAMPLES, pieces, with_measured_position
+from signlin_ros.diagnosis.problem import LEAST_SAMPLES, pieces, turns, with_measured_position
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -25,9 +25,7 @@ class Case:
     @property
     def rotary(self) -> bool:
         """Whether the axis turns: as the model, its plant or the records' units say."""
-        plant, known = self.model.plant, self.model.is_rotary
-        unit = self.known[0].units.get(plant.position) or self.known[0].units.get(plant.velocity, "")
-        return unit.startswith("rad") if known is None else known
+        return turns(self.model, self.known[0].units)
 
 
 def case(

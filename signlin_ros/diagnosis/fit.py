@@ -236,6 +236,8 @@ def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordin
         par, full = pars[name], f"{key}.{name}"
         if declared_name(name) in effect.held or par.structural or full not in model.trace.parameters:
             continue
+        if name in effect.periodic[:1] and problem.turns:
+            continue  # a whole number
         if par.positive or (effect.floating and par.low >= 0.0 and value > 0.0):
             reach = NEAR if par.positive and effect.floating else 12.0
             result.append(Coordinate(full, True, value, -reach, reach, 0.0, SHAPE))

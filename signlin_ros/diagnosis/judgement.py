@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.agreement import Agreed, force_left, leaves_noise, noise_percent, sees
+from signlin_ros.diagnosis.agreement import Agreed, leaves_noise, noise_percent, sees
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import structured
@@ -75,7 +75,7 @@ class Judgement:
         left, unseen = (
             np.concatenate([p.seen(missing_force(self.final.model, p)) for p in s.pieces]) for s in (r.known, r.unseen)
         )
-        return structured(r, Fit((("final", ()),), np.zeros(0), np.zeros(0), left, unseen), force.search.base)
+        return structured(r, Fit((("final", ()),), np.zeros(0), np.zeros((0, 0)), left, unseen), force.search.base)
 
     @cached_property
     def worse(self) -> str:
@@ -138,9 +138,7 @@ class Judgement:
     def _without(self) -> dict[str, Fitted]:
         motion, names = self.agreed.motion, self.final.effects
         rest = {e: tuple(n for n in names if n != e) for e in names}
-        return {
-            e: motion.fitted(others, self.final.model) if others else self.agreed.base for e, others in rest.items()
-        }
+        return {e: motion.fitted(o, self.final.model) if o else self.agreed.base for e, o in rest.items()}
 
     def without(self, effect: str) -> Fitted:
         """Return the best fit without one effect of the proposal: what removing it costs."""
@@ -148,7 +146,7 @@ class Judgement:
 
     def left(self, f: Fitted) -> Array | None:
         """Return the mean squared force (blocks,) that a model leaves of unseen data."""
-        return force_left(self.agreed.force, f, self.agreed._left)
+        return self.agreed.left(f)
 
 
 def judge(case: Case, agreed: Agreed, criteria: Criteria) -> Judgement:

@@ -35,6 +35,10 @@ FEWEST = 3
 """Blocks from which a standard error is told."""
 
 
+SCALING = ("K_t", "R_a", "L_a")
+"""Parameters that only scale the measured effort: the first that of a current, all that of a voltage."""
+
+
 @dataclass(frozen=True)
 class Side:
     """The records of one side, fitted or unseen, stacked: y (K,), base columns X (K, b), block of each sample (K,)."""
@@ -60,16 +64,21 @@ class Base:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A set of laws fitted: coefficients of base (b,) and laws, their standard errors, residuals of both sides."""
+    """A set of laws fitted: coefficients of base (b,) and laws, their covariance (n, n), residuals of both sides."""
 
     members: tuple[Member, ...]
     theta: Array
-    std: Array
+    covariance: Array
     left: Array
     unseen: Array
     spans: Mapping[str, slice] = field(default_factory=dict)
     sizes: Array = field(default_factory=lambda: np.zeros(0))
     cost: int = 0
+
+    @property
+    def std(self) -> Array:
+        """Standard errors (n,) of the coefficients, inf at a bound."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     @property
     def names(self) -> frozenset[str]:
@@ -93,7 +102,7 @@ def base_of(model: Model, current: bool) -> dict[str, tuple[float, float]]:
     What only scales the measured effort is left out: the effort must not explain itself. Its tolerance goes to what it
     scales. ``current``: whether a motor's current is measured.
     """
-    scaling = ("K_t",) if current else ("K_t", "R_a", "L_a")
+    scaling = SCALING[:1] if current else SCALING
     scale = float(np.hypot.reduce([_tolerance(model, n) for n in scaling if n in model.parameters] or [0.0]))
     found = {}
     for name, value in model.parameters.items():
@@ -112,6 +121,12 @@ def _tolerance(model: Model, name: str) -> float:
         return 0.0
     t = model.tolerance
     return float(t.get(name, 0.05) if isinstance(t, Mapping) else t)
+
+
+def scaling(model: Model, current: bool) -> float:
+    """Return the effort for a unit of what is measured of it: of a ``current``, or of what is put in."""
+    K_t = model.parameters.get("K_t", 1.0)
+    return K_t if current else K_t / model.parameters.get("R_a", 1.0)
 
 
 def side(model: Model, pieces: Sequence[Piece], moved: Mapping[str, tuple[float, float]]) -> Side:
@@ -159,6 +174,7 @@ class Regression:
     unseen: Side
     base: Base
     criteria: Criteria
+    current: bool
 
     @property
     def b(self) -> int:
@@ -179,10 +195,10 @@ class Regression:
             spans[n] = slice(at, at + law.width(shape))
             floor[spans[n]] = np.where(law.positive(shape), 0.0, -np.inf)
             at += law.width(shape)
-        theta, std, left = _bounded(self.known, X, spread, floor, ceiling)
+        theta, covariance, left = _bounded(self.known, X, spread, floor, ceiling)
         sizes = np.std(V * theta, axis=0)
         cost = sum(self.laws[n].free(shape) for n, shape in members)
-        return Fit(members, theta, std, left, self.unseen.y - V @ theta, spans, sizes, cost)
+        return Fit(members, theta, covariance, left, self.unseen.y - V @ theta, spans, sizes, cost)
 
     def surely(self, a: Fit, b: Fit) -> float:
         """Return by how many standard errors a is better than b on unseen data, by blocks of time.
@@ -216,7 +232,7 @@ def _sure(values: Array) -> float:
 
 
 def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) -> tuple[Array, Array, Array]:
-    """Return coefficients between ``floor`` and ``ceiling``, their standard errors, and what is left (K,)."""
+    """Return coefficients between ``floor`` and ``ceiling``, their covariance, and what is left (K,); inf at bounds."""
     y, n = side.y, side.y.size
     scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
     theta, held = np.zeros(X.shape[1]), np.zeros(X.shape[1], dtype=bool)
@@ -240,9 +256,24 @@ def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) 
     inverse = np.linalg.inv(A)
     prior = np.diag(np.where(np.isfinite(spread[free]), precision * size**2, 0.0))
     covariance = inverse @ (scores.T @ scores + prior) @ inverse
-    std = np.full(X.shape[1], np.inf)
-    std[free] = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale[free]
-    return theta, std, left
+    every = np.zeros((X.shape[1], X.shape[1]))
+    every[held, held] = np.inf
+    every[np.ix_(free, free)] = covariance / scale[free] / scale[free, None]
+    return theta, every, left
 
 
-__all__ = ["KEY", "TINY", "Base", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "side", "telling"]
+__all__ = [
+    "KEY",
+    "SCALING",
+    "TINY",
+    "Base",
+    "Fit",
+    "Member",
+    "Regression",
+    "Side",
+    "base_of",
+    "mean_certainty",
+    "scaling",
+    "side",
+    "telling",
+]

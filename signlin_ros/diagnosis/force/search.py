@@ -244,15 +244,19 @@ class Search:
         of the unseen error: of what is left without it; and of all that is missing, where a simpler law of its family
         stands in its place.
         """
-        law = self.r.laws[name]
-        values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
-        if self.level(f, name) < self.r.criteria.coefficient or not law.effect.plausible(values):
+        if not self._told(f, name):
             return False
-        free = law.free(dict(f.members)[name])
+        free = self.r.laws[name].free(dict(f.members)[name])
         if not self.worth(f, self.without(f, name), free):
             return False
         shown = self.r.criteria.each * self.base.error
         return all(self.worth(f, g, free) and g.error - f.error > shown for g in self._simpler(f, name))
+
+    def _told(self, f: Fit, name: str) -> bool:
+        """Tell whether the level of a law is known, and its parameters are possible."""
+        law = self.r.laws[name]
+        values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
+        return self.level(f, name) >= self.r.criteria.coefficient and law.effect.plausible(values)
 
     def worth(self, f: Fit, reference: Fit, free: int) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error."""
@@ -262,12 +266,18 @@ class Search:
         return large and self.r.surely(f, reference) >= c.certainty
 
     def level(self, f: Fit, name: str) -> float:
-        """Return how many standard errors the levels of a law are from nothing: of the least, for its own columns."""
+        """Return how many standard errors the levels of a law are from nothing: of what tells it from simpler ones, or
+        of all of them together.
+        """
         law, span = self.r.laws[name], f.spans[name]
         z = np.abs(f.theta[span]) / np.maximum(f.std[span], TINY)
         if law.parts.turning:
             return float(np.min(np.hypot(z[::2], z[1::2])))
-        return float(z[-1] if law.parts.group else np.max(z) if name == "asymmetric_viscous_friction" else np.min(z))
+        if law.parts.group or law.effect.telling:
+            return float(z[-1] if law.parts.group else np.min(z))
+        at = np.arange(span.start, span.stop)[np.isfinite(f.std[span])]
+        inverse = np.linalg.pinv(f.covariance[np.ix_(at, at)], hermitian=True)
+        return float(np.sqrt(max(float(f.theta[at] @ inverse @ f.theta[at]), 0.0)))
 
     @functools.cached_property
     def chosen(self) -> Fit:
@@ -287,13 +297,21 @@ class Search:
 
     def ties(self, f: Fit, name: str) -> tuple[str, ...]:
         """Return the laws that could as well stand in a fit for one of its own."""
-        rest = f.names - {name}
-        found = [
-            next(iter(names - rest))
-            for names, other in self.models.items()
-            if len(names) == len(rest) + 1 and names >= rest and name not in names and self.alike(f, other)
-        ]
-        return tuple(sorted(found))
+        rest = self.without(f, name)
+        tried = {n: self._best_with(rest, n) for n in self.r.laws if n not in f.names}
+        return tuple(sorted(n for n, g in tried.items() if g and self.alike(f, g) and self._told(g, n)))
+
+    def _best_with(self, f: Fit, name: str) -> Fit | None:
+        """Return the best fit known of one law more, its shape from the grid where none was refined."""
+        names = f.names | {name}
+        if names not in self.models:
+            law, Q = self.r.laws[name], self._explained(f)
+            gains = [(self._gain(law, shape, f, Q), shape) for shape in self.shapes[name]]
+            gain, shape = max(gains, default=(0.0, ()))
+            if gain <= 0.0:
+                return None
+            self._keep(self.r.fitted((*f.members, (name, shape))))
+        return self.models[names]
 
 
 def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:

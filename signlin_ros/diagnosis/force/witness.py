@@ -92,6 +92,7 @@ def _in_band(
         side(model, other, moved),
         base,
         criteria,
+        current,
     )
     search = Search(r, scale_of(model, found), rotary, model.gear)
     search.run()

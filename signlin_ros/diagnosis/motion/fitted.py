@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -39,7 +39,8 @@ class Fitted:
     ``coulomb_friction.mu``, ``sensor_offset.speed``). ``known_squares``, ``unseen_squares`` (blocks, channels): mean
     squared errors of windows of the horizon, in blocks that are the same for all models, NaN where nothing is measured.
     ``look`` finds what the residual still shows (`left`). ``at_bound``: parameters that ended there.
-    ``spreads``: standard errors of the coordinates of ``fit``, in order.
+    ``covariances`` of the coordinates of ``fit`` (n, n): robust, and as of white noise; ``spreads``: their standard
+    errors, the larger of both.
     """
 
     effects: tuple[str, ...]
@@ -51,7 +52,12 @@ class Fitted:
     at_bound: tuple[str, ...]
     noise: Array
     fit: Fit = field(repr=False)
-    spreads: Array = field(repr=False)
+    covariances: tuple[Array, ...] = field(repr=False)
+
+    @property
+    def spreads(self) -> Array:
+        """Standard errors (n,) of the coordinates of the fit."""
+        return largest(self.covariances)
 
     @cached_property
     def left(self) -> tuple[Left, ...]:
@@ -109,23 +115,39 @@ class Fitted:
                 sizes[name] = abs(x) / max(std, 1e-300)
             elif std > criteria.known and (not telling or name in telling):
                 return f"{k.name} is not known to better than half"
-        needed = min((sizes[n] for n in effect.telling if n in sizes), default=max(sizes.values(), default=np.inf))
+        needed = min((sizes[n] for n in effect.telling if n in sizes), default=self._together(key, list(sizes)))
         few = f"{key} is {needed:.1f} of its own standard errors from nothing"
         return few if needed < criteria.coefficient else ""
 
+    def _together(self, key: str, names: Sequence[str]) -> float:
+        """Return by how many standard errors coefficients of an effect differ from nothing, all of them together
+        [Wald 1943, doi:10.1090/S0002-9947-1943-0012401-3]: each may be unknown where only their difference is known.
+        """
+        every = [k.name for k in self.fit.candidate.coordinates]
+        index = [i for i, n in enumerate(every) if n in {f"{key}.{name}" for name in names} | {key}]
+        if not index:
+            return float(np.inf)
+        theta = self.fit.theta[index]
+        inverses = (np.linalg.pinv(c[np.ix_(index, index)], hermitian=True) for c in self.covariances)
+        return float(np.sqrt(min(max(float(theta @ i @ theta), 0.0) for i in inverses)))
 
-def spreads(problem: Problem, f: Fit) -> Array:
-    """Return standard errors of the coordinates that allow for whatever correlation and change of size the residual
-    has: the sandwich of White with sums over blocks [Econometrica 48 (1980) 817; Newey and West 1987]; at least those
-    of white noise.
+
+def largest(covariances: Sequence[Array]) -> Array:
+    """Return standard errors (n,), the largest of some covariances (n, n)."""
+    return np.asarray(np.sqrt(np.max([np.maximum(np.diag(c), 0.0) for c in covariances], axis=0)))
+
+
+def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
+    """Return covariances of the coordinates: as of white noise, and one that allows for whatever correlation and change
+    of size the residual has: the sandwich of White with sums over blocks [Econometrica 48 (1980) 817; Newey and West
+    1987].
     """
     if not f.theta.size:
-        return np.zeros(0)
-    bread = np.linalg.pinv(f.hessian, hermitian=True)
-    plain = np.sqrt(np.maximum(np.diag(bread), 0.0))
+        return (np.zeros((0, 0)),)
+    bread = np.asarray(np.linalg.pinv(f.hessian, hermitian=True), dtype=np.float64)
     found = follow_records(problem, f.candidate, f.theta, f.gains, True)
     if found is None:
-        return plain
+        return (bread,)
     block = max(int(BLOCK / problem.scale.step), problem.samples // BLOCKS)
     slopes = np.array([k.slope(float(x)) for k, x in zip(f.candidate.coordinates, f.theta, strict=True)])
     errors = np.concatenate(found[0])
@@ -137,7 +159,7 @@ def spreads(problem: Problem, f: Fit) -> Array:
     g = np.array(sums)
     g -= g.mean(axis=0)
     whole = bread @ (g.T @ g) @ bread
-    return np.asarray(np.maximum(np.sqrt(np.maximum(np.diag(whole), 0.0)), plain))
+    return bread, np.asarray(whole, dtype=np.float64)
 
 
 def at_bound(f: Fit) -> tuple[str, ...]:
@@ -206,4 +228,4 @@ def names_of(problem: Problem, f: Fit) -> tuple[str, ...]:
     return tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label)
 
 
-__all__ = ["Fitted", "at_bound", "estimates", "held", "names_of", "spreads", "tidied", "whole_model"]
+__all__ = ["Fitted", "at_bound", "covariances", "estimates", "held", "largest", "names_of", "tidied", "whole_model"]

@@ -95,9 +95,24 @@ def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
         return [nominal_values(effect.pars())]
     starts = effect.starts(problem.scale)
     if effect.periodic:
-        scanned = [dict(zip(effect.periodic, one, strict=True)) for one in periodic_starts(problem, problem.base)]
+        scanned = _waves(problem, effect, problem.base)
         starts = [{**one, **wave} for one in starts for wave in scanned]
     return [completed(problem, effect, one) for one in starts]
+
+
+def _waves(problem: Problem, effect: type[Effect], model: Model) -> list[dict[str, float]]:
+    """Return the waves that show in what a model lacks; where the axis turns, whole numbers of them a turn."""
+    found = [dict(zip(effect.periodic, one, strict=True)) for one in periodic_starts(problem, model)]
+    if not problem.turns:
+        return found
+    name = effect.periodic[0]
+    whole = [{**one, name: _whole(one[name], model.gear)} for one in found]
+    return [one for one in whole if one[name] > 0.0]
+
+
+def _whole(order: float, gear: float) -> float:
+    """Return the nearest whole number of periods a turn, of the joint or of the motor before its gear."""
+    return min((round(order), round(order / gear) * gear), key=lambda near: abs(near - order))
 
 
 def completed(problem: Problem, effect: type[Effect], values: Mapping[str, float]) -> dict[str, float]:
@@ -113,7 +128,7 @@ def rescanned(problem: Problem, trial: Trial, before: Fit) -> Trial:
     effect = EFFECTS[trial.effect]
     if not effect.periodic or not before.candidate.label:
         return trial
-    waves = (dict(zip(effect.periodic, one, strict=True)) for one in periodic_starts(problem, before.fitted()))
+    waves = _waves(problem, effect, before.fitted())
     starts = tuple(completed(problem, effect, trial.starts[0] | wave) for wave in waves)
     return replace(trial, starts=starts or trial.starts)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.fit import Candidate, Fit, candidate, tidied
-from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, estimates, names_of, spreads, whole_model
+from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
 from signlin_ros.diagnosis.motion.fitting import NEXT, Found, bred, climbed, settled, solved
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.prepare import prepared, stretched
@@ -90,14 +90,22 @@ class Motion:
         self._keep(found)
 
     def _keep(self, found: Found) -> Fitted:
-        """Return a fit with all that is told of it; remembered if it is the best of its class."""
+        """Return a fit with all that is told of it, or the best of its class, if that is another one."""
+        mine = self._told(found)
+        known = self._best.get(_class(mine))
+        if known is None or self._known_level(mine) < self._known_level(known):
+            self._best[_class(mine)] = mine
+        return self._best[_class(mine)]
+
+    def _told(self, found: Found) -> Fitted:
+        """Return a fit with all that is told of it."""
         f = tidied(found.fit)
-        errors = spreads(self.short, f)
+        errors = covariances(self.short, f)
         observer, seen = self._observed(f, found)
-        mine = Fitted(
+        return Fitted(
             names_of(self.problem, f),
             whole_model(f),
-            estimates(self.problem, f, errors),
+            estimates(self.problem, f, largest(errors)),
             seen,
             windowed(self.unseen, f.candidate, f.theta, observer),
             functools.partial(left, self.short, found.low, self.criteria),
@@ -106,10 +114,6 @@ class Motion:
             f,
             errors,
         )
-        known = self._best.get(_class(mine))
-        if known is None or self._known_level(mine) < self._known_level(known):
-            self._best[_class(mine)] = mine
-        return self._best[_class(mine)]
 
     def _observed(self, f: Fit, found: Found) -> tuple[Gains, Array]:
         """Return the observer from whose states a model predicts the known records best, and the squared errors there:
@@ -145,26 +149,36 @@ class Motion:
             now = self._with(now, [self._given(t, start) for t in trials(self.problem, [name])])
         return now
 
+    def stated(self, effects: Sequence[str], model: Model) -> Fitted | None:
+        """Return effects with the values that a model has of them, and of its base parameters, as they are."""
+        c, theta = self._valued(effects, model)
+        f = solved(self.short, c, self.problem.levels[0], theta, 0)
+        return self._told(Found(f, windowed(self.short, c, theta, f.gains), f)) if f else None
+
     def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
         """Return the fit of effects from the values of a model that has them all, its base parameters too."""
-        c: Candidate | None = None
+        if not effects:
+            return self.base
+        c, theta = self._valued(effects, start)
+        found = settled(self.short, c, [None, theta], self.check)
+        held = self._held(c, theta, found)
+        best = min((one for one in (found, held) if one), key=lambda one: self._level(one.known), default=None)
+        return self._around(best) if best else None
+
+    def _valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
+        """Return the candidate with some effects, and its coordinates with the values of a model that has them all."""
+        c = self.base.fit.candidate
         parts = Parts.of(self.base.fit)
         for name in effects:
             given = [self._given(t, start) for t in trials(self.problem, [name])]
             trial = next((t for t in given if not t.of_sensor or _on(t, start)), given[0])
             c = extended(self.problem, parts, trial, trial.starts[0])
             parts = Parts(c.model, tuple(k for k in c.label if k in c.model.effects), Parts.sensed(c))
-        if c is None:
-            return self.base
         known = {
             **start.parameters,
             **{f"{k}.{n}": v for k, use in start.effects.items() for n, v in use.parameters.items()},
         }
-        base = {n: known[n] for n in (k.name for k in c.coordinates) if n in known}
-        found = settled(self.short, c, [None, c.start(base)], self.check)
-        held = self._held(c, c.start(base), found)
-        best = min((one for one in (found, held) if one), key=lambda one: self._level(one.known), default=None)
-        return self._around(best) if best else None
+        return c, c.start({n: known[n] for n in (k.name for k in c.coordinates) if n in known})
 
     def _held(self, c: Candidate, theta: Array, found: Found | None) -> Found | None:
         """Return a candidate fitted from given values with the quickest observer, which keeps a motion to what was
@@ -246,7 +260,7 @@ class Motion:
             found += [
                 one for one in self.each(lambda f: self._finished(of, f), self._richer(of, found, options)) if one
             ]
-        found += [plain for one in found for plain in self._plainer(one)]
+        found += [plain for one in found for plain in self.plainer(one)]
         return sorted({_class(one): one for one in found}.values(), key=lambda one: one.level)
 
     def _all_finished(self, of: Fitted, fits: Sequence[Fit]) -> list[Fitted]:
@@ -265,7 +279,7 @@ class Motion:
                 jobs += [replace(trial, starts=tuple(whole))] if whole else []
         return [f for f in self.each(lambda t: self._climbed(of.fit, t, len(t.starts)), jobs) if f]
 
-    def _plainer(self, f: Fitted) -> list[Fitted]:
+    def plainer(self, f: Fitted) -> list[Fitted]:
         """Return a fit with the simpler law in place of one that cannot be told from it; without it beside others."""
         parts, found = Parts.of(f.fit), list[Fitted | None]()
         for key in (k for k in parts.keys if f.vague(self.criteria).startswith(k)):
@@ -337,10 +351,12 @@ class Motion:
             return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
         if g.worsens(c.worse, c.alike):
             return "the error of a channel rises"
-        return after.vague(c) or self._too_slow(after)
+        return after.vague(c) or ("" if after.white else self._too_slow(after))
 
     def _too_slow(self, f: Fitted) -> str:
-        """Return which periodic force has too few waves along the way to be known as one."""
+        """Return which periodic force has too few waves along the way to be known as one, if it leaves more than noise:
+        what leaves nothing else is known by its order.
+        """
         low, high = self.problem.stretch
         for key in (k for k in f.fit.candidate.label if k in f.model.effects):
             use = f.model.effects[key]
