@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.record import missing_force
+from signlin_ros.diagnosis.force.record import depends_on_place, missing_force
 from signlin_ros.diagnosis.force.regression import SCALING, TINY, Fit, mean_certainty, scaling
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion
@@ -27,6 +27,8 @@ from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
+ALONE = 2
+"""Single laws that are tried in place of several."""
 HALF = 0.5
 """Part of the squared error that a model must take away for a difference of the witnesses to matter."""
 
@@ -53,7 +55,7 @@ class Agreed:
         """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell: of
         what is stood for as it is written, of others at their best.
         """
-        if f is self.final and self.force is not None and comparable(f):
+        if f is self.final and self.force is not None and comparable(self.force, f):
             return written_left(self.force, f)
         return force_left(self.force, f, self._left)
 
@@ -73,7 +75,7 @@ def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> A
     tell: with the values that the motion gave or those that the force gave, whichever leave less. So that what is held
     against a set is the best of it.
     """
-    if force is None or not comparable(f):
+    if force is None or not comparable(force, f):
         return None
     if id(f) not in known:
         left, own = written_left(force, f), force.search.models.get(frozenset(f.effects))
@@ -107,7 +109,7 @@ def written(motion: Motion, force: Testimony | None, f: Fitted, criteria: Criter
     right values.
     """
     best = motion.best(f)
-    if force is None or best.white or not (f.effects and comparable(f)):
+    if force is None or best.white or not (f.effects and comparable(force, f)):
         return best
     f = min(f, best, key=lambda one: _both_left(force, one))
     fit = force.search.models.get(frozenset(f.effects))
@@ -148,12 +150,18 @@ def sees(force: Testimony | None, f: Fitted, criteria: Criteria, known: dict[int
     return left is not None and force is not None and percent(force, left) > criteria.sees * noise_percent(force)
 
 
-def comparable(f: Fitted) -> bool:
+def comparable(force: Testimony, f: Fitted) -> bool:
     """Tell whether the force that a model leaves can be compared with the base model's: not where the effort itself,
-    or what is measured, is what was changed, nor where a load floats, which only an observer keeps where it is.
+    or what is measured, is what was changed, nor where a load floats, which only an observer keeps where it is, nor
+    where it depends on a position that was not measured; nor where an effect that the force witness cannot see leaves
+    but noise of the motion.
     """
     effects = [find_effect(name, "effects") for name in f.effects]
-    return not any(changes_effort(effect) or effect.floating for effect in effects)
+    if any(changes_effort(effect) or effect.floating for effect in effects):
+        return False
+    if set(f.effects) & _unseen(force) and f.white:
+        return False
+    return force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
 
 
 def changes_effort(effect: type[Effect]) -> bool:
@@ -281,11 +289,11 @@ def _beyond(
     """Tell whether another model is to be stood for instead: it leaves noise where this one does not, or surely less of
     the motion, and not more of the force; what the force witness can see, it must see.
     """
+    if leaves_noise(other, criteria) and not now.white:
+        return not _raises(force, now, other, criteria, left)
     g = motion.gain(now, other)
     if g.worsens(criteria.worse, criteria.alike) or _raises(force, now, other, criteria, left):
         return False
-    if leaves_noise(other, criteria) and not now.white:
-        return True
     surely = g.certainty >= criteria.certainty and g.share >= criteria.share
     if not surely or not sees(force, now, criteria, left):
         return surely
@@ -335,7 +343,32 @@ def _confirmed(
         if not sound:
             return None
         found = sound[0]
+    found = _by_one(motion, found, force, criteria, tried, left)
     return _in_family(motion, found, force, criteria, tried, left)
+
+
+def _by_one(
+    motion: Motion,
+    found: Fitted,
+    force: Testimony,
+    criteria: Criteria,
+    tried: list[Fitted],
+    left: dict[int, Array],
+) -> Fitted:
+    """Return one effect in place of several, where it is as good by force and motion: the least that suffices."""
+    if len(found.effects) < 2:
+        return found
+    single = sorted((f for f in force.search.models.values() if len(f.members) == 1), key=lambda f: f.error)
+    for fit in single[:ALONE]:
+        try:
+            one = motion.fitted([fit.members[0][0]], with_laws(force, fit))
+        except SignlinError:
+            continue
+        tried.append(one)
+        as_good = motion.gain(one, found).certainty < criteria.tie or leaves_noise(one, criteria)
+        if as_good and not (one.vague(criteria) or _raises(force, found, one, criteria, left)):
+            return one
+    return found
 
 
 def _in_family(

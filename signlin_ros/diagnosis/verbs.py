@@ -9,6 +9,7 @@ from itertools import count
 from signlin_ros.diagnosis.agreement import Agreed, agree
 from signlin_ros.diagnosis.case import Case, case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
+from signlin_ros.diagnosis.force.record import depends_on_place
 from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.judgement import judge
 from signlin_ros.diagnosis.motion import Fitted, Motion
@@ -133,10 +134,12 @@ def _force(prepared: Case, criteria: Criteria, tell: Callable[[str], None]) -> T
 
 
 def _seen(prepared: Case) -> bool:
-    """Tell whether motion and effort are recorded."""
-    plant, first = prepared.model.plant, prepared.known[0]
-    moving = {plant.position, plant.velocity} & {*first.measured, *prepared.model.inputs}
-    return bool(moving)
+    """Tell whether what the model's forces depend on is recorded."""
+    model, plant, first = prepared.model, prepared.model.plant, prepared.known[0]
+    recorded = {*first.measured, *model.inputs}
+    if plant.position not in recorded and depends_on_place(model.structure):
+        return False
+    return bool({plant.position, plant.velocity} & recorded)
 
 
 def _check_addable(model: Model, effect: str) -> None:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.diagnosis.agreement import comparable
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.effects import find_effect
@@ -72,7 +71,8 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
         first, last = (float(np.sqrt(np.nanmean(f.unseen_squares[:, k]))) for f in (before, after))
         if last < (1 - j.criteria.alike) * first:
             unit = motion.problem.shown(motion.problem.units.get(name, ""))
-            what = f"the error of {name} over {j.horizon:.3g} s from {_digits(first)} to {_digits(last)} {unit}"
+            verb = "" if parts else "falls "
+            what = f"the error of {name} over {j.horizon:.3g} s {verb}from {_digits(first)} to {_digits(last)} {unit}"
             parts.append(what.rstrip())
     return f"on unseen data {joined(parts)}" if parts else "unseen data hardly show it"
 
@@ -150,7 +150,7 @@ def why_not(j: Judgement, f: Fitted) -> str:
     if why:
         return f"on unseen data {why}" if "error" in why or "takes" in why else why
     a, b = j.agreed.percent(j.agreed.base), j.agreed.percent(f)
-    if comparable(f) and a is not None and b is not None and b > a:
+    if a is not None and b is not None and b > a:
         return f"it leaves {_digits(b)} % of the effort, the model as it is {_digits(a)} %"
     if j.names:
         return f"{listed(j.names)} leaves less" if len(j.names) == 1 else f"{listed(j.names)} leave less"

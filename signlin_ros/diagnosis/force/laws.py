@@ -23,7 +23,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.record import Piece, evaluated, mass, rate_of, states_of, tape_of
+from signlin_ros.diagnosis.force.record import Piece, depends_on_place, evaluated, mass, rate_of, states_of, tape_of
 from signlin_ros.effects import EFFECTS, Effect, find_effect
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
@@ -245,8 +245,10 @@ class Ripple(Law):
         return {"orders": orders, "A": [t[amplitude] for t in turned], "phi": [t[phase] for t in turned]}
 
 
-def laws(model: Model, angular: bool) -> dict[str, Law]:
+def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, Law]:
     """Return the laws that act as a force along a measured motion, and that a model may lack, by their names.
+
+    ``placed``: whether the position was measured; if not, what depends on it cannot be told.
 
     ``angular``: whether something may go with the sine of the position itself: the axis turns, or travels so far that
     this is a wave like any other, whose order is free.
@@ -256,7 +258,7 @@ def laws(model: Model, angular: bool) -> dict[str, Law]:
     found = {}
     for name, effect in EFFECTS.items():
         law = _law(model, name, effect) if angular or effect.periodic or not effect.turning else None
-        if law is not None:
+        if law is not None and (placed or not depends_on_place(law.model.structure)):
             found[name] = law
     for name, effect in EFFECTS.items():
         if effect.whole_orders and not effect.proposed and "cogging_torque" in found:

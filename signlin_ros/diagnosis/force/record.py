@@ -359,6 +359,20 @@ def _rate(structure: Structure) -> Tape:
     return tape_of(t, rate_of(t, structure.plant))
 
 
+@symbolic
+@functools.lru_cache(maxsize=256)
+def depends_on_place(structure: Structure) -> bool:
+    """Tell whether the force depends on where the plant is: that is known only where a position was measured, since an
+    integral of the speed starts anywhere, and drifts.
+    """
+    t, plant = trace(structure), structure.plant
+    if plant.position not in t.states:
+        return False
+    others = [t.f[i] for i, n in enumerate(t.states) if n not in (plant.position, plant.velocity)]
+    place = t.x[t.states.index(plant.position)]
+    return any(ca.which_depends(ca.vertcat(rate_of(t, plant), *others), place, 1, True))
+
+
 def tape_of(t: Trace, e: ca.SX) -> Tape:
     """Return expressions (k) of a trace as a tape of x, u, p and the surfaces' signs."""
     symbols = ca.vertcat(*(s.symbol for s in t.surfaces)) if t.surfaces else ca.SX(0, 1)

@@ -87,7 +87,7 @@ def _in_band(
     base = Base((*moved, "timing"), spread)
     r = Regression(
         model,
-        laws(model, rotary or _waves(model, found) >= criteria.waves),
+        laws(model, rotary or _waves(model, found) >= criteria.waves, found[0].position_measured),
         side(model, found, moved),
         side(model, other, moved),
         base,
