@@ -34,7 +34,7 @@ class Lane:
     def __init__(self, folder: Path) -> None:
         self._folder, self._lock, self._number = folder, asyncio.Lock(), 0
         self._process: asyncio.subprocess.Process | None = None
-        self._cancelled = False
+        self._cancels = 0
 
     async def start(self) -> asyncio.subprocess.Process:
         """Start the process if there is none."""
@@ -54,15 +54,17 @@ class Lane:
 
         Raises `RefusedError`, `FaultError`, or `CancelledError`.
         """
+        cancels = self._cancels
         async with self._lock:
-            self._cancelled = False
             process = await self.start()
             self._number += 1
             try:
+                if self._cancels != cancels:  # before it was its turn, or before there was a process
+                    raise CancelledError
                 return await self._exchange(process, {"id": self._number, "verb": verb, "args": args}, say)
             except (asyncio.IncompleteReadError, ConnectionError) as error:
                 await process.wait()
-                if self._cancelled:
+                if self._cancels != cancels:
                     raise CancelledError from error
                 raise FaultError(f"the worker process ended with code {process.returncode}") from error
 
@@ -91,8 +93,8 @@ class Lane:
                 raise (RefusedError if head["kind"] == "refused" else FaultError)(head["what"])
 
     async def cancel(self) -> None:
-        """Kill the process, whatever it does; the next request starts another one."""
-        self._cancelled = True
+        """Kill the process, whatever it does, and refuse what waits for it; the next request starts another one."""
+        self._cancels += 1
         if self._process is not None and self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError):
                 self._process.kill()

@@ -36,8 +36,8 @@ SPARE = 256 << 20
 """Bytes that stay free on the disk."""
 OPEN = 8
 """So many projects are open at a time; the one not looked at for longest is closed first."""
-BEAT = 15.0
-"""Seconds after which a silent stream of events says that it is still there."""
+BEAT = 5.0
+"""Seconds after which a silent stream of events says which state there is; pages that show another one ask for it."""
 ENDED = {"kind": "ended"}
 """What ends a stream of events."""
 EXPORTED = ("model.yaml", "report.html", "replay.sh")
@@ -132,7 +132,7 @@ async def page(request: Request) -> Response:
 
 async def state(request: Request) -> Response:
     """Return all that the page shows but curves."""
-    return JSONResponse(_session(request).shown())
+    return JSONResponse(_session(request).shown(), headers={"cache-control": "no-store"})
 
 
 async def new(request: Request) -> Response:
@@ -225,7 +225,8 @@ async def events(request: Request) -> Response:
         try:
             yield "retry: 500\n\n"
             while (told := await _next(listener)) != ENDED:
-                yield f"data: {json.dumps(told)}\n\n" if told else ": still here\n\n"
+                beat = {"kind": "beat", "serial": session.serial}
+                yield f"data: {json.dumps(told or beat)}\n\n"
         finally:
             session.listeners.discard(listener)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import secrets
 from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,9 @@ from signlin_ros.workbench.project import MODELS, Project
 
 Args = dict[str, Any]
 Job = Callable[[], Coroutine[Any, Any, None]]
+FAULT = "This is a fault of signlin; please report it with the command and its files."
+WAITING = 500
+"""Events that a page may be behind; then it is told to look at the state anew instead."""
 
 
 class Session:
@@ -31,14 +35,26 @@ class Session:
         self._tasks: set[asyncio.Task[None]] = set()
         self._turn = asyncio.Lock()
         self._awake = False
+        self._life, self._count = secrets.token_hex(4), 0
 
     # ---------------------------------------------------------------- telling the page
 
+    @property
+    def serial(self) -> str:
+        """Name of the state as it is: another one after every change, and after every start of the server."""
+        return f"{self._life}-{self._count}"
+
     def tell(self, kind: str = "state", **more: Any) -> None:
-        """Tell every page that shows this project."""
+        """Tell every page that shows this project; what a slow one has not heard yet shrinks to "look again"."""
+        if kind == "state":
+            self._count += 1
         for listener in self.listeners:
-            if listener.qsize() < 500:
-                listener.put_nowait({"kind": kind, **more})
+            told = {"kind": kind, **more}
+            if listener.qsize() >= WAITING:
+                told = {"kind": "state"}
+                while not listener.empty():
+                    listener.get_nowait()
+            listener.put_nowait(told)
 
     def _progress(self, told: dict[str, Any]) -> None:
         if self.busy is not None:
@@ -56,6 +72,8 @@ class Session:
         key = self.project.key(verb, args)
         found = self.project.result(key)
         if found is None:
+            if self.busy is not None and self.busy.get("cancelled"):
+                raise CancelledError
             store = str(self.project.array_file(key))
             found = await lane.call(verb, {**args, **more, "store": store, "key": key}, self._progress)
             self.project.keep(key, found)
@@ -94,8 +112,10 @@ class Session:
                 what = f"{error.filename or self.project.place()}: {error.strerror or error}"
                 self.errors[stage] = {"what": what, "do": "Make room, or the right to write there, and try again."}
             except FaultError as error:
-                text = "This is a fault of signlin; please report it with the command and its files."
-                self.errors[stage] = {"what": str(error), "do": text}
+                self.errors[stage] = {"what": str(error), "do": FAULT}
+            except Exception as error:
+                self.errors[stage] = {"what": f"{type(error).__name__}: {error}", "do": FAULT}
+                raise
             finally:
                 self.busy = None
                 self.tell()
@@ -109,14 +129,18 @@ class Session:
             self.later(self._look_around)
 
     async def _look_around(self) -> None:
-        """Start the workers, and learn which models are shipped."""
-        with contextlib.suppress(CancelledError, RefusedError, FaultError):
+        """Start the workers, and learn which models are shipped; what was cancelled is done for the next who looks."""
+        try:
             self.shipped = (await self.view.call("models", {}))["models"]
             self.tell()
             await self.work.call("ready", {})
+        except (CancelledError, RefusedError, FaultError):
+            self._awake = False
 
     async def cancel(self) -> None:
-        """Stop what runs, wherever it runs."""
+        """Stop what runs, wherever it runs; what it would ask for next is not asked any more."""
+        if self.busy is not None:
+            self.busy["cancelled"] = True
         lanes = [self.work, *([self.view] if self.busy and self.busy["stage"] == "record" else [])]
         await asyncio.gather(*(lane.cancel() for lane in lanes))
 

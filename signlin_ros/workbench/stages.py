@@ -135,6 +135,7 @@ def shown(s: Session) -> dict[str, Any]:
         block["error"] = s.errors.get(block["id"])
     return {
         "id": p.id,
+        "serial": s.serial,
         "folder": p.place(),
         "busy": s.busy,
         "undo": past[-1]["label"] if past else None,

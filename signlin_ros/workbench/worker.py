@@ -80,17 +80,29 @@ def _requests(incoming: BinaryIO) -> queue.SimpleQueue[dict[str, Any]]:
     return arriving
 
 
+def _writer(outgoing: BinaryIO) -> Callable[..., None]:
+    """Return what writes frames, one after the other, whichever threads ask for it."""
+    turn = threading.Lock()
+
+    def put(head: dict[str, Any], body: bytes = b"") -> None:
+        with turn:
+            write(outgoing, head, body)
+
+    return put
+
+
 def main() -> None:
     """Answer until the server closes the pipe or dies."""
     incoming, outgoing = _own_streams()
+    put = _writer(outgoing)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.RLIM_INFINITY))
     warnings.simplefilter("ignore")
     arriving = _requests(incoming)
     while True:
         request = arriving.get()
         number = request["id"]
-        head, body = answer(request, lambda told: write(outgoing, {"id": number, "kind": "progress", **told}))  # noqa: B023
-        write(outgoing, {"id": number, **head}, body)
+        head, body = answer(request, lambda told: put({"id": number, "kind": "progress", **told}))  # noqa: B023
+        put({"id": number, **head}, body)
 
 
 if __name__ == "__main__":

@@ -3,13 +3,20 @@
 const base = location.pathname.replace(/\/+$/, "");
 const HEADERS = { "x-signlin": "1", "content-type": "application/json" };
 
+const PATIENCE = 30_000; // ms for the state
+
+export class Refused extends Error {}
+
 async function answered(response) {
-  const content = await response.json().catch(() => ({ what: `${response.status} ${response.statusText}` }));
-  if (!response.ok) throw new Error(content.what ?? response.statusText);
+  const content = await response.json().catch((error) => {
+    if (response.ok) throw error; // cut off on the way
+    return { what: `${response.status} ${response.statusText}` };
+  });
+  if (!response.ok) throw new Refused(content.what ?? response.statusText);
   return content;
 }
 
-export const state = async () => answered(await fetch(`${base}/state`));
+export const state = async () => answered(await fetch(`${base}/state`, { cache: "no-store", signal: AbortSignal.timeout(PATIENCE) }));
 export const post = async (path, args = {}) =>
   answered(await fetch(`${base}${path}`, { method: "POST", headers: HEADERS, body: JSON.stringify(args) }));
 export const act = (name, args) => post(`/do/${name}`, args);

@@ -4,6 +4,7 @@ import * as api from "./api.js";
 import { h, fill, say } from "./dom.js";
 import { RENDER, command, restyle, restyleTuner } from "./stages.js";
 import { live, restyleLive } from "./live.js";
+import { latest } from "./sync.js";
 
 const DO = { compare: "Compare", diagnose: "Diagnose", use: "Export" };
 const NAMES = { use: "export" };
@@ -12,15 +13,19 @@ let state = null;
 let uploading = null;
 let trouble = {};
 
-async function refresh() {
+const RETRY = 1000; // ms after which a state that did not come is asked for again
+
+const refresh = latest(async () => {
   try {
     state = await api.state();
-    document.getElementById("lost").hidden = true;
-    draw();
   } catch (error) {
     document.getElementById("loading")?.replaceChildren(`This project cannot be shown: ${error.message}. `, h("a", { href: "/" }, "Open another one"));
+    if (!(error instanceof api.Refused)) setTimeout(refresh, RETRY);
+    return;
   }
-}
+  document.getElementById("lost").hidden = true;
+  draw();
+});
 
 async function go(name, args) {
   trouble = {};
@@ -135,11 +140,9 @@ function rail() {
 
 function listen() {
   const events = api.events();
-  let again = false;
   events.onopen = () => {
     document.getElementById("lost").hidden = true;
-    if (again) refresh();
-    again = true;
+    refresh(); // what happened before it was open was told to nobody
   };
   events.onerror = () => { document.getElementById("lost").hidden = false; };
   events.onmessage = (e) => {
@@ -149,7 +152,7 @@ function listen() {
       const block = state.stages.find((b) => b.id === told.busy.stage);
       if (block) stage(block);
       say(`${told.busy.what}, ${Math.round(100 * told.busy.share)} %`);
-    } else refresh();
+    } else if (told.kind !== "beat" || told.serial !== state?.serial) refresh();
   };
 }
 
