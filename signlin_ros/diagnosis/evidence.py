@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 ENOUGH = 20
 """Samples below which nothing is shown of a direction of motion."""
+ALIKE = 0.02
+"""Parts of a variance that differ by less are alike: then a force is shown over velocity."""
 BINS = 30
 """Bins by which is told over which coordinate a force is a curve."""
 
@@ -124,7 +126,7 @@ def _place(f: Findings, computed: Array) -> Place:
     )
     side = np.sign(velocity)
     shares = {n: _unexplained(x, side, computed) for n, x in ((plant.velocity, velocity), (plant.position, position))}
-    best = min(shares, key=shares.__getitem__)
+    best = plant.velocity if shares[plant.velocity] <= shares[plant.position] + ALIKE else plant.position
     if shares[best] > 0.5:
         ends = np.cumsum([0.0, *(float(p.t[-1]) for p in parts)])
         t = np.concatenate([p.t[p.kept] + end for p, end in zip(parts, ends, strict=False)])

@@ -22,6 +22,7 @@ from signlin_ros.records import ModelData
 
 Records = ModelData | Sequence[ModelData]
 Progress = Callable[[str, float], None]
+Seen = Callable[[Fitted | Testimony], None]
 MOST = 6
 """Most effects that `refine` adds."""
 
@@ -34,19 +35,21 @@ def diagnose(
     jobs: int | None = None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    seen: Seen | None = None,
     criteria: Criteria = DEFAULT,
 ) -> Diagnosis:
     """Name the physical effects that a model lacks, or say that none fits, none is missing, or what cannot be told.
 
     data, validation: records in the model's terms (`signlin_ros.records.read_for_model`); without validation the last
     third of every record is held out. ``jobs``: threads; ``progress``: told of what is done, and how much of all;
-    ``cancelled``: asked whether to stop, which raises `CancelledError`. Raises `RecordError` for records that cannot be
-    used.
+    ``cancelled``: asked whether to stop, which raises `CancelledError`; ``seen``: told, from any thread, of every model
+    that was fitted, and of what the force witness found. Raises `RecordError` for records that cannot be used.
     """
     prepared = case(model, data, validation)
     tell = _stages(progress)
-    motion = _motion(prepared, jobs, tell, cancelled, criteria)
-    force = _force(prepared, criteria, tell)
+    motion = _motion(prepared, jobs, tell, cancelled, criteria, seen)
+    force = _force(prepared, criteria, tell, seen)
+    tell("motion with what the force shows" if force and force.effects else "motion")
     agreed = agree(motion, force, criteria, criteria.most)
     return told(judge(prepared, agreed, criteria))
 
@@ -59,6 +62,7 @@ def refine(
     jobs: int | None = None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    seen: Seen | None = None,
     criteria: Criteria = DEFAULT,
 ) -> Diagnosis:
     """Add effects until nothing confirmed is missing; the last of the notes says why it stopped. See `diagnose`."""
@@ -69,6 +73,7 @@ def refine(
         jobs=jobs,
         progress=progress,
         cancelled=cancelled,
+        seen=seen,
         criteria=replace(criteria, most=MOST),
     )
     added = len(found.ladder[-1].effects)
@@ -88,6 +93,7 @@ def add(
     jobs: int | None = None,
     progress: Progress | None = None,
     cancelled: Callable[[], bool] | None = None,
+    seen: Seen | None = None,
     criteria: Criteria = DEFAULT,
 ) -> Diagnosis:
     """Add an effect and fit it, whatever it is worth: the ranking has it, the ladder before and after.
@@ -99,8 +105,9 @@ def add(
     prepared = case(model, data, validation)
     _check_addable(prepared.model, effect)
     tell = _stages(progress)
-    motion = _motion(prepared, jobs, tell, cancelled, criteria)
-    force = _force(prepared, criteria, tell)
+    motion = _motion(prepared, jobs, tell, cancelled, criteria, seen)
+    force = _force(prepared, criteria, tell, seen)
+    tell(f"motion with {effect.replace('_', ' ')}")
     final = _asked(motion, force, effect)
     agreed = Agreed(motion, force, motion.base, final, "", (final,), (effect,), (effect,))
     return told(judge(prepared, agreed, criteria), asked=effect)
@@ -112,11 +119,12 @@ def _motion(
     tell: Callable[[str], None],
     cancelled: Callable[[], bool] | None,
     criteria: Criteria,
+    seen: Seen | None,
 ) -> Motion:
     """Return the motion witness, the base model fitted."""
     load_entry_points()
     unseen = list(prepared.unseen)
-    return Motion.of(prepared.model, list(prepared.known), unseen, criteria, jobs, tell, cancelled)
+    return Motion.of(prepared.model, list(prepared.known), unseen, criteria, jobs, tell, cancelled, seen)
 
 
 def _stages(progress: Progress | None) -> Callable[[str], None]:
@@ -125,12 +133,15 @@ def _stages(progress: Progress | None) -> Callable[[str], None]:
     return (lambda what: progress(what, next(shares))) if progress else (lambda what: None)
 
 
-def _force(prepared: Case, criteria: Criteria, tell: Callable[[str], None]) -> Testimony | None:
+def _force(prepared: Case, criteria: Criteria, tell: Callable[[str], None], seen: Seen | None) -> Testimony | None:
     """Return the force witness; None where effort or motion are not known."""
     tell("missing force")
     if not all(prepared.parts) or not _seen(prepared):
         return None
-    return hear(prepared.model, *prepared.parts, prepared.rotary, criteria)
+    found = hear(prepared.model, *prepared.parts, prepared.rotary, criteria)
+    if seen is not None:
+        seen(found)
+    return found
 
 
 def _seen(prepared: Case) -> bool:

@@ -23,6 +23,7 @@ from .clean import Keep, Table
 from .header import Heading, heading
 from .layout import MISSING, Layout, is_number, labelled, layout, opened, shortened
 from .notes import Note
+from .regular import regular
 from .stamps import directions, times_of_day
 from .table import Rows
 
@@ -69,6 +70,13 @@ def read_table(path: Path, source: str, keep: Keep) -> Table:
         Empty, no rows, ragged rows, a cell that is not a number: with row, line and column named.
     """
     decoded, notes = _decoded(_unpacked(path, source), source)
+    found = regular(decoded, source)
+    if found is not None:
+        shape, columns, rows = found.shape, found.columns, found.rows
+        headings = [heading(cell, i + 1) for i, cell in enumerate(labelled(shape))]
+        chosen = _told(headings, columns)
+        said = (*notes, *shape.notes)
+        return Table(source, [headings[i] for i in chosen], [columns[i] for i in chosen], rows, said, shape.named)
     shape = layout(decoded, source)
     if '"' in decoded:
         _check_quotes(shape)
@@ -78,11 +86,18 @@ def read_table(path: Path, source: str, keep: Keep) -> Table:
     if values is None:
         table = _careful(text, headings, keep)
     else:
-        chosen = [i for i, head in enumerate(headings) if head.label or not np.isnan(values[:, i]).all()]
-        columns = [np.ascontiguousarray(values[:, i]) for i in chosen]
-        table = Table(source, [headings[i] for i in chosen], columns, text.rows, (*text.shape.notes, *text.notes))
+        columns = [np.ascontiguousarray(column) for column in values.T]
+        chosen = _told(headings, columns)
+        said = (*text.shape.notes, *text.notes)
+        table = Table(source, [headings[i] for i in chosen], [columns[i] for i in chosen], text.rows, said)
     exact = _exact(text, table.headings, table.columns)
     return replace(table, named=shape.named, runs=shape.runs, exact=exact)
+
+
+def _told(headings: Sequence[Heading], columns: Sequence[Array]) -> list[int]:
+    """The columns that have a name or a value."""
+    pairs = enumerate(zip(headings, columns, strict=True))
+    return [i for i, (head, column) in pairs if head.label or not np.isnan(column).all()]
 
 
 def _unpacked(path: Path, source: str) -> bytes:

@@ -12,6 +12,7 @@
 `lane`     a worker process that can be cancelled at any moment
 `worker`   what runs in it
 `calls`    the one place that calls the numerics: the functions behind the command line
+`ranking`  what a diagnosis has tried so far
 ========== ====================================================================================
 
 The event loop imports none of the numerics; they run in worker processes. Names are loaded when first asked for.

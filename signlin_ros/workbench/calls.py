@@ -6,14 +6,10 @@ command line prints for a verb is returned unchanged under ``json``; beside it s
 
 from __future__ import annotations
 
-import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +18,8 @@ import numpy as np
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model, shipped_models
 from signlin_ros.records import ModelData, Record, read_record
-from signlin_ros.workbench import arrays, evidence, proposing, tuning, uploaded
+from signlin_ros.workbench import arrays, proposing, tuning, uploaded
+from signlin_ros.workbench.ranking import Ranking
 
 Args = Mapping[str, Any]
 Say = Callable[[dict[str, Any]], None]
@@ -34,9 +31,9 @@ Answer = dict[str, Any]
 
 def ready(args: Args, say: Say) -> Answer:
     """Import what the verbs need, so that the first click does not wait for it."""
-    from signlin_ros.diagnosis import compare  # noqa: F401
+    from signlin_ros import checks, diagnosis
 
-    return {"checks": _has_checks()}
+    return {"ready": [checks.check.__name__, diagnosis.compare.__name__]}
 
 
 def models(args: Args, say: Say) -> Answer:
@@ -130,22 +127,12 @@ def _points(args: Args) -> int:
 # -------------------------------------------------------------------- check, compare
 
 
-def _has_checks() -> bool:
-    return find_spec("signlin_ros.checks") is not None
+def _loaded(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData], list[Any]]:
+    """Return model and records as the verbs take them, checked and cured, and what was found in them."""
+    from signlin_ros.guard import check_records
 
-
-def _accepted(function: Callable[..., Any], **options: Any) -> dict[str, Any]:
-    """Return those of the options that a function takes and that say something."""
-    known = inspect.signature(function).parameters
-    return {name: value for name, value in options.items() if value and name in known}
-
-
-def _loaded(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData]]:
-    """Return model and records as the verbs take them: checked and cured, where this version checks."""
     model, records = _as_read(args, files)
-    if _has_checks():
-        records, _ = import_module("signlin_ros.guard").check_records(model, records, _cures(args))
-    return model, list(records)
+    return model, *check_records(model, records, _cures(args))
 
 
 def _as_read(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData]]:
@@ -169,25 +156,19 @@ def _of(records: Sequence[ModelData], own: Sequence[str], others: Sequence[str])
 
 
 def check(args: Args, say: Say) -> Answer:
-    """Return the findings of the record check; where this version has none, what the reader noted."""
+    """Return the findings of the record check."""
+    from signlin_ros import checks
+
     model, records = _as_read(args, [*args["data"], *args["validation"]])
-    if _has_checks():
-        checks = import_module("signlin_ros.checks")
-        _, findings = checks.check(model, records, _cures(args))
-        return {"json": checks.to_json(findings), "limited": False}
-    noted = [
-        {"check": "reading", "channel": "", "severity": "note", "sentence": note, "cure": None, "applied": False}
-        for record in records
-        for note in (f"{Path(record.source).name}: {text}" for text in record.notes)
-    ]
-    return {"json": {"findings": noted}, "limited": True}
+    _, findings = checks.check(model, records, _cures(args))
+    return {"json": checks.to_json(findings)}
 
 
 def compare(args: Args, say: Say) -> Answer:
     """Compare, keep the curves in ``args["store"]`` (npz), return what `signlin compare --json` prints."""
     from signlin_ros.diagnosis import compare as run
 
-    model, records = _loaded(args, args["data"])
+    model, records, _ = _loaded(args, args["data"])
     result = run(model, records)
     parts = [_kept(trace) for trace in result.traces]
     np.savez(args["store"], **{f"{k}/{name}": v for k, part in enumerate(parts) for name, v in part.items()})
@@ -236,6 +217,8 @@ def compare_curves(args: Args, say: Say) -> Answer:
 
 def diagnose(args: Args, say: Say) -> Answer:
     """Return what `signlin diagnose --json` prints, and the evidence picture of every named effect."""
+    from signlin_ros.workbench import evidence
+
     result = _diagnosed("diagnose", args, say)
     return {"json": result.to_json(), "evidence": evidence.pictures(result)}
 
@@ -243,6 +226,7 @@ def diagnose(args: Args, say: Say) -> Answer:
 def add(args: Args, say: Say) -> Answer:
     """Add and fit ``args["effect"]`` and write ``args["output"]``; return what `signlin add --json` prints."""
     from signlin_ros.files import write_text
+    from signlin_ros.workbench import evidence
 
     result = _diagnosed("add", args, say)
     write_text(args["output"], result.yaml)
@@ -253,44 +237,28 @@ def _diagnosed(verb: str, args: Args, say: Say) -> Any:
     """Run a verb as the command line does; its result is kept for the report."""
     from signlin_ros import diagnosis
 
-    model, records = _loaded(args, [*args["data"], *args["validation"]])
+    model, records, findings = _loaded(args, [*args["data"], *args["validation"]])
     given, unseen, effect = list(args["data"]), list(args["validation"]), args.get("effect")
     first, second = _of(records, given, unseen), _of(records, unseen, given) or None
-    run = getattr(diagnosis, verb)
-    with ThreadPoolExecutor(os.cpu_count() or 1) as executor:
-        more = _accepted(run, jobs=executor, progress=_told(say))
-        result = run(*([effect] if effect else []), model, first, second, **more)
+    run, ranking = getattr(diagnosis, verb), Ranking(say)
+    more = {"jobs": os.cpu_count() or 1, "progress": ranking.stage, "seen": ranking.seen}
+    result = run(*([effect] if effect else []), model, first, second, **more)
     printed = _as_printed(result, Model.load(args["model"]), args.get("output"), records)
-    _LAST[str(args.get("key"))] = (printed, model, (first, second))
+    _LAST[str(args.get("key"))] = (printed, model, (first, second), findings)
     return printed
-
-
-def _told(say: Say) -> Callable[..., None]:
-    """Return what a verb may call with the stage, its share of the work, and what was found so far."""
-
-    def progress(what: Any, share: float = 0.0, found: Any = None, *_: Any, **__: Any) -> None:
-        so_far = found.to_json() if hasattr(found, "to_json") else found
-        say({"what": str(what), "share": float(share), "found": so_far})
-
-    return progress
 
 
 def _as_printed(result: Any, original: Model, output: str | None, records: Sequence[ModelData]) -> Any:
     """Return a diagnosis with the model's text and the notes as the command line prints them."""
+    from signlin_ros.diagnosis.proposal import yaml_of
+
     model = result.model
     if model.with_position and not original.with_position:
         model = model.with_options(with_position=False)
     if output is not None:
         model = model.placed_in(Path(output).parent)
     done = (f"{record.source}: {note}" for record in records for note in record.notes)
-    return replace(result, yaml=_text_of(model, result), notes=(*done, *result.notes))
-
-
-def _text_of(model: Model, result: Any) -> str:
-    """Return a proposed model as a file, with what was fitted in comments where the diagnosis writes them."""
-    if find_spec("signlin_ros.diagnosis.proposal") is None:
-        return model.to_yaml()
-    return str(import_module("signlin_ros.diagnosis.proposal").yaml_of(model, result.findings))
+    return replace(result, yaml=yaml_of(model, result.findings), notes=(*done, *result.notes))
 
 
 _LAST: dict[str, Any] = {}
@@ -301,15 +269,15 @@ def report(args: Args, say: Say) -> Answer:
     """Write the report on the last diagnosis to ``args["report"]``; on the comparison where that is not at hand."""
     from signlin_ros import report as reports
 
-    held = _LAST.get(str(args.get("diagnosis")))
+    held, command = _LAST.get(str(args.get("diagnosis"))), str(args.get("command") or "")
     if held is not None:
-        result, model, data = held
-        reports.diagnosis_report(result, args["report"], args.get("command", ""), data, model)
+        result, model, data, findings = held
+        reports.diagnosis_report(result, args["report"], command, data, model, record=findings)
     else:
         from signlin_ros.diagnosis import compare as run
 
-        model, records = _loaded(args, args["data"])
-        reports.compare_report(run(model, records), args["report"], args.get("command", ""))
+        model, records, findings = _loaded(args, args["data"])
+        reports.compare_report(run(model, records), args["report"], command, findings)
     return {"report": args["report"]}
 
 
@@ -326,7 +294,7 @@ def tune(args: Args, say: Say) -> Answer:
 
 @lru_cache(maxsize=2)
 def _bench(model: str, file: str, signals: Any, cures: Any, stamps: Any) -> tuning.Bench:
-    loaded, (record,) = _loaded({"model": model, "signals": dict(signals), "cures": cures}, [file])
+    loaded, (record,), _ = _loaded({"model": model, "signals": dict(signals), "cures": cures}, [file])
     return tuning.Bench(loaded, record)
 
 

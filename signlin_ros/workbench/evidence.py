@@ -6,40 +6,40 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.errors import SignlinError
+from signlin_ros.diagnosis.curves import Band
+from signlin_ros.diagnosis.evidence import Explanation, evidence
+from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.results import Diagnosis
+from signlin_ros.diagnosis.told import Findings
 from signlin_ros.workbench.arrays import encoded
 
 DOTS = 1500
 """So many samples of what the motion lacks are shown as dots."""
 
 
-def pictures(result: Any) -> dict[str, Any]:
+def pictures(result: Diagnosis) -> dict[str, Any]:
     """Return the picture of each effect that a diagnosis names, and of the best one that it refuses; by name."""
-    findings = getattr(result, "findings", None)
-    if findings is None:
+    if result.findings is None:
         return {}
-    found = {entry.effect: _shown(findings, entry.effect) for entry in result.missing}
+    found = {entry.effect: _shown(result.findings, entry.effect) for entry in result.missing}
     if not found:
-        found = dict(_nearest(findings))
+        found = _nearest(result.findings)
     return {name: one for name, one in found.items() if one}
 
 
-def _nearest(findings: Any) -> list[tuple[str, Any]]:
-    singles = getattr(findings, "singles", None)
-    if not singles:
-        return []
-    best = singles[0].ranked
-    return [(best.label, _shown(findings, best.label, best))]
+def _nearest(findings: Findings) -> dict[str, Any]:
+    """Return the picture of the best single effect that has one, where none is named."""
+    single = (f for f in findings.agreed.tried if len(f.effects) == 1)
+    for fitted in sorted(single, key=lambda f: f.level):
+        picture = _shown(findings, fitted.effects[0], fitted)
+        if picture is not None:
+            return {fitted.effects[0]: picture}
+    return {}
 
 
-def _shown(findings: Any, effect: str, within: Any = None) -> dict[str, Any] | None:
+def _shown(findings: Findings, effect: str, within: Fitted | None = None) -> dict[str, Any] | None:
     """Return one picture; None where there is nothing to show."""
-    try:
-        from signlin_ros.diagnosis.evidence import evidence
-
-        e = evidence(findings, effect, within)
-    except (SignlinError, ImportError):
-        return None
+    e = evidence(findings, effect, within)
     if e is None:
         return None
     one_in = max(1, e.place.x.size // DOTS)
@@ -58,7 +58,7 @@ def _shown(findings: Any, effect: str, within: Any = None) -> dict[str, Any] | N
     }
 
 
-def _explanation(x: Any) -> dict[str, Any]:
+def _explanation(x: Explanation) -> dict[str, Any]:
     return {
         "effect": x.effect,
         "parameters": {name: str(value) for name, value in x.parameters.items()},
@@ -68,11 +68,11 @@ def _explanation(x: Any) -> dict[str, Any]:
     }
 
 
-def _band(b: Any) -> dict[str, Any]:
+def _band(b: Band) -> dict[str, Any]:
     return {"at": encoded(b.at), "mean": encoded(b.mean), "two_errors": encoded(b.two_errors)}
 
 
-def _left(x: Any) -> float:
+def _left(x: Explanation) -> float:
     """Return the RMS of what the explanation leaves."""
     return float(np.sqrt(np.nanmean((x.measured - x.computed) ** 2)))
 

@@ -263,8 +263,8 @@ class Session:
         write_text(folder / "model.yaml", described["yaml"] if described else model.read_text(encoding="utf-8"))
         write_text(folder / "replay.sh", stages.script(self))
         with contextlib.suppress(RefusedError):
-            args = {**stages.question(self, "compare"), "report": str(folder / "report.html")}
-            await self.work.call("report", {**args, "diagnosis": stages.last_key(self)}, self._progress)
+            args = {**stages.reported(self), "report": str(folder / "report.html")}
+            await self.work.call("report", args, self._progress)
         self.project.amend(exported=True)
 
 

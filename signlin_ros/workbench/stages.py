@@ -66,11 +66,11 @@ def _cures(s: Session, files: list[str]) -> list[str]:
 
 
 def step(s: Session, verb: str) -> dict[str, Any] | None:
-    """Return the step that a verb is on the command line; None where the command line has no such verb."""
+    """Return the step that a verb is on the command line; None for a check that was not done."""
     asked = question(s, verb)
     if verb == "check":
         found = _result(s, "check", asked)
-        if found is None or found["limited"]:
+        if found is None:
             return None
         return {"verb": verb, **asked, "data": [*asked["data"], *asked["validation"]], "validation": []}
     return {"verb": verb, **asked}
@@ -114,12 +114,14 @@ def script(s: Session) -> str:
     return commands.script(Path.cwd(), s.project.place("replay"), steps, texts)
 
 
-def last_key(s: Session) -> str | None:
-    """Return the key of the last diagnosis or addition, for its report."""
+def reported(s: Session) -> dict[str, Any]:
+    """Return what a report is asked about: the last diagnosis or addition by its key, or else the comparison."""
+    asked = question(s, "compare")
     done = [x for x in s.project.choices["path"] if x["verb"] in ("diagnose", "add")]
     if not done:
-        return None
-    return s.project.key(done[-1]["verb"], _asked(done[-1]))
+        return {**asked, "command": commands.command({"verb": "compare", **asked})}
+    key = s.project.key(done[-1]["verb"], _asked(done[-1]))
+    return {**asked, "diagnosis": key, "command": commands.command(done[-1])}
 
 
 # -------------------------------------------------------------------- what is shown
@@ -204,24 +206,20 @@ def _check(s: Session) -> dict[str, Any]:
     if found is None:
         return _block("check", "", False, "Not checked yet.", command)
     findings = found["json"].get("findings", [])
-    limited = found["limited"]
     cures = s.project.choices["cures"]
     done = AS_THEY_ARE in cures or not any(f["severity"] == "refuse" and not f.get("applied") for f in findings)
     return _block(
         "check",
         "",
         done,
-        _checked(findings, limited),
-        "" if limited else command,
+        _checked(findings),
+        command,
         findings=findings,
         cures=s.project.choices["cures"],
     )
 
 
-def _checked(findings: list[dict[str, Any]], limited: bool) -> str:
-    if limited:
-        note = "This version has no record check; shown is what the reader noticed."
-        return note if findings else f"{note} It noticed nothing."
+def _checked(findings: list[dict[str, Any]]) -> str:
     refused = [f for f in findings if f["severity"] == "refuse" and not f.get("applied")]
     offers = [f for f in findings if f["severity"] == "offer" and not f.get("applied")]
     if refused:
@@ -370,4 +368,4 @@ def _use(s: Session) -> dict[str, Any]:
     return _block("use", "", done, text, commands.launch_line(model), files=files, script=script(s))
 
 
-__all__ = ["advice", "described", "last_key", "mapped", "mapping_question", "question", "script", "shown", "step"]
+__all__ = ["advice", "described", "mapped", "mapping_question", "question", "reported", "script", "shown", "step"]

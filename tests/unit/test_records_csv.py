@@ -1,13 +1,14 @@
 """CSV files: what is understood, and what is refused with its place."""
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from signlin_ros.errors import RecordError
-from signlin_ros.records import Record, read_record
+from signlin_ros.records import Record, read_record, regular
 
 Read = Callable[..., Record]
 
@@ -288,3 +289,63 @@ def test_a_large_file_takes_about_a_second(read: Read) -> None:
     record = read(text)
     assert time.process_time() - start < 2.0
     np.testing.assert_array_equal(record.signals["c"].values, table[:, 3])
+
+
+def large(header: str, rows: int, line: Callable[[int], str], end: str = "\n") -> str:
+    return header + "".join(f"{line(k)}\n" for k in range(rows)).rstrip("\n") + end
+
+
+LARGE = {
+    "plain": large("t,a [m],b\n", 3000, lambda k: f"{0.01 * k:.17g},{float(np.sin(k))!r},{k % 7}"),
+    "empty cells": large("t,a,b\n", 3000, lambda k: f"{0.01 * k:g},{'' if k % 3 else k},{k}"),
+    "empty column": large("t,a,\n", 3000, lambda k: f"{0.01 * k:g},{k},"),
+    "nan": large("t;a\n", 3000, lambda k: f"{0.01 * k:g};{'nan' if k == 1500 else -1e-3 * k}"),
+    "no header": large("", 3000, lambda k: f"{0.01 * k:g}\t{k * k}"),
+    "units": large("log of a rig\n\nt,speed\ns,rad/s\n", 3000, lambda k: f"{0.01 * k:g},{k}"),
+    "header in a comment": large("# t a b\n", 3000, lambda k: f"{0.01 * k:.18e} {k:.18e} {-k:.18e}"),
+    "carriage returns": large("t,a\r\n", 3000, lambda k: f"{0.01 * k:g},{k}\r"),
+    "no end": large("t,a\n", 3000, lambda k: f"{0.01 * k:g},{k}", ""),
+    "ends on blanks": large("t,a\n", 3000, lambda k: f"{0.01 * k:g},{k}", "\n\n \n"),
+    "cut off": large("t,a\n", 3000, lambda k: f"{0.01 * k:g},{k}", "\n30."),
+    "comment": large("t,a\n", 3000, lambda k: "# here" if k == 1500 else f"{0.01 * k:g},{k}"),
+    "comment behind": large("t,a\n", 3000, lambda k: f"{0.01 * k:g},{k}" + " # here" * (k == 1500)),
+    "blank line": large("t,a\n", 3000, lambda k: "" if k == 1500 else f"{0.01 * k:g},{k}"),
+    "separators only": large("t,a\n", 3000, lambda k: "," if k == 1500 else f"{0.01 * k:g},{k}"),
+    "header again": large("t,a\n", 3000, lambda k: "t,a" if k == 1500 else f"{0.01 * (k % 1500):g},{k}"),
+    "decimal commas": large("t;a\n", 3000, lambda k: f"{k};0,{k:04d}"),
+    "stamps in ns": large("t_ns,a\n", 3000, lambda k: f"{1_700_000_000_000_000_001 + 10_000_000 * k},{k}"),
+    "torn": large("t,a\n", 3000, lambda k: f"{0.01 * k:g},{'1.2.3' if k == 1500 else k}"),
+    "ragged": large("t,a\n", 3000, lambda k: f"{0.01 * k:g},{k}" + ",1" * (k == 1500)),
+    "words": large("t,a\n", 3000, lambda k: f"{0.01 * k:g},{'inf' if k == 1500 else k}"),
+    "signs": large("t,a\n", 3000, lambda k: f"{0.01 * k:g},{-k:+d}"),
+}
+
+
+@pytest.mark.parametrize("name", LARGE)
+@pytest.mark.parametrize("pyarrow", [True, False])
+def test_large_tables_are_read_as_small_ones_are(
+    name: str, pyarrow: bool, read: Read, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def outcome() -> tuple[object, ...]:
+        try:
+            record = read(LARGE[name])
+        except RecordError as error:
+            return (str(error),)
+        values = {n: (s.values.tobytes(), s.unit, s.label, s.number) for n, s in record.signals.items()}
+        lines = None if record.rows is None or record.rows.line is None else record.rows.line.tolist()
+        return record.t.tobytes(), values, lines, tuple(map(str, record.notes))
+
+    slow = outcome()
+    monkeypatch.setattr(regular, "LARGE", 0)
+    if pyarrow:
+        pytest.importorskip("pyarrow")
+    else:
+        monkeypatch.setattr(regular, "find_spec", lambda _: None)
+    assert outcome() == slow
+
+
+@pytest.mark.parametrize("name", ["plain", "empty cells", "nan", "no header", "units", "header in a comment", "no end"])
+def test_large_plain_tables_take_the_quick_way(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(regular, "LARGE", 0)
+    found = regular.regular(LARGE[name], "run.csv")
+    assert (found is not None) == (name != "empty cells" or find_spec("pyarrow") is not None)

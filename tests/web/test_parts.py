@@ -122,7 +122,7 @@ def test_a_script_reads_the_models_that_it_has_made(tmp_path: Path) -> None:
 def test_what_the_check_found_decides_whether_one_may_go_on(
     findings: list[dict[str, Any]], cures: list[str], done: bool, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = {"json": {"findings": [{"channel": "speed", **f} for f in findings]}, "limited": False}
+    found = {"json": {"findings": [{"channel": "speed", **f} for f in findings]}}
     choices = {"cures": cures, "records": [1], "model": "dc_motor", "signals": {}}
     session: Any = SimpleNamespace(project=SimpleNamespace(choices=choices, files=lambda _: ["a.csv"], path=str))
     monkeypatch.setattr(stages, "_before", lambda _: "")

@@ -53,11 +53,13 @@ class Motion:
         jobs: int | None = None,
         progress: Progress | None = None,
         cancelled: Callable[[], bool] | None = None,
+        seen: Callable[[Fitted], None] | None = None,
     ) -> None:
         self.problem, self.unseen, self.criteria = problem, unseen, criteria
         self.short = stretched(problem)
         self.jobs = jobs or min(os.cpu_count() or 1, 2)
         self._tell, self._cancelled = progress or (lambda what: None), cancelled or (lambda: False)
+        self._seen = seen or (lambda f: None)
         self._best: dict[tuple[str, ...], Fitted] = {}
         self._base()
 
@@ -71,9 +73,10 @@ class Motion:
         jobs: int | None = None,
         progress: Progress | None = None,
         cancelled: Callable[[], bool] | None = None,
+        seen: Callable[[Fitted], None] | None = None,
     ) -> Motion:
         """Prepare records (the last third is held out where ``unseen`` is None) and fit the model as given."""
-        return cls(*prepared(model, known, unseen), criteria, jobs, progress, cancelled)
+        return cls(*prepared(model, known, unseen), criteria, jobs, progress, cancelled, seen)
 
     # ------------------------------------------------------------ fits
 
@@ -95,6 +98,7 @@ class Motion:
         known = self._best.get(_class(mine))
         if known is None or self._known_level(mine) < self._known_level(known):
             self._best[_class(mine)] = mine
+            self._seen(mine)
         return self._best[_class(mine)]
 
     def _told(self, found: Found) -> Fitted:

@@ -218,8 +218,7 @@ export function scores(json, channels) {
 
 function diagnose(block, state, go) {
   const busy = state.busy?.stage === "diagnose" ? state.busy.found : null;
-  const candidates = Array.isArray(busy) ? busy : busy?.ranking;
-  if (candidates?.length) return [h("h3", {}, "Found so far"), ranking(candidates)];
+  if (busy?.tried?.length) return [h("h3", {}, `Tried so far: ${busy.count}, best first`), tried(busy.tried)];
   if (!block.result) return [];
   const { json, evidence: seen } = block.result;
   const pictures = Object.entries(seen).map(([name, e]) => [
@@ -232,6 +231,14 @@ function diagnose(block, state, go) {
     json.experiments?.length > 0 && h("details", {}, h("summary", {}, "What to record to find out more"), h("ul", {}, json.experiments.map((n) => h("li", {}, n)))),
     json.notes?.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
   ];
+}
+
+// What was tried while a diagnosis runs.
+function tried(rows) {
+  const head = ["model with", "error of the motion / noise", "force left, % of the effort"];
+  return h("table", { id: "tried" }, h("thead", {}, h("tr", {}, head.map((t, k) => h("th", { class: k ? "number" : "", scope: "col" }, t)))),
+    h("tbody", {}, rows.map((r) => h("tr", {}, h("td", {}, r.effects.map(words).join(" + ") || "nothing added"),
+      h("td", { class: "number" }, number(r.error)), h("td", { class: "number" }, number(r.force))))));
 }
 
 const STATUS = { confirmed: "✓ confirmed", ambiguous: "≈ a tie", not_excited: "… not to be seen here", rejected: "✕ rejected", not_applicable: "– does not apply" };
