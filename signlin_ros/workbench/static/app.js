@@ -21,11 +21,21 @@ const refresh = latest(async () => {
   } catch (error) {
     document.getElementById("loading")?.replaceChildren(`This project cannot be shown: ${error.message}. `, h("a", { href: "/" }, "Open another one"));
     if (!(error instanceof api.Refused)) setTimeout(refresh, RETRY);
+    else if (state) lost(`What you see is not the latest: ${error.message}. Please report this as a fault.`);
     return;
   }
-  document.getElementById("lost").hidden = true;
+  lost(null);
   draw();
 });
+
+const GONE = ["The server does not answer. Start ", h("code", {}, "signlin workbench"), " again: nothing is lost."];
+
+// Say above all else what is wrong with what is shown; nothing where all is well.
+function lost(...what) {
+  const box = document.getElementById("lost");
+  box.hidden = what[0] === null;
+  if (!box.hidden) fill(box, what);
+}
 
 async function go(name, args) {
   trouble = {};
@@ -141,10 +151,9 @@ function rail() {
 function listen() {
   const events = api.events();
   events.onopen = () => {
-    document.getElementById("lost").hidden = true;
     refresh(); // what happened before it was open was told to nobody
   };
-  events.onerror = () => { document.getElementById("lost").hidden = false; };
+  events.onerror = () => lost(...GONE);
   events.onmessage = (e) => {
     const told = JSON.parse(e.data);
     if (told.kind === "progress" && state) {
