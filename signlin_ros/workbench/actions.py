@@ -31,7 +31,7 @@ async def model(s: Session, args: Args) -> None:
     name = str(args.get("name"))
     if name not in [m["name"] for m in s.shipped]:
         raise InputError(f"no such model: {name!r}")
-    s.project.change(f"choose {name}", model=name, signals={}, path=[])
+    s.project.change(f"choose {name}", model=name, signals={}, path=[], guessed=False)
     s.start("record", "reading", s.look)
 
 

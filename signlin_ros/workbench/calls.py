@@ -10,6 +10,8 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +36,12 @@ def ready(args: Args, say: Say) -> Answer:
     from signlin_ros import checks, diagnosis
 
     return {"ready": [checks.check.__name__, diagnosis.compare.__name__]}
+
+
+def reader(args: Args, say: Say) -> Answer:
+    """Import what reads and thins large records, so that the first drop does not wait for it."""
+    found = [name for name in ("pyarrow.csv", "tsdownsample") if find_spec(name.partition(".")[0])]
+    return {"ready": [import_module(name).__name__ for name in found]}
 
 
 def models(args: Args, say: Say) -> Answer:
@@ -315,7 +323,20 @@ def sample(args: Args, say: Say) -> Answer:
 VERBS: dict[str, Callable[[Args, Say], Answer]] = {
     f.__name__: f
     for f in (
-        *(ready, models, describe, columns, propose, record_curves, check, compare, compare_curves, diagnose, add),
+        *(
+            ready,
+            reader,
+            models,
+            describe,
+            columns,
+            propose,
+            record_curves,
+            check,
+            compare,
+            compare_curves,
+            diagnose,
+            add,
+        ),
         *(report, tune, keep, sample),
     )
 }

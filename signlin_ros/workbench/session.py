@@ -133,6 +133,7 @@ class Session:
         try:
             self.shipped = (await self.view.call("models", {}))["models"]
             self.tell()
+            await self.view.call("reader", {})
             await self.work.call("ready", {})
         except (CancelledError, RefusedError, FaultError):
             self._awake = False
@@ -161,7 +162,9 @@ class Session:
             await self.view.call("describe", {"model": self.project.path(model), "uploaded": True})
         model = made[-1] if made else choices["model"]
         label = ", ".join(Path(f).name for f in files)
-        self.project.change(f"drop {label}", records=_with_roles(records), model=model, path=[], cures=[], signals={})
+        guessed = not made and choices.get("guessed", False)
+        anew = {"path": [], "cures": [], "signals": {}, "guessed": guessed}
+        self.project.change(f"drop {label}", records=_with_roles(records), model=model, **anew)
         await self.look()
 
     async def take_sample(self) -> None:
@@ -191,7 +194,7 @@ class Session:
             rows = (await self.asked(self.view, "propose", {"model": name, "files": files}))["mapping"]
             sure = [r for r in rows if r["column"] and not r["proposed"]]
             if {r["signal"] for r in rows if r["needed"]} <= {r["signal"] for r in sure} and len(sure) > 1:
-                self.project.amend(model=name)
+                self.project.amend(model=name, guessed=True)
                 return
 
     async def _map(self) -> None:
@@ -230,7 +233,7 @@ class Session:
         asked = {**stages.question(self, "add"), "effect": effect, "output": self.project.path(output)}
         await self.asked(self.work, "add", asked)
         path = [*self.project.choices["path"], {"verb": "add", **asked}]
-        self.project.change(f"add {effect.replace('_', ' ')}", model=output, path=path)
+        self.project.change(f"add {effect.replace('_', ' ')}", model=output, path=path, guessed=False)
         await self._map()
         await self._checked()
         await self.compare()
@@ -249,7 +252,8 @@ class Session:
         await self.view.call("keep", args)
         text = Path(self.project.path(output)).read_text(encoding="utf-8")
         step = {"verb": "set", "model": before, "data": [], "output": args["output"], "text": text}
-        self.project.change("keep the sliders", model=output, path=[*self.project.choices["path"], step])
+        path = [*self.project.choices["path"], step]
+        self.project.change("keep the sliders", model=output, path=path, guessed=False)
         await self._map()
         await self._checked()
         await self.compare()

@@ -175,7 +175,18 @@ def _record(s: Session) -> dict[str, Any]:
         text += f"No column for {', '.join(lacking)}: choose one below."
     elif mapped(s):
         text += "All that the model needs was found."
+    elif mapping(s):
+        seen = " or ".join(dict.fromkeys(r["signal"].replace("_", " ") for r in mapping(s) if r["kind"] != "input"))
+        text += f"No column for what was measured: choose one for {seen} below."
+    if s.project.choices.get("guessed") and s.project.choices["model"]:
+        text += f" {_example(s)} Drop the model file of your machine, or choose another one."
     return _block("record", "", mapped(s), text)
+
+
+def _example(s: Session) -> str:
+    """Return what it means that the model was not given."""
+    name = s.project.choices["model"]
+    return f"The model is the shipped example {name}, which has the signals of the record: its numbers are not yours."
 
 
 def _before(s: Session) -> str:
@@ -212,11 +223,19 @@ def _check(s: Session) -> dict[str, Any]:
         "check",
         "",
         done,
-        _checked(findings),
+        _checked(findings) + _whose_numbers(s, findings),
         command,
         findings=findings,
         cures=s.project.choices["cures"],
     )
+
+
+def _whose_numbers(s: Session, findings: list[dict[str, Any]]) -> str:
+    """Return what to think of a scale that does not fit where nobody gave the model."""
+    scales = any(str(f.get("cure")).startswith("scale") and not f.get("applied") for f in findings)
+    if not scales or not s.project.choices.get("guessed"):
+        return ""
+    return f" {_example(s)} If only those do not fit, take the records as they are."
 
 
 def _checked(findings: list[dict[str, Any]]) -> str:
@@ -292,6 +311,8 @@ def _add(s: Session) -> dict[str, Any]:
     text = "Diagnose first: it says what to add. Parameters can be moved by hand already."
     if diagnosis is not None:
         text = "Add the effect that is missing, and watch the error on unseen data."
+        if not offers:
+            text = "Nothing was named that is not in the model. Another effect may be added all the same."
     if last is not None:
         text = last["json"]["sentence"]
     command = commands.command(last["step"]) if last else ""

@@ -12,6 +12,7 @@ const main = document.getElementById("stages");
 let state = null;
 let uploading = null;
 let trouble = {};
+const opened = new Map(); // which details were, by their names; what is lacking in the mapping opens it again
 
 const RETRY = 1000; // ms after which a state that did not come is asked for again
 
@@ -97,9 +98,9 @@ function stage(block) {
   section.dataset.busy = working;
   fill(section.querySelector(".head"), head(block, working));
   const body = section.querySelector(".body");
-  const opened = new Map([...body.querySelectorAll("details[id]")].map((d) => [d.id, d.open]));
+  for (const d of body.querySelectorAll("details[id]")) opened.set(d.id, d.open);
   fill(body, block.why ? null : RENDER[block.id](block, state, go));
-  for (const d of body.querySelectorAll("details[id]")) if (opened.has(d.id)) d.open = opened.get(d.id);
+  for (const d of body.querySelectorAll("details[id]")) if (opened.has(d.id)) d.open = opened.get(d.id) || (d.open && d.id === "mapping");
   fill(section.querySelector(".foot"), next(block));
 }
 

@@ -85,9 +85,10 @@ export class Stack {
     const axis = { stroke: css("--text"), grid: { stroke: css("--grid"), width: 1 }, ticks: { stroke: css("--line"), width: 1 }, font: "12px system-ui, sans-serif", labelFont: "12px system-ui, sans-serif" };
     const label = `${names[0] === "residual" ? "residual" : words(p.name)}${unit(p.unit)}`;
     const chart = { name: p.name, names, data };
+    const room = Math.min(7.5 * label.length + 16, 240); // the label stands upright beside the curve
     const u = new uPlot({
       width: Math.max(this.element.clientWidth, 300),
-      height: row.height + (last ? 52 : 0),
+      height: Math.max(row.height, room) + (last ? 52 : 0),
       legend: { show: false },
       cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
       scales: { x: { time: false }, y: { range: () => ranged(chart.data) } },

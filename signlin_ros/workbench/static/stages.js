@@ -7,7 +7,7 @@ import { evidence, ladder } from "./svg.js";
 import { Tuner } from "./tune.js";
 
 const stacks = new Map();
-const RAW = [{ curves: ["recorded"], height: 100 }];
+const RAW = [{ curves: ["recorded"], height: 120 }];
 const PAIR = [{ curves: ["measured", "simulated"], height: 180 }, { curves: ["residual"], height: 110 }];
 
 export function restyle() {
@@ -69,7 +69,7 @@ function models(state, go) {
 
 function records(state, go) {
   const row = (r) => h("tr", {},
-    h("td", {}, r.name),
+    h("td", { class: "name" }, r.name),
     h("td", {}, h("button", { class: "small", id: `role-${r.file}`, onclick: () => go("role", { file: r.file }) },
       r.role === "estimation" ? "for the fit" : "unseen by the fit")),
     h("td", { class: "number" }, r.found ? r.found.samples.toLocaleString("en") : "reading ..."),
@@ -120,7 +120,8 @@ function mapping(state, go) {
       h("td", {}, h("button", { class: "small", id: `sign-${m.signal}`, disabled: !m.column, "aria-pressed": parts.factor < 0, onclick: () => send({ factor: -parts.factor }) }, parts.factor < 0 ? "sign reversed" : "reverse sign")),
       h("td", { class: "quiet" }, m.why));
   };
-  const open = state.mapping.some((m) => (m.needed && !m.column) || m.proposed);
+  const driven = state.mapping.every((m) => !m.needed || m.column), seen = state.mapping.some((m) => m.kind !== "input" && m.column);
+  const open = !driven || !seen || state.mapping.some((m) => m.proposed);
   return h("details", { open, id: "mapping" }, h("summary", {}, "Columns and signals"),
     h("table", {}, h("thead", {}, h("tr", {}, ["signal", "", "column", "its unit", "factor", "sign", "why"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, state.mapping.map(row))));
 }
@@ -158,7 +159,7 @@ function check(block, state, go) {
   };
   const file = (f) => f.record?.split("/").at(-1) ?? "";
   const rows = (block.findings ?? []).map((f, k) => h("tr", {},
-    h("td", { class: "status" }, f.applied ? "✓ cured" : MARKS[f.severity] ?? f.severity), h("td", {}, file(f)),
+    h("td", { class: "status" }, f.applied ? "✓ cured" : MARKS[f.severity] ?? f.severity), h("td", { class: "name" }, file(f)),
     h("td", {}, words(f.channel ?? "")), h("td", {}, f.sentence), h("td", {}, button(f, k))));
   const open = (block.findings ?? []).some((f) => f.severity === "refuse" && !f.applied);
   const asTheyAre = chosen.includes("none");
