@@ -29,6 +29,8 @@ ARGUMENTS = (
 RUNNING: list[subprocess.Popen[Any]] = []
 """What was started, and is ended whatever happens."""
 LARGE, LONG = 1_000_000, 10_000
+FULL = 65.0
+"""Seconds after which the live view keeps as many samples as it ever does."""
 
 
 def browser(folder: Path) -> Any:
@@ -213,7 +215,7 @@ while True: executor.spin_once(timeout_sec=0.05)
 
 
 def live(driver: Any, folder: Path, seconds: float) -> None:
-    """Compare the processor time of feed and server with that of a subscription that does nothing."""
+    """Compare the processor time of feed and server with that of a subscription that does nothing, at the same time."""
     import psutil
 
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
@@ -221,10 +223,6 @@ def live(driver: Any, folder: Path, seconds: float) -> None:
     source = subprocess.Popen([sys.executable, "-c", PUBLISH])
     bare = subprocess.Popen([sys.executable, "-c", BARE])
     RUNNING.extend((source, bare))
-    time.sleep(3.0)
-    alone = _load_of([psutil.Process(bare.pid)], 15.0)
-    told("a bare subscription to 1 kHz x 8", 100 * alone, "%", "")
-    bare.kill()
     process, address = start(folder)
     driver.get(address)
     shown(driver, "#stage-use")
@@ -232,11 +230,13 @@ def live(driver: Any, folder: Path, seconds: float) -> None:
     until(lambda: int(driver.find_element("id", "live").get_attribute("data-frames") or 0) > 20)
     server = psutil.Process(process.pid)
     feed = next(p for p in server.children() if "signlin_ros.nodes.feed" in p.cmdline())
+    time.sleep(min(FULL, seconds))
     held = [p.memory_info().rss for p in (server, feed)]
     before, begun = _seen(driver), time.monotonic()
-    spent = _load_of([server, feed], seconds)
+    alone, spent = _loads_of([[psutil.Process(bare.pid)], [server, feed]], seconds)
     lasted = time.monotonic() - begun
     frames, samples = (now - then for now, then in zip(_seen(driver), before, strict=True))
+    told("a bare subscription to 1 kHz x 8", 100 * alone, "%", "")
     told("live, subscriber and server beyond it", 100 * (spent - alone), "%", "40 %")
     told("live, frames a second on the page", frames / lasted, "", "20")
     told("live, samples a second that arrived", samples / lasted, "", "1000")
@@ -244,7 +244,7 @@ def live(driver: Any, folder: Path, seconds: float) -> None:
     told(f"live, memory grown in {seconds:g} s", grown / 2**20, "MiB", "flat")
     points = [int(p.get_attribute("data-points") or 0) for p in driver.find_elements("css selector", "#live .plot")]
     told("live, points of a curve at most", float(max(points)), "", "5000")
-    for one in (process, source):
+    for one in (process, source, bare):
         one.terminate()
         one.wait()
 
@@ -255,12 +255,16 @@ def _seen(driver: Any) -> list[int]:
     return [int(element.get_attribute(f"data-{name}") or 0) for name in ("frames", "samples")]
 
 
-def _load_of(processes: list[Any], seconds: float) -> float:
-    """Return the share of a core that processes take."""
-    spent, begun = [sum(p.cpu_times()[:2]) for p in processes], time.monotonic()
+def _loads_of(groups: list[list[Any]], seconds: float) -> list[float]:
+    """Return the share of a core that each group of processes takes, at the same time."""
+
+    def spent() -> list[float]:
+        return [float(sum(sum(p.cpu_times()[:2]) for p in group)) for group in groups]
+
+    before, begun = spent(), time.monotonic()
     time.sleep(seconds)
-    now = [sum(p.cpu_times()[:2]) for p in processes]
-    return float(sum(now) - sum(spent)) / (time.monotonic() - begun)
+    lasted = time.monotonic() - begun
+    return [(now - then) / lasted for now, then in zip(spent(), before, strict=True)]
 
 
 def main() -> None:

@@ -59,6 +59,7 @@ export class Tuner {
   start() {
     if (this.started) return;
     this.started = true;
+    fill(this.left, "Simulating; the first time takes some seconds ...");
     this.stack.load([null, null]);
   }
 
