@@ -163,7 +163,7 @@ class Session:
         model = made[-1] if made else choices["model"]
         label = ", ".join(Path(f).name for f in files)
         guessed = not made and choices.get("guessed", False)
-        anew = {"path": [], "cures": [], "signals": {}, "guessed": guessed}
+        anew: Args = {"path": [], "cures": [], "signals": {}, "guessed": guessed}
         self.project.change(f"drop {label}", records=_with_roles(records), model=model, **anew)
         await self.look()
 
