@@ -28,6 +28,7 @@ from signlin_ros import plotting
 from signlin_ros.demo import DemoError, prefix
 from signlin_ros.errors import MissingExtraError, SignlinError
 from signlin_ros.model import Model
+from signlin_ros.warming import warm_up
 
 Array = NDArray[np.float64]
 NAMESPACE = "/live"
@@ -36,10 +37,14 @@ MU = 0.033
 COGGING = (0.012, 14.0, 0.3)
 """Friction in N·m; amplitude, order and phase of the cogging."""
 AMPLITUDE, INPUT_PERIOD = 3.0, 7.0
+RATE = 100.0
+"""States per second: five processes share a small machine."""
+LOOP_DELAY = 0.05
+"""Seconds that the controller reckons with from a sample until its input acts, on a machine that has other work."""
 NOISE = 1e-4
 """Of every state that the simulator shows, in its unit."""
-SPEED, REFERENCE_PERIOD, LIMIT = 8.0, 6.0, 8.0
-"""Largest speed and period of the controller's reference, and its largest voltage."""
+SPEED, REFERENCE_PERIOD, LIMIT = 4.0, 6.0, 8.0
+"""Largest speed and period of the reference, and the largest voltage: the waves of the cogging pass at 9 Hz at most."""
 LEARN, BEFORE, AFTER = 10.0, 40.0, 30.0
 """Seconds in which the monitor learns; until the diagnosis is asked for; after the model was applied."""
 PATIENCE = 900.0
@@ -200,6 +205,8 @@ class Story:
 def tell(folder: Path, say: Callable[[str], None]) -> Story:
     """Run the whole story; all processes have ended when it returns."""
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of 3 x 3: threads only wait for one another
+    say(f"compiled ahead in {warm_up(nominal()) + warm_up(machine()):.0f} s")
     processes = Processes(folder)
     truth, thought = folder / "machine.yaml", folder / "nominal.yaml"
     machine().save(truth)
@@ -209,11 +216,12 @@ def tell(folder: Path, say: Callable[[str], None]) -> Story:
     joint = "state_source:=joint_state"
     story = None
     try:
-        processes.start("plant_simulator", truth, f"noise:={NOISE}", *driven)
+        processes.start("plant_simulator", truth, f"noise:={NOISE}", f"publish_rate:={RATE}", *driven)
         processes.start("linearizer", thought, joint)
         processes.start("monitor", thought, joint, f"learn:={LEARN}", f"folder:={folder}")
         if tracked:
-            processes.start("controller", thought, "track:=speed", f"limit:={LIMIT}", f"largest_speed:={SPEED}")
+            limits = (f"limit:={LIMIT}", f"largest_speed:={SPEED}", f"loop_delay:={LOOP_DELAY}")
+            processes.start("controller", thought, "track:=speed", *limits)
         story = Story(processes, tracked)
         before = processes.pids()
         story.wait(lambda: story.errors, "the first error", 300.0)

@@ -20,16 +20,21 @@ from signlin_ros.nodes import convert
 CONFIGURE, CLEANUP, ACTIVATE, DEACTIVATE = 1, 2, 3, 4
 
 
+PERIOD = 0.1
+JITTER = 0.3
+"""Of a state's stamp against the period's beginning, in update periods: a busy machine."""
+
+
 def sizes(models: list[Any]) -> list[int]:
     return [int(message.data[4]) for message in models]
 
 
 def test_a_whole_model_is_taken_at_once_and_a_bad_one_is_refused(graph: Any, tmp_path: Path) -> None:
     graph.start("plant_simulator", "input_signal:=square", "amplitude:=2", model=_with_position(tmp_path))
-    graph.start("linearizer", "update_period:=0.05", "state_source:=joint_state")
+    graph.start("linearizer", f"update_period:={PERIOD}", "state_source:=joint_state")
     models, texts = graph.models(), graph.collect(String, "/linearizer/model_yaml", latched=True)
     graph.wait(lambda: len(models) >= 5 and texts, "models")
-    better = Model.load("dc_motor").with_options(with_position=True, update_period=0.05)
+    better = Model.load("dc_motor").with_options(with_position=True, update_period=PERIOD)
     better = better.with_effect("dahl_presliding").with_parameters(J=0.0023)
     better.save(tmp_path / "better.yaml")
     (tmp_path / "bad.yaml").write_text("/**: {ros__parameters: {plant: dc_motor, parameters: {J: -1.0}}}")
@@ -43,6 +48,8 @@ def test_a_whole_model_is_taken_at_once_and_a_bad_one_is_refused(graph: Any, tmp
     updates = [convert.read_model(message) for message in models]
     first = updates[0].sequence
     assert [u.sequence for u in updates] == list(range(first, first + len(updates)))
+    lost = np.diff([u.stamp for u in updates]) / 1e9 / PERIOD - 1.0
+    assert lost.max() < 1.0 + JITTER, f"{lost.max():.2f} update periods without a model"
     assert Model.from_dict(_parameters(texts[-1].data)) == Model.from_dict(better.to_dict())
     core = Linearizer(better)
     for update in updates[-5:]:
