@@ -8,11 +8,15 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
+LATEST = 500_000_000
+"""Nanoseconds on the way above which the clocks of the two sides do not agree."""
+
 
 class Gathering:
     """A subscription that takes what waits in it with one waking, and then lets more gather for ``rest`` s.
 
-    ``take(message, came)``: came in ns of the node's clock. The executor's loop must heed the node's ``rest``.
+    ``take(message, came)``: when it came in ns of the node's clock; with ``sent``, when it was sent, where the clocks of
+    both sides agree: a busy machine delivers late. The executor's loop must heed the node's ``rest``.
     """
 
     def __init__(
@@ -23,8 +27,9 @@ class Gathering:
         take: Callable[[Any, int], None],
         qos: QoSProfile,
         rest: Callable[[], float],
+        sent: bool = False,
     ) -> None:
-        self._node, self._take, self._rest = node, take, rest
+        self._node, self._take, self._rest, self._sent = node, take, rest, sent
         self._simulated = bool(node.get_parameter("use_sim_time").value)
         self.subscription = node.create_subscription(kind, topic, self._on_message, qos)
 
@@ -40,7 +45,10 @@ class Gathering:
 
     def _came(self, info: Any) -> int:
         now = int(self._node.get_clock().now().nanoseconds)
-        return now if self._simulated else int(info["received_timestamp"]) or now
+        if self._simulated:
+            return now
+        came, sent = int(info["received_timestamp"]) or now, int(info["source_timestamp"])
+        return sent if self._sent and 0 <= came - sent < LATEST else came
 
     def destroy(self) -> None:
         """Listen no more."""

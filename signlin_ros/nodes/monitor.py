@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
@@ -84,12 +85,14 @@ class MonitorNode(ManagedNode):
         self.logic = MonitorLogic(settings, self.now())
         self._errors = self.create_publisher(Float64MultiArray, "~/error", RELIABLE)
         self._verdicts = self.create_publisher(String, "~/verdict", LATCHED)
-        self._client = self.create_client(SetParameters, f"{option['linearizer']}/set_parameters")
+        aside = ReentrantCallbackGroup()  # who waits for the linearizer's answer must not keep it, and all else, away
+        target = f"{option['linearizer']}/set_parameters"
+        self._client = self.create_client(SetParameters, target, callback_group=aside)
         calls = {"diagnose": self._on_diagnose, "record": self._on_record}
         self._made = [self.create_service(Trigger, f"~/{name}", call) for name, call in calls.items()]
         self._made += [
-            self.create_service(Trigger, "~/apply", self._on_apply),
-            self.create_service(Trigger, "~/revert", self._on_revert),
+            self.create_service(Trigger, "~/apply", self._on_apply, callback_group=aside),
+            self.create_service(Trigger, "~/revert", self._on_revert, callback_group=aside),
         ]
 
     def begin(self) -> None:
@@ -105,8 +108,8 @@ class MonitorNode(ManagedNode):
             "joint_state": (JointState, "joint_states", self._take_joint_state),
         }[self.options["state_source"]]
         self._gathered = [
-            Gathering(self, Float64MultiArray, "input", self._take_input, MANY, lambda: REST),
-            Gathering(self, kind, topic, take, MANY, lambda: REST),
+            Gathering(self, Float64MultiArray, "input", self._take_input, MANY, lambda: REST, sent=True),
+            Gathering(self, kind, topic, take, MANY, lambda: REST, sent=True),
         ]
         self._timer = self.create_timer(TICK, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -126,6 +129,9 @@ class MonitorNode(ManagedNode):
         for publisher in (getattr(self, "_errors", None), getattr(self, "_verdicts", None)):
             if publisher is not None:
                 self.destroy_publisher(publisher)
+        if getattr(self, "_client", None) is not None:
+            self.destroy_client(self._client)
+        self._client: Any = None
         self._made, self._errors, self._verdicts = [], None, None
         self._give_up()
 

@@ -70,6 +70,10 @@ class Innovations:
         t = np.array([when for when, _, _ in events])
         return cls(t[seen], kinds[seen], found[seen, 0], found[seen, 1], found[seen, 2 : 2 + n])
 
+    def part(self, which: NDArray[np.bool_]) -> Innovations:
+        """Return some of them, by a mask (E,)."""
+        return Innovations(*(values[which] for values in (self.t, self.channel, self.value, self.variance, self.x)))
+
     @property
     def sizes(self) -> Array:
         """Innovations in their standard deviations (E,)."""
