@@ -32,7 +32,8 @@ from signlin_ros.warming import warm_up
 
 Array = NDArray[np.float64]
 NAMESPACE = "/live"
-BASE = {"with_position": True, "update_period": 0.1}
+BASE = {"with_position": True, "update_period": 0.02, "operating_point": "midpoint"}
+"""A linear model cannot follow the waves of the cogging for long."""
 MU = 0.033
 COGGING = (0.012, 14.0, 0.3)
 """Friction in N·m; amplitude, order and phase of the cogging."""
@@ -41,12 +42,16 @@ RATE = 100.0
 """States per second: five processes share a small machine."""
 LOOP_DELAY = 0.05
 """Seconds that the controller reckons with from a sample until its input acts, on a machine that has other work."""
-NOISE = 1e-4
+NOISE = 1e-3
 """Of every state that the simulator shows, in its unit."""
-SPEED, REFERENCE_PERIOD, LIMIT = 4.0, 6.0, 8.0
-"""Largest speed and period of the reference, and the largest voltage: the waves of the cogging pass at 9 Hz at most."""
+SPEED, REFERENCE_PERIOD, LIMIT = 2.0, 6.0, 8.0
+"""Largest speed and period of the reference, and the largest voltage: waves of the cogging pass at 4.5 Hz at most."""
 LEARN, BEFORE, AFTER = 10.0, 40.0, 30.0
 """Seconds in which the monitor learns; until the diagnosis is asked for; after the model was applied."""
+SETTLED = 5.0
+"""Seconds at the start in which the drive gets going."""
+SMOOTHED = 2.0
+"""Seconds over which the figure takes errors together."""
 PATIENCE = 900.0
 """Seconds to wait for an answer; a diagnosis on a busy machine takes minutes."""
 
@@ -260,7 +265,7 @@ def summary(story: Story) -> dict[str, float]:
     found = {"before": _rms(e[t < first, 0]), "after": _rms(e[t > second, 0]), "friction-free": _rms(e[t > second, 1])}
     if story.tracking:
         s, error = np.array(story.tracking).T
-        settled = s > 5.0
+        settled = s > SETTLED
         found |= {"tracking before": _rms(error[(s < first) & settled]), "tracking after": _rms(error[s > second])}
     return found
 
@@ -278,6 +283,7 @@ def draw(story: Story, path: Path) -> None:
         if story.tracking:
             s, error = np.array(story.tracking).T
             axes[1].plot(s, error, lw=0.6, color="C1")
+            axes[1].set_ylim(*(float(np.max(np.abs(error[s > SETTLED]), initial=1e-3)) * np.array([-1.1, 1.1])))
             axes[1].set_ylabel("tracking error [rad/s]")
         for ax in axes:
             _draw_moments(story, ax)
@@ -289,17 +295,29 @@ def _draw_errors(story: Story, ax: Any) -> None:
     speed = nominal().states.index("speed")
     t = np.array([when for when, _ in story.errors])
     e = np.abs([error[:2, speed] for _, error in story.errors])
-    ax.semilogy(t, e[:, 1], ".", ms=3, color="0.7", label="a model without friction")
-    ax.semilogy(t, e[:, 0], ".", ms=3, color="C0", label="the published A_k, B_k")
+    for column, color, label in ((1, "0.6", "a model without friction"), (0, "C0", "the published A_k, B_k")):
+        ax.semilogy(t, e[:, column], ".", ms=2, alpha=0.3, color=color)
+        mean = [_rms(e[(t > when - SMOOTHED) & (t <= when), column]) for when in t]
+        ax.semilogy(t, mean, color=color, label=f"{label} (RMS over {SMOOTHED:g} s)")
+    ax.axhline(NOISE, color="k", lw=0.8, ls=":", label="noise of the measured speed")
+    ax.set_ylim(NOISE / 10, 10 * float(np.max(e)))
     ax.set_ylabel("error of the speed predicted\nover one period [rad/s]")
-    ax.legend(loc="lower left")
+    ax.legend(loc="upper left", ncols=2, fontsize="small")
 
 
 def _draw_moments(story: Story, ax: Any) -> None:
+    near = 0.02 * story.moments["end"]
+    text, last = "", -np.inf
     for what, when in story.moments.items():
-        if what != "end":
-            ax.axvline(when, color="k", lw=0.8, ls="--")
-            ax.annotate(what, (when, 1.0), xycoords=("data", "axes fraction"), rotation=90, va="top", ha="right")
+        if what == "end":
+            continue
+        ax.axvline(when, color="k", lw=0.8, ls="--")
+        text = f"{text}, {what}" if when - last < near and text else what
+        if not any(last < when < then < when + near for then in story.moments.values()):
+            place = {"rotation": 90, "va": "bottom", "ha": "right", "fontsize": "small"}
+            ax.annotate(text, (when, 0.02), xycoords=("data", "axes fraction"), **place)
+            text = ""
+        last = when
 
 
 @click.command()

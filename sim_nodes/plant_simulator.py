@@ -98,7 +98,7 @@ class PlantSimulatorNode(ModelNode):
                 self._publish()
 
     def _advanced(self, start: int) -> Array:
-        """Return the state after a step from ``start`` (ns); an input acts from when it was sent, however late this is."""
+        """Return the state after a step from ``start`` (ns); an input acts from when it was sent."""
         end = start + self._period
         while self._coming and self._coming[0][0] < end:
             came, value = self._coming.popleft()

@@ -15,8 +15,8 @@ LATEST = 500_000_000
 class Gathering:
     """A subscription that takes what waits in it with one waking, and then lets more gather for ``rest`` s.
 
-    ``take(message, came)``: when it came in ns of the node's clock; with ``sent``, when it was sent, where the clocks of
-    both sides agree: a busy machine delivers late. The executor's loop must heed the node's ``rest``.
+    ``take(message, came)``: when it came in ns of the node's clock; with ``sent``, when it was sent, where both clocks
+    agree: a busy machine delivers late. The executor's loop must heed the node's ``rest``.
     """
 
     def __init__(

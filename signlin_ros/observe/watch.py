@@ -126,8 +126,10 @@ class Watch:
                 continue
             if shifted is not None and shifted in what:
                 away = (count // TOGGLED) % 2
-                what, count = {**what, shifted: what[shifted] + away * SHIFT * self.sigma[shifted]}, count + 1
-            observer.take(t, what)
+                count += 1
+                observer.take(t, {**what, shifted: what[shifted] + away * SHIFT * self.sigma[shifted]})
+            else:
+                observer.take(t, what)
         return observer.work()
 
     def _guard(self, innovations: Innovations) -> Alarm | None:
