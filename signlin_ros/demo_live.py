@@ -258,16 +258,19 @@ def _improve(story: Story, say: Callable[[str], None]) -> None:
 
 
 def summary(story: Story) -> dict[str, float]:
-    """Return RMS errors of the predicted speed before the diagnosis and after the better model, and of tracking."""
+    """Return RMS errors of the predicted speed before the diagnosis and after the better model, and of tracking.
+
+    And the medians: where a busy machine stands still for a moment, that moment makes the RMS.
+    """
     first, second = story.moments["diagnosis asked"], story.moments["applied"] + 3.0
     speed = nominal().states.index("speed")
     t, e = np.array([when for when, _ in story.errors]), np.array([error[:2, speed] for _, error in story.errors])
-    found = {"before": _rms(e[t < first, 0]), "after": _rms(e[t > second, 0]), "friction-free": _rms(e[t > second, 1])}
+    parts = {"before": e[t < first, 0], "after": e[t > second, 0], "friction-free": e[t > second, 1]}
     if story.tracking:
         s, error = np.array(story.tracking).T
-        settled = s > SETTLED
-        found |= {"tracking before": _rms(error[(s < first) & settled]), "tracking after": _rms(error[s > second])}
-    return found
+        parts |= {"tracking before": error[(s < first) & (s > SETTLED)], "tracking after": error[s > second]}
+    rms = {name: _rms(values) for name, values in parts.items()}
+    return rms | {f"{name}, median": float(np.median(np.abs(values))) for name, values in parts.items() if values.size}
 
 
 def _rms(values: Array) -> float:
@@ -334,7 +337,7 @@ def main(output: str) -> None:
     found = summary(story)
     (folder / "live.json").write_text(json.dumps({"moments": story.moments, **found}, indent=2), encoding="utf-8")
     for name, value in found.items():
-        click.echo(f"{name:16s} {value:.4g} rad/s RMS")
+        click.echo(f"{name:24s} {value:.4g} rad/s{'' if name.endswith('median') else ' RMS'}")
     click.echo(f"{folder / 'live.png'}")
 
 

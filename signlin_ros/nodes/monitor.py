@@ -68,6 +68,7 @@ class MonitorNode(ManagedNode):
         self.diagnosis: Diagnosis | None = None
         self._better: Path | None = None
         self._applied: list[str] = []
+        self._client: Any = None
         self._folder = Path(option["folder"] or tempfile.mkdtemp(prefix="signlin_monitor_"))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -129,9 +130,9 @@ class MonitorNode(ManagedNode):
         for publisher in (getattr(self, "_errors", None), getattr(self, "_verdicts", None)):
             if publisher is not None:
                 self.destroy_publisher(publisher)
-        if getattr(self, "_client", None) is not None:
+        if self._client is not None:
             self.destroy_client(self._client)
-        self._client: Any = None
+        self._client = None
         self._made, self._errors, self._verdicts = [], None, None
         self._give_up()
 

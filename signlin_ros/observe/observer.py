@@ -72,7 +72,7 @@ class Innovations:
 
     def part(self, which: NDArray[np.bool_]) -> Innovations:
         """Return some of them, by a mask (E,)."""
-        return Innovations(*(values[which] for values in (self.t, self.channel, self.value, self.variance, self.x)))
+        return Innovations(self.t[which], self.channel[which], self.value[which], self.variance[which], self.x[which])
 
     @property
     def sizes(self) -> Array:
