@@ -5,7 +5,8 @@ logarithm of its mean square) and of the trace that a shift would leave is learn
 larger than any usual one adds to a sum, others take from it; the sum passes a bound within a block or two where a
 machine changes, and began to rise when it did [CUSUM: Page, Biometrika 41 (1954) 100; Basseville and Nikiforov,
 Detection of Abrupt Changes, 1993, sec. 2.2]. A sensor that shifts leaves a trace of a known form in the innovations
-before a block is full, and a single wild value one of another form [generalized likelihood ratio: Willsky and Jones,
+before a block is full, and a single wild value one of another form; a force that appears leaves a run of samples to
+one side [generalized likelihood ratio: Willsky and Jones,
 IEEE Trans. Automatic Control 21 (1976) 108].
 """
 
@@ -32,6 +33,12 @@ BOUND = 1.2
 """Sum of what blocks have beyond that at which a change is called."""
 FORGIVEN = 0.4
 """A usual block takes at most so much from the sum."""
+RUNS = (2, 3, 5)
+"""So many samples to one side are a change; a single one is a wild value."""
+CLEAR = 2.5
+"""What the other values of a run must be on the mean, beside the largest."""
+RUN_MARGIN, RUN_FLOOR = 1.5, 5.5
+"""A run's size against the largest usual one, and at least."""
 SHIFT_MARGIN, SHIFT_FLOOR = 1.3, 6.0
 """A shift's size, in standard deviations, against the largest usual one, and at least."""
 LIKER = 1.15
@@ -56,6 +63,7 @@ class _Usual:
     """What was seen in one situation: sizes of blocks and of shifts while all was well; the sum of what passes them."""
 
     blocks: list[float] = field(default_factory=list)
+    runs: list[float] = field(default_factory=list)
     shifts: list[float] = field(default_factory=list)
     sum: float = 0.0
     onset: float = float("nan")
@@ -74,13 +82,19 @@ class _Usual:
         return max(float(sizes.max()), middle + 3.0 * spread, 0.0)
 
     @property
+    def run(self) -> float:
+        """The largest usual run."""
+        return max(self.runs, default=0.0)
+
+    @property
     def shift(self) -> float:
         """The largest usual size of a shift."""
         return max(self.shifts, default=0.0)
 
-    def learn(self, size: float, shift: float) -> None:
+    def learn(self, size: float, run: float, shift: float) -> None:
         """Take a block as usual."""
         self.blocks.append(size)
+        self.runs.append(run)
         self.shifts.append(shift)
 
     def passed(self, start: float, size: float, margin: float) -> bool:
@@ -112,14 +126,15 @@ class Trace:
         """When what is looked at begins, in s."""
         return self._times[0]
 
-    def take(self, t: float, z: float) -> float:
-        """Take an innovation; returns the size of a shift at `begun`, 0 where a wild value is as likely."""
+    def take(self, t: float, z: float) -> tuple[float, float]:
+        """Take an innovation; returns the size of a shift at `begun`, 0 where a wild value is as likely, and of that."""
         self._times.append(t)
         self._last.append(z)
         if len(self._last) < self._forms.shape[1]:
-            return 0.0
+            return 0.0, 0.0
         found = np.abs(self._forms @ np.array(self._last))
-        return float(found[0]) if found[0] > LIKER * found[1:].max() else 0.0
+        shift, wild = float(found[0]), float(found[1:].max())
+        return (shift if shift > LIKER * wild else 0.0), wild
 
 
 class ChangeDetector:
@@ -144,7 +159,9 @@ class ChangeDetector:
         self._begun, self._block_start, self._situation = np.nan, np.nan, 0
         self._block: list[float] = []
         self._traces = {channel: Trace(form) for channel, form in self.signatures.items()}
-        self._shift_max = 0.0
+        self._runs: dict[int, deque[float]] = {}
+        self._run_max = self._shift_max = 0.0
+        self._waiting: tuple[float, float, int] | None = None
         self.size = np.nan
 
     @property
@@ -176,27 +193,56 @@ class ChangeDetector:
             self._end_block()
             self._block_start = t
         self._situation = max(self._situation, situation)
+        run, shift, wild = self._run_of(channel, z), 0.0, 0.0
         if channel in self._traces:
-            self._look_for_shift(self._traces[channel], t, z)
+            shift, wild = self._traces[channel].take(t, z)
+        self._run_max, self._shift_max = max(self._run_max, run), max(self._shift_max, shift)
+        self._look(t, channel, (run, shift, wild))
         self._block.append(min(z * z, CLIP))
 
-    def _look_for_shift(self, trace: Trace, t: float, z: float) -> None:
-        size = trace.take(t, z)
-        self._shift_max = max(self._shift_max, size)
+    def _run_of(self, channel: int, z: float) -> float:
+        last = self._runs.setdefault(channel, deque(maxlen=RUNS[-1]))
+        last.append(z)
+        return _run_size(list(last))
+
+    def _look(self, t: float, channel: int, sizes: tuple[float, float, float]) -> None:
+        """Call a shift, or a change by a run; what a run is the beginning of, or the end, shows some samples later."""
+        run, shift, wild = sizes
         usual = self._usual.get(self._situation)
         if self.learning or self.alarm is not None or usual is None or not usual.known:
             return
-        if size > max(SHIFT_MARGIN * usual.shift, SHIFT_FLOOR):
-            self.alarm = Alarm(t, trace.begun, "shift")
+        if shift > max(SHIFT_MARGIN * usual.shift, SHIFT_FLOOR):
+            self.alarm = Alarm(t, self._traces[channel].begun, "shift")
+        elif self._waiting is not None:
+            onset, size, left = self._waiting
+            self._waiting = (onset, size, left - 1) if wild < size else None
+            self.alarm = Alarm(t, onset, "change") if self._waiting and left == 1 else None
+        elif run > max(RUN_MARGIN * usual.run, RUN_FLOOR):
+            self._waiting = (t, run, max((f.size for f in self.signatures.values()), default=1))
 
     def _end_block(self) -> None:
         size = float(np.log(np.mean(self._block) + 1e-12))
         usual = self._usual.setdefault(self._situation, _Usual())
         if self.learning or not usual.known:
-            usual.learn(size, self._shift_max)
+            usual.learn(size, self._run_max, self._shift_max)
         elif usual.passed(self._block_start, size, self.margin) and self.alarm is None:
             self.alarm = Alarm(self._block_start + BLOCK, usual.onset, "change")
-        self.size, self._block, self._shift_max, self._situation = size, [], 0.0, 0
+        self.size, self._block, self._situation = size, [], 0
+        self._run_max = self._shift_max = 0.0
+
+
+def _run_size(values: list[float]) -> float:
+    """Return the largest sum over its root's length of the last values that are all to one side.
+
+    All but the largest must be `CLEAR` on the mean: one wild value beside a usual one is no run.
+    """
+    size = 0.0
+    for length in RUNS:
+        last = [abs(value) for value in values[-length:]]
+        same = min(values[-length:]) > 0 or max(values[-length:]) < 0
+        if len(last) == length and same and sum(last) - max(last) >= CLEAR * (length - 1):
+            size = max(size, sum(last) / length**0.5)
+    return size
 
 
 __all__ = ["Alarm", "ChangeDetector"]

@@ -45,6 +45,16 @@ def test_a_shift_is_called_at_once_and_one_wild_value_is_not() -> None:
     assert alarm.onset == pytest.approx(45.0, abs=STEP)
 
 
+def test_a_run_to_one_side_is_called_at_once_and_one_wild_value_is_not() -> None:
+    t, z = innovations(60.0, 5)
+    z[8000] = 30.0
+    assert ChangeDetector().take(t, z) is None
+    z[9000:9004] = [9.0, 7.0, 5.0, 4.0]
+    alarm = ChangeDetector().take(t, z)
+    assert alarm is not None
+    assert alarm.t == pytest.approx(45.0, abs=0.03)
+
+
 def test_a_new_situation_is_learnt_before_anything_in_it_is_called() -> None:
     t, z = innovations(60.0, 6)
     new = t >= 45.0
