@@ -127,7 +127,7 @@ class Trace:
         return self._times[0]
 
     def take(self, t: float, z: float) -> tuple[float, float]:
-        """Take an innovation; returns the size of a shift at `begun`, 0 where a wild value is as likely, and of that."""
+        """Take an innovation; returns the size of a shift at `begun`, 0 where a wild one is as likely, and of that."""
         self._times.append(t)
         self._last.append(z)
         if len(self._last) < self._forms.shape[1]:
