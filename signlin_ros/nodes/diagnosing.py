@@ -13,7 +13,7 @@ from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.records import Record, write_record
 
-NICE = 10
+NICE = 5
 POLITELY = f"import os, sys; os.nice({NICE}); from signlin_ros.cli import main; sys.exit(main())"
 """What a process runs: the command line, with all others before it."""
 
