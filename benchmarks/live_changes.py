@@ -182,12 +182,12 @@ def _moving_from(ref: Reference, t: float) -> float:
     return t
 
 
-def study(changes: int, healthy: int, minutes: float, naming: bool) -> Iterator[Outcome]:
+def study(changes: int, healthy: int, minutes: float, naming: bool, first: int = 0) -> Iterator[Outcome]:
     """Yield the outcomes of all runs."""
-    for k in range(healthy):
+    for k in range(first, first + healthy):
         yield run(1 + k, "", 60 * minutes, naming)
     names = list(CHANGES)
-    for k in range(changes):
+    for k in range(first, first + changes):
         yield run(1001 + k, names[k % len(names)], AT + SEEN_FOR, naming)
 
 
@@ -198,11 +198,12 @@ def main() -> None:
     parser.add_argument("--changes", type=int, default=6)
     parser.add_argument("--healthy", type=int, default=2)
     parser.add_argument("--minutes", type=float, default=2.0, help="length of a healthy run")
+    parser.add_argument("--first", type=int, default=0, help="number of the first run of either kind")
     parser.add_argument("--no-names", action="store_true", help="do not ask what has changed")
     given = parser.parse_args()
     counts = (60, 60, 10.0) if given.full else (given.changes, given.healthy, given.minutes)
     found = []
-    for outcome in study(*counts, not given.no_names):
+    for outcome in study(*counts, not given.no_names, given.first):
         found.append(outcome)
         print(json.dumps(outcome.__dict__), flush=True)
     changed, healthy = [o for o in found if o.change], [o for o in found if not o.change]

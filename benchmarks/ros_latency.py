@@ -25,6 +25,17 @@ DRIVE = ("input_signal:=square", "noise:=1e-6")  # the noise tells equal states 
 NANO = 1e9
 DEPTH = 2000
 TICKS = os.sysconf("SC_CLK_TCK")
+MOST_SHARE = 1.4
+"""The linearizer's share of a core, in that of a node which only subscribes to the states."""
+BARE = """
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import Float64MultiArray
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+node = rclpy.create_node("bare")
+node.create_subscription(Float64MultiArray, "state", lambda message: None, 50)
+rclpy.spin(node)
+"""
 
 
 def run(report: Report, seconds: float = 60.0) -> None:
@@ -43,6 +54,7 @@ def run(report: Report, seconds: float = 60.0) -> None:
         processes = {
             "plant_simulator": start("plant_simulator", folder, f"publish_rate:={RATE}", *DRIVE),
             "linearizer": start("linearizer", folder, f"update_period:={PERIOD}"),
+            "bare subscription": subprocess.Popen([sys.executable, "-c", BARE]),
         }
         try:
             show(report, *watch(processes, seconds))
@@ -164,6 +176,8 @@ def show(report: Report, shares: dict[str, float], states: list[Any], models: li
     for name, share in shares.items():
         report.figures[f"CPU share {name}"] = share
         report.line(f"{name}, share of one core", f"{100 * share:.1f} %")
+    ratio = shares["linearizer"] / max(shares["bare subscription"], 1e-9)
+    report.target("linearizer, in a bare subscription's share", ratio, high=MOST_SHARE)
     rate = (len(models) - 1) / ((models[-1][0] - models[0][0]) / NANO)
     report.figures["rate [Hz]"] = rate
     gaps = np.diff([m[0] for m in models]) / NANO

@@ -238,7 +238,7 @@ class Stepper:
 
     def advance(self, dt: float, u: ArrayLike) -> Array:
         """Advance ``dt`` seconds with the input u (m,) held from now on; returns the new state (n,)."""
-        value = np.asarray(u, dtype=float).reshape(len(self.model.inputs))
+        value = np.array(u, dtype=float).reshape(len(self.model.inputs))  # a copy: it may be kept for a delay
         if not (dt > 0.0 and np.isfinite(dt) and np.isfinite(value).all()):
             raise InputError(f"dt must be positive and u finite; found dt = {dt}, u = {value.tolist()}")
         self._history.append((self._t + self.model.delay, value))

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rclpy.clock import JumpThreshold
 from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from signlin_ros.nodes import convert
+from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import joint_values
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.overrides import Entry
@@ -20,6 +23,8 @@ from signlin_ros.nodes.runner import run
 from signlin_ros.simulate import Stepper
 from sim_nodes.measuring import Measuring
 from sim_nodes.signals import INPUT_SIGNALS, input_signal
+
+Array = NDArray[np.float64]
 
 OPTIONS = {
     "publish_rate": Entry(200.0, "rate of state and joint_states [Hz]", 0.1, 10_000.0),
@@ -51,7 +56,9 @@ class PlantSimulatorNode(ModelNode):
         self._states = self.create_publisher(Float64MultiArray, "state", RELIABLE)
         self._joint_states = self.create_publisher(JointState, "joint_states", RELIABLE)
         if self._signal is None:
-            self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS)
+            self._arriving = Gathering(
+                self, Float64MultiArray, "input", self._take_input, SENSORS, lambda: 0.0, sent=True
+            )
         else:
             self._inputs = self.create_publisher(Float64MultiArray, "input", RELIABLE)
         self._period = round(NANO / option["publish_rate"])
@@ -66,15 +73,18 @@ class PlantSimulatorNode(ModelNode):
         self.plant = Stepper(self.model, self.model.x0)
         self.measuring = Measuring(self.model, self._period / NANO, self.plant.x)
         self.origin, self.steps = self.now(), 0
+        self._coming: deque[tuple[int, Array]] = deque()
 
-    def _on_input(self, message: Float64MultiArray) -> None:
+    def _take_input(self, message: Float64MultiArray, came: int) -> None:
         value = convert.read_vector(message, len(self.model.inputs))
         if isinstance(value, Refusal):
             self.get_logger().warning(f"input refused: {value.detail}", throttle_duration_sec=5.0)
         else:
-            self.u = value
+            self._coming.append((came, value))
 
     def _on_period(self) -> None:
+        if self._signal is None:
+            self._arriving.pump()
         due = (self.now() - self.origin) // self._period
         if (due - self.steps) * self._period > LONGEST_GAP:
             self.origin += (due - self.steps - 1) * self._period
@@ -82,10 +92,21 @@ class PlantSimulatorNode(ModelNode):
         for step in range(self.steps, due):
             if self._signal is not None:
                 self.u[0] = self._signal(step * self._period / NANO)
-            self.measuring.take(self.plant.advance(self._period / NANO, self.u))
+            self.measuring.take(self._advanced(self.origin + step * self._period))
             self.steps = step + 1
             if due - self.steps < MOST_AT_ONCE:
                 self._publish()
+
+    def _advanced(self, start: int) -> Array:
+        """Return the state after a step from ``start`` (ns); an input acts from when it was sent."""
+        end = start + self._period
+        while self._coming and self._coming[0][0] < end:
+            came, value = self._coming.popleft()
+            if came > start:
+                self.plant.advance((came - start) / NANO, self.u)
+                start = came
+            self.u = value
+        return self.plant.advance((end - start) / NANO, self.u)
 
     def _publish(self) -> None:
         x = self.measuring.shown() + self.options["noise"] * self.random.standard_normal(len(self.model.states))

@@ -79,9 +79,12 @@ class Rig:
     def profiles(self, position: bool) -> dict[str, Profile]:
         """Slow reversing references, with and without stops."""
         if position:
-            ramp = ramps(0.5 * self.speed, 0.5 * self.travel, 0.6, cycles=1, last=3.0)
-            return {"position sine": swing(0.25 * self.travel, 4.0, 2), "position ramps with stops": ramp}
+            return {"position sine": swing(0.25 * self.travel, 4.0, 2), "position ramps with stops": self.stop(3.0)}
         return {"speed sine": sine(self.speed, 4.0, 2), "speed triangle": triangle(self.speed, 4.0, 2)}
+
+    def stop(self, last: float) -> Profile:
+        """Ramps with stops, the last of which lasts so many seconds."""
+        return ramps(0.5 * self.speed, 0.5 * self.travel, 0.6, cycles=1, last=last)
 
 
 def rigs() -> dict[str, Rig]:

@@ -1,6 +1,7 @@
 """Controllers beside one another: error, effort, chatter and limit cycles on twenty simulated plants.
 
     python -m benchmarks.control.table [--rigs NAME ...] [--seeds 3] [--jobs 2] [--output DIR] [--only-print]
+    python -m benchmarks.control.table --standing      who oscillates in a stop of 30 s, with the tunings found
     python -m benchmarks.control.table --diagnosis     what a diagnosis is worth, beside it
 
 Every trial (rig, what is tracked, period, seed) goes into a file of its own; what is there is not done again.
@@ -19,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.control.plants import rigs
-from benchmarks.control.trial import Trial, all_designs, untuned
-from signlin_ros.control.designs import DEFAULT
+from benchmarks.control.trial import Trial, all_designs, standing, untuned
+from signlin_ros.control.designs import DEFAULT, DESIGNS
 
 PERIODS = (0.02, 0.2)
 BASE = "friction_free"
@@ -152,6 +153,21 @@ def report(results: Mapping[Trial, dict[str, Any]], base: str = BASE) -> str:
     return "\n\n".join(parts)
 
 
+def standing_report(results: Mapping[Trial, dict[str, Any]]) -> str:
+    """Return, by design and period, how many drives swing to and fro beyond the bound in a long stop, and the worst."""
+    lines = []
+    for period in sorted({trial.period for trial in results}):
+        lines.append(f"updates every {1000 * period:g} ms: swings in a long stop beyond the bound")
+        for name, design in DESIGNS.items():
+            known = [(t, r[name]["tuning"]) for t, r in results.items() if t.position and t.period == period]
+            shares = {t.name: standing(t, design, tuning) for t, tuning in known}
+            every = [share for found in shares.values() for share in found]
+            worst = max(shares, key=lambda key: max(shares[key]))
+            bad, count = sum(s > 1.0 for s in every), len(every)
+            lines.append(f"{name.ljust(22)}{bad:5d} of {count}, worst {max(every):.2g} x the bound ({worst})")
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--rigs", nargs="+", default=list(rigs()), choices=list(rigs()))
@@ -160,6 +176,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--output", type=Path, default=Path("build/control"))
     parser.add_argument("--only-print", action="store_true", help="print what has been done, and do nothing")
+    parser.add_argument("--standing", action="store_true", help="who oscillates in a long stop, of what has been done")
     parser.add_argument("--diagnosis", action="store_true", help="what a diagnosis is worth, with the default design")
     options = parser.parse_args()
     if options.diagnosis:
@@ -169,6 +186,9 @@ def main() -> None:
         return
     todo = trials(options.rigs, options.seeds, options.periods)
     folder = options.output / "designs"
+    if options.standing:
+        print(standing_report(read(todo, folder)))
+        return
     if not options.only_print:
         work(todo, folder, options.jobs, all_designs)
         work(todo, options.output / "untuned", options.jobs, untuned)

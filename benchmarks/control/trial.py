@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.control.plants import Rig, corner, mismatched
-from benchmarks.control.search import search
+from benchmarks.control.search import ALWAYS, search
 from signlin_ros.control.designs import DEFAULT, DESIGNS, Design, Task, Tuning, default_tuning, feed_along
 from signlin_ros.control.drive import Drive
+from signlin_ros.control.lqr import Weights
 from signlin_ros.control.reference import Profile
 from signlin_ros.control.tracking import Bench, Run
 from signlin_ros.errors import InputError
@@ -22,6 +23,8 @@ MEASURED_ON = 4
 """Mismatched plants, drawn at random, that the table is measured on beside the nominal one."""
 CHATTER = 0.02
 """Bound on chatter, as a share of the limit of the input; the search pays for what is beyond it."""
+LONG_STOP, SETTLED = 30.0, 10.0
+"""Seconds of a stop, and of its beginning that does not count, in which a drive is asked for a standing oscillation."""
 RTOL = 1e-3
 STOPS = "stops"
 """Word in the name of a reference that ends with a long one."""
@@ -68,8 +71,10 @@ class Trial:
 class Stand:
     """The benches of a trial: plants by references, with noise."""
 
-    def __init__(self, trial: Trial, plants: Iterable[Model], what: str) -> None:
-        self.trial, self.profiles = trial, trial.rig.profiles(trial.position)
+    def __init__(
+        self, trial: Trial, plants: Iterable[Model], what: str, profiles: Mapping[str, Profile] | None = None
+    ) -> None:
+        self.trial, self.profiles = trial, profiles or trial.rig.profiles(trial.position)
         self.benches = [
             {
                 name: self._bench(Drive.of(plant, trial.position), profile, what)
@@ -128,6 +133,19 @@ def measured(trial: Trial, design: Design, model: Model, tuning: Tuning) -> dict
     """Measure a design made from ``model`` with a tuning on the plants of the table."""
     runs = Stand(trial, trial.measured_on, "table").runs(design, model, tuning)
     return {"tuning": _plain(tuning), "runs": [_measured(trial, by_name) for by_name in runs]}
+
+
+def standing(trial: Trial, design: Design, tuning: Mapping[str, float]) -> list[float]:
+    """Return, for the plants of the table, how far a drive swings to and fro in a long stop, in multiples of the bound.
+
+    ``tuning``: as a result holds it.
+    """
+    weights = Weights(*(tuning[name] for name in ALWAYS))
+    known = Tuning(weights, *(tuning[name] for name in ("floor", "friction", "turning")))
+    stop = {"long stop": trial.rig.stop(LONG_STOP)}
+    runs = Stand(trial, trial.measured_on, "standing", stop).runs(design, trial.rig.model, known)
+    swings = [run.swing(LONG_STOP - SETTLED) for by_name in runs for run in by_name.values()]
+    return [swing / trial.rig.oscillation_bound for swing in swings]
 
 
 def _plain(tuning: Tuning) -> dict[str, float]:

@@ -106,9 +106,20 @@ class Run:
         return float(np.sqrt(np.mean(bend**2))) if self.finished else float("inf")
 
     def oscillation(self, last: float) -> float:
-        """Return half of the span of the position in the last seconds: what a limit cycle at rest leaves."""
-        late = self.motion[self.t >= self.t[-1] - last, 0]
-        return float(np.ptp(late) / 2) if self.finished else float("inf")
+        """Return half of the span of the position in the last seconds: what a limit cycle at rest, or creep, leaves."""
+        return float(np.ptp(self._late(last)) / 2) if self.finished else float("inf")
+
+    def swing(self, last: float) -> float:
+        """Return half of what the position goes to and fro in the last seconds: creep to one side is none."""
+        if not self.finished:
+            return float("inf")
+        q = self._late(last)
+        up = np.max(q - np.minimum.accumulate(q))
+        down = np.max(np.maximum.accumulate(q) - q)
+        return float(min(up, down) / 2)
+
+    def _late(self, last: float) -> Array:
+        return np.asarray(self.motion[self.t >= self.t[-1] - last, 0])
 
 
 @dataclass(frozen=True)

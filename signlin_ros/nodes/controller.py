@@ -6,6 +6,7 @@ Subscribes ``reference``, ``state`` or ``joint_states``, ``linearizer/model`` an
 
 from __future__ import annotations
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -14,7 +15,7 @@ from rclpy.duration import Duration
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 
-from signlin_ros.control.controller import Settings
+from signlin_ros.control.controller import Controller, Settings
 from signlin_ros.control.designs import DEFAULT, DESIGNS
 from signlin_ros.errors import InputError
 from signlin_ros.nodes import convert
@@ -88,6 +89,8 @@ class ControllerNode(ModelNode):
         self._timer = self.create_timer(option["control_period"], self._on_period)
         self._slow_timer = self.create_timer(1.0, self._on_second, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._latest = 0
+        self._aside = ThreadPoolExecutor(1)
+        self._coming: Future[Controller | InputError] | None = None
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._on_jump)
         on_change(self, self._try_changes, self._apply_changes)
@@ -119,9 +122,14 @@ class ControllerNode(ModelNode):
             self.logic.take_model(message.data)
 
     def _on_yaml(self, message: String) -> None:
-        self.logic.take_yaml(message.data)
+        model = self.logic.announce(message.data)
+        if model is not None:
+            self._coming = self._aside.submit(self.logic.prepared, model)
 
     def _on_period(self) -> None:
+        if self._coming is not None and self._coming.done():
+            self.logic.take_prepared(self._coming.result())
+            self._coming = None
         u = self.logic.output(self.now())
         if u is not None:
             self._input.publish(convert.vector(u, "input"))
@@ -130,6 +138,7 @@ class ControllerNode(ModelNode):
         """Leave the drive without input."""
         if self.logic.active:
             self._input.publish(convert.vector([0.0], "input"))
+        self._aside.shutdown(wait=False, cancel_futures=True)
         super().destroy_node()
 
     # ---------------------------------------------------------------- time

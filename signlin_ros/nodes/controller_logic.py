@@ -78,9 +78,12 @@ class ControllerLogic:
 
     def configure(self, model: Model, settings: Settings) -> None:
         """Take another model or other settings; may raise `InputError`, and then nothing has changed."""
-        controller = Controller(model, settings)
-        self.controller, self.model, self.settings = controller, model, settings
-        self._ages = self.timeouts.in_ns(settings.period, model.update_period)
+        self._use(Controller(model, settings))
+        self._announced = model
+
+    def _use(self, controller: Controller) -> None:
+        self.controller, self.model, self.settings = controller, controller.model, controller.settings
+        self._ages = self.timeouts.in_ns(self.settings.period, self.model.update_period)
         self._running = False
 
     def reset(self) -> None:
@@ -174,24 +177,51 @@ class ControllerLogic:
 
     def take_model(self, data: Sequence[float]) -> None:
         """Take a message of the linearizer: fresh ones keep the drive running, one of another model is refused."""
-        n, m = len(self.model.states), len(self.model.inputs)
-        size = HEAD + n * n + n * m + 2 * n + m
         values = np.asarray(data, dtype=float)
+        sizes = [(len(model.states), len(model.inputs)) for model in (self.model, self._announced)]
         if values.size < HEAD or not np.isfinite(values).all():
             self._refuse(Refusal("model_not_finite", f"{values.size} values"))
-        elif values.size != size or (values[4], values[5]) != (n, m):
-            self._refuse(Refusal("another_model", f"{values.size} values, not {size} of {n} states and {m} inputs"))
+        elif not any(_is_of(values, n, m) for n, m in sizes):
+            n, m = sizes[0]
+            self._refuse(Refusal("another_model", f"{values.size} values, not those of {n} states and {m} inputs"))
         else:
             self._got["model"] = _Got(values[HEAD:], int(values[0]) * NANO + int(values[1]))
 
-    def take_yaml(self, text: str) -> None:
-        """Take the whole model that the linearizer has: design and feed-forward are made anew, or it is refused."""
+    def announce(self, text: str) -> Model | None:
+        """Take notice of the whole model that the linearizer has; returns it where it is another one.
+
+        What the linearizer publishes of it counts from now on, while `prepared` and `take_prepared` bring it into use.
+        """
         try:
             model = Model.from_yaml(text, "linearizer/model_yaml", self.model.folder)
-            if model.to_dict() != self.model.to_dict():
-                self.configure(model, self.settings)
         except InputError as error:
             self._refuse(Refusal("model_yaml", str(error)))
+            return None
+        self._announced = model
+        return None if model.to_dict() == self.model.to_dict() else model
+
+    def prepared(self, model: Model) -> Controller | InputError:
+        """Return the design and feed-forward of a model, or why there is none; changes nothing, may take its time."""
+        try:
+            return Controller(model, self.settings)
+        except InputError as error:
+            return error
+
+    def take_prepared(self, controller: Controller | InputError) -> None:
+        """Go on with another controller at once, or refuse it."""
+        if isinstance(controller, InputError):
+            self._announced = self.model
+            self._refuse(Refusal("model_yaml", str(controller)))
+        elif controller.settings != self.settings:  # they were changed meanwhile
+            self.take_prepared(self.prepared(controller.model))
+        else:
+            self._use(controller)
+
+    def take_yaml(self, text: str) -> None:
+        """Take the whole model that the linearizer has: design and feed-forward are made anew, or it is refused."""
+        model = self.announce(text)
+        if model is not None:
+            self.take_prepared(self.prepared(model))
 
     def _refuse(self, refusal: Refusal) -> None:
         self.refused[refusal.kind] += 1
@@ -255,3 +285,8 @@ class ControllerLogic:
             values["last refused"] = f"{self.last_refusal.kind}: {self.last_refusal.detail}"
         message = "tracking" if self._running else f"stopped: {self._why}"
         return Health(level, message, values | {f"refused: {k}": str(n) for k, n in sorted(self.refused.items())})
+
+
+def _is_of(values: Array, n: int, m: int) -> bool:
+    """Tell whether a message of the linearizer is of a model of n states and m inputs."""
+    return values.size == HEAD + n * n + n * m + 2 * n + m and (values[4], values[5]) == (n, m)

@@ -13,6 +13,10 @@ from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.records import Record, write_record
 
+NICE = 5
+POLITELY = f"import os, sys; os.nice({NICE}); from signlin_ros.cli import main; sys.exit(main())"
+"""What a process runs: the command line, with all others before it."""
+
 
 class Diagnosis:
     """``signlin refine`` on a record, started at once; files stand in ``folder``."""
@@ -27,18 +31,25 @@ class Diagnosis:
         for file in (self.better_file, self.report_file):
             file.unlink(missing_ok=True)
         self._out, self._errors = (folder / "verdict.json").open("wb"), (folder / "errors.txt").open("wb")
-        self._process = subprocess.Popen(
-            self._command(), stdout=self._out, stderr=self._errors, stdin=subprocess.DEVNULL
-        )
-
-    def _command(self) -> list[str]:
         verb = ["refine", str(self.model_file), str(self.data_file), "-o", str(self.better_file)]
-        return [sys.executable, "-m", "signlin_ros.cli", *verb, "--json", "--report", str(self.report_file)]
+        self._process = self._started(*verb, "--json", "--report", str(self.report_file))
+        self._warming: subprocess.Popen[bytes] | None = None
+
+    def _started(self, *verb: str) -> subprocess.Popen[bytes]:
+        """Start a verb as a process that leaves the processor to whoever has times to keep."""
+        command = [sys.executable, "-c", POLITELY, *verb]
+        out = self._errors if self._out.closed else self._out
+        return subprocess.Popen(command, stdout=out, stderr=self._errors, stdin=subprocess.DEVNULL)
 
     @property
     def running(self) -> bool:
-        """Whether the process is at work."""
-        return self._process.poll() is None
+        """Whether a process is at work: the diagnosis, then what compiles ahead that the better model will need."""
+        if self._process.poll() is None:
+            return True
+        if self._warming is None and self._process.returncode == 0 and self.better_file.is_file():
+            self._out.close()
+            self._warming = self._started("warm", str(self.better_file))
+        return self._warming is not None and self._warming.poll() is None
 
     @property
     def seconds(self) -> float:
@@ -60,9 +71,10 @@ class Diagnosis:
 
     def stop(self) -> None:
         """End it, if it is still running."""
-        if self.running:
-            self._process.kill()
-            self._process.wait()
+        for process in (self._process, self._warming):
+            if process is not None and process.poll() is None:
+                process.kill()
+                process.wait()
 
 
 __all__ = ["Diagnosis"]

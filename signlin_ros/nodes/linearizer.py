@@ -7,7 +7,7 @@ Subscribes ``state`` or ``joint_states``, and ``input``; publishes ``~/A``, ``~/
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Any
@@ -19,9 +19,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header, String
 
 from signlin_ros.errors import InputError
-from signlin_ros.estimate import StateEstimator
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert, overrides
+from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.linearizer_logic import (
     NANO,
@@ -37,7 +37,6 @@ from signlin_ros.nodes.overrides import Entry
 from signlin_ros.nodes.parameters import on_change
 from signlin_ros.nodes.qos import LATCHED, SENSORS
 from signlin_ros.nodes.runner import run
-from signlin_ros.observe import KalmanObserver
 
 OPTIONS = {
     "state_source": Entry("array", "where states come from", choices=("array", "joint_state")),
@@ -86,7 +85,7 @@ class LinearizerNode(ManagedNode):
         option = self.options
         self.logic = LinearizerLogic(self.model, self.now(), option["state_timeout"], option["observer"])
         if option["state_source"] == "joint_state":
-            self._warm_up()
+            self.logic.warm_up(self.model)
         self._publish_to = {
             name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in ("A", "B", "c", "model")
         }
@@ -102,19 +101,17 @@ class LinearizerNode(ManagedNode):
             "array": (Float64MultiArray, "state", self._take_state),
             "joint_state": (JointState, "joint_states", self._take_joint_state),
         }[source]
-        self._takers = (self._take_input, take)
-        self._simulated = bool(self.get_parameter("use_sim_time").value)
         self._inputs = [
-            self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS),
-            self.create_subscription(kind, topic, self._on_state, SENSORS),
+            Gathering(self, Float64MultiArray, "input", self._take_input, SENSORS, self._rest),
+            Gathering(self, kind, topic, take, SENSORS, self._rest),
         ]
         self._timer = self.create_timer(self.model.update_period, self._on_period)
 
     def end(self) -> None:
         """Listen no more."""
         self.destroy_timer(self._timer)
-        for subscription in self._inputs:
-            self.destroy_subscription(subscription)
+        for gathering in self._inputs:
+            gathering.destroy()
 
     def take_down(self) -> None:
         """Undo `set_up`."""
@@ -123,42 +120,14 @@ class LinearizerNode(ManagedNode):
                 self.destroy_publisher(publisher)
         self.logic, self._publish_to, self._yaml = None, {}, None
 
-    def _warm_up(self) -> None:
-        """Have compiled what a state that is not whole will need, so that the first message is as quick as others."""
-        position = self.model.plant.position
-        if self.options["observer"] == "kalman":
-            shown = [name for name in (position, self.model.plant.velocity) if name in self.model.states][:1]
-            observer = KalmanObserver(self.model, shown)
-            for k in range(3):
-                observer.take(1e-3 * k, dict.fromkeys(shown, 0.0))
-            observer.estimate()
-        elif position in self.model.states:
-            StateEstimator(self.model, [position]).warm_up()
-
     def _say_hello(self) -> None:
         names = f"states {', '.join(self.model.states)}; inputs {', '.join(self.model.inputs)}"
         self.get_logger().info(f"{self.model.plant.name}, {self.model.linearization}; {names}")
 
     # ---------------------------------------------------------------- messages
 
-    def _on_input(self, message: Float64MultiArray, info: Any) -> None:
-        self._drain(0, message, info)
-
-    def _on_state(self, message: Any, info: Any) -> None:
-        self._drain(1, message, info)
-
-    def _drain(self, which: int, message: Any, info: Any) -> None:
-        """Take a message and those that wait behind it, then rest for a moment: waking up is what costs."""
-        subscription, take = self._inputs[which], self._takers[which]
-        take(message, self._received(info))
-        for more, its in _waiting(subscription):
-            take(more, self._received(its))
-        self.rest = min(LONGEST_REST, self.model.update_period / 20)
-
-    def _received(self, info: Any) -> int:
-        """Return when a message came, in ns of the node's clock."""
-        came = 0 if self._simulated else int(info["received_timestamp"])
-        return came or self.now()
+    def _rest(self) -> float:
+        return min(LONGEST_REST, self.model.update_period / 20)
 
     def _take_input(self, message: Float64MultiArray, now: int) -> None:
         self.logic.take_input(convert.read_vector(message, len(self.model.inputs)), now)
@@ -258,9 +227,8 @@ class LinearizerNode(ManagedNode):
         """Take what has come, and publish what has fallen due."""
         if self.logic is None or not self.active:
             return
-        for subscription, take in zip(self._inputs, self._takers, strict=True):
-            for message, info in _waiting(subscription):
-                take(message, self._received(info))
+        for gathering in self._inputs:
+            gathering.pump()
         self._on_period()
 
     def _apply_changes(self, changes: dict[str, Any]) -> None:
@@ -295,13 +263,6 @@ class LinearizerNode(ManagedNode):
             self.renew(model)
         finally:
             self._renewing = False
-
-
-def _waiting(subscription: Any) -> Iterator[tuple[Any, Any]]:
-    """Yield the messages that wait in a subscription, with what the middleware says of them."""
-    with subscription.handle:
-        while (found := subscription.handle.take_message(subscription.msg_type, False)) is not None:
-            yield found
 
 
 def _text(model: Model) -> str:

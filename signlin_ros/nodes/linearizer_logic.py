@@ -91,6 +91,7 @@ class LinearizerLogic:
         self._state: _State | None = None
         self._watcher: KalmanObserver | None = None
         self._estimator: StateEstimator | None = None
+        self._measuring = False
         self.refused: Counter[str] = Counter()
         self.accepted = 0
         self.sequence = 0
@@ -107,9 +108,24 @@ class LinearizerLogic:
 
     def prepare(self, model: Model) -> Prepared:
         """Make all that another model needs, so that `configure` takes no time; may raise `InputError`."""
+        if self._measuring:
+            self.warm_up(model)
         watcher = self._watcher
         kept = [name for name in watcher.channels if name in model.states] if watcher is not None else []
         return Prepared(model, checked_linearizer(model), KalmanObserver(model, kept) if kept else None)
+
+    def warm_up(self, model: Model) -> None:
+        """Have compiled what a state that is not whole will need, so that the first message is as quick as others."""
+        position = model.plant.position
+        if self.observer == "kalman":
+            shown = [name for name in (position, model.plant.velocity) if name in model.states][:1]
+            observer = KalmanObserver(model, shown)
+            for k in range(3):
+                observer.take(1e-3 * k, dict.fromkeys(shown, 0.0))
+            observer.estimate()
+        elif position in model.states:
+            StateEstimator(model, [position]).warm_up()
+        self._measuring = True
 
     def configure(self, model: Model | Prepared) -> None:
         """Take another model at once, of whatever states; may raise `InputError`, and then nothing has changed.

@@ -16,6 +16,7 @@ from typing import Any
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.srv import SetParameters
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
@@ -27,12 +28,13 @@ from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.diagnosing import Diagnosis
+from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
 from signlin_ros.nodes.managed import ManagedNode
 from signlin_ros.nodes.monitor_logic import MonitorLogic, Score, Settings
 from signlin_ros.nodes.overrides import Entry
-from signlin_ros.nodes.qos import LATCHED, RELIABLE, SENSORS
+from signlin_ros.nodes.qos import LATCHED, MANY, RELIABLE
 from signlin_ros.nodes.runner import run
 from signlin_ros.records import write_record
 
@@ -50,6 +52,8 @@ ENOUGH = 20
 """Seconds of data since a change from which on a diagnosis takes them alone."""
 TICK = 0.1
 """Seconds between two looks at what has come."""
+REST = 0.02
+"""Seconds for which messages gather: nobody waits for what the monitor says."""
 ERROR_LABEL = "sec, nanosec, n, error of A B c, error without friction, RMS of both over the window, fit in percent"
 """What stands in ``~/error``: two numbers of the stamp, n, then five times n values."""
 
@@ -64,6 +68,7 @@ class MonitorNode(ManagedNode):
         self.diagnosis: Diagnosis | None = None
         self._better: Path | None = None
         self._applied: list[str] = []
+        self._client: Any = None
         self._folder = Path(option["folder"] or tempfile.mkdtemp(prefix="signlin_monitor_"))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -81,12 +86,14 @@ class MonitorNode(ManagedNode):
         self.logic = MonitorLogic(settings, self.now())
         self._errors = self.create_publisher(Float64MultiArray, "~/error", RELIABLE)
         self._verdicts = self.create_publisher(String, "~/verdict", LATCHED)
-        self._client = self.create_client(SetParameters, f"{option['linearizer']}/set_parameters")
+        aside = ReentrantCallbackGroup()  # who waits for the linearizer's answer must not keep it, and all else, away
+        target = f"{option['linearizer']}/set_parameters"
+        self._client = self.create_client(SetParameters, target, callback_group=aside)
         calls = {"diagnose": self._on_diagnose, "record": self._on_record}
         self._made = [self.create_service(Trigger, f"~/{name}", call) for name, call in calls.items()]
         self._made += [
-            self.create_service(Trigger, "~/apply", self._on_apply),
-            self.create_service(Trigger, "~/revert", self._on_revert),
+            self.create_service(Trigger, "~/apply", self._on_apply, callback_group=aside),
+            self.create_service(Trigger, "~/revert", self._on_revert, callback_group=aside),
         ]
 
     def begin(self) -> None:
@@ -96,12 +103,15 @@ class MonitorNode(ManagedNode):
         self._heard = [
             self.create_subscription(String, f"{watched}/model_yaml", self._on_yaml, LATCHED),
             self.create_subscription(Float64MultiArray, f"{watched}/model", self._on_update, LATCHED),
-            self.create_subscription(Float64MultiArray, "input", self._on_input, SENSORS),
         ]
-        if self.options["state_source"] == "array":
-            self._heard.append(self.create_subscription(Float64MultiArray, "state", self._on_state, SENSORS))
-        else:
-            self._heard.append(self.create_subscription(JointState, "joint_states", self._on_joint_state, SENSORS))
+        kind, topic, take = {
+            "array": (Float64MultiArray, "state", self._take_state),
+            "joint_state": (JointState, "joint_states", self._take_joint_state),
+        }[self.options["state_source"]]
+        self._gathered = [
+            Gathering(self, Float64MultiArray, "input", self._take_input, MANY, lambda: REST, sent=True),
+            Gathering(self, kind, topic, take, MANY, lambda: REST, sent=True),
+        ]
         self._timer = self.create_timer(TICK, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def end(self) -> None:
@@ -109,6 +119,8 @@ class MonitorNode(ManagedNode):
         self.destroy_timer(self._timer)
         for subscription in self._heard:
             self.destroy_subscription(subscription)
+        for gathering in self._gathered:
+            gathering.destroy()
         self._give_up()
 
     def take_down(self) -> None:
@@ -118,6 +130,9 @@ class MonitorNode(ManagedNode):
         for publisher in (getattr(self, "_errors", None), getattr(self, "_verdicts", None)):
             if publisher is not None:
                 self.destroy_publisher(publisher)
+        if self._client is not None:
+            self.destroy_client(self._client)
+        self._client = None
         self._made, self._errors, self._verdicts = [], None, None
         self._give_up()
 
@@ -149,11 +164,11 @@ class MonitorNode(ManagedNode):
         except (ValueError, IndexError):
             self.logic.take_shown(Refusal("model_layout", "not the layout of ~/model"), 0)
 
-    def _on_input(self, message: Float64MultiArray) -> None:
+    def _take_input(self, message: Float64MultiArray, came: int) -> None:
         if self.logic.model is not None:
-            self.logic.take_input(convert.read_vector(message, len(self.logic.model.inputs)), self.now())
+            self.logic.take_input(convert.read_vector(message, len(self.logic.model.inputs)), came)
 
-    def _on_state(self, message: Float64MultiArray) -> None:
+    def _take_state(self, message: Float64MultiArray, came: int) -> None:
         model = self.logic.model
         if model is None:
             return
@@ -163,7 +178,7 @@ class MonitorNode(ManagedNode):
             self.logic.take_shown(value if isinstance(value, Refusal) else Refusal("length", "not the states"), 0)
             return
         pairs = zip(names, value.tolist(), strict=True)
-        self.logic.take_shown({name: v for name, v in pairs if name in model.states}, self.now())
+        self.logic.take_shown({name: v for name, v in pairs if name in model.states}, came)
 
     def _state_names(self, length: int) -> tuple[str, ...] | None:
         """Return what an array of this length holds: the states of the present model, or of the one at the start."""
@@ -172,7 +187,7 @@ class MonitorNode(ManagedNode):
                 return tuple(model.states)
         return None
 
-    def _on_joint_state(self, message: JointState) -> None:
+    def _take_joint_state(self, message: JointState, _: int) -> None:
         model = self.logic.model
         if model is None:
             return

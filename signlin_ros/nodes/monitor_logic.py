@@ -186,22 +186,33 @@ class MonitorLogic:
         return Stretch(record.t, measured, np.column_stack([record.signals[n].values for n in model.inputs]))
 
     def record(self, model: Model | None = None, since: int = 0, until: int | None = None) -> Record:
-        """Return what was seen lately as a record, from ``since`` to ``until`` in ns.
+        """Return what was seen lately as a record, from ``since`` to ``until`` in ns, and from the first input on.
 
-        Raises `InputError` where that is nothing.
+        The input of a row is its mean up to the next one: it may change in between. Raises `InputError` where nothing
+        was seen.
         """
         model = model or self.model
+        since = max(since, self._inputs[0][0]) if self._inputs else since
         rows = [(stamp, shown) for stamp, shown in self._shown if since <= stamp and (until is None or stamp < until)]
         if model is None or len(rows) < 2 or not self._inputs:
             raise InputError("nothing to record yet: states and inputs must have come for a while")
         t = np.array([stamp - rows[0][0] for stamp, _ in rows]) / NANO
         names = [name for name in model.states if any(name in shown for _, shown in rows)]
         signals = {n: Signal(np.array([shown.get(n, np.nan) for _, shown in rows]), model.units[n]) for n in names}
-        stamps = np.array([stamp for stamp, _ in self._inputs])
-        at = np.maximum(np.searchsorted(stamps, [stamp for stamp, _ in rows], side="right") - 1, 0)
-        u = np.array([value for _, value in self._inputs])[at]
+        u = self._held(np.array([stamp for stamp, _ in rows]))
         inputs = {name: Signal(u[:, i], model.units[name]) for i, name in enumerate(model.inputs)}
         return Record(t, {**inputs, **signals}, source="what the monitor has kept")
+
+    def _held(self, rows: NDArray[np.int64]) -> Array:
+        """Return the mean of each input (T, m) from each of these stamps (T,) to the next one."""
+        stamps = np.array([stamp for stamp, _ in self._inputs])
+        values = np.array([value for _, value in self._inputs])
+        at = (np.append(stamps, rows[-1] + 1) - stamps[0]) / NANO
+        until = np.vstack([np.zeros(values.shape[1]), np.cumsum(values * np.diff(at)[:, None], axis=0)])
+        t = (rows - stamps[0]) / NANO
+        reached = np.column_stack([np.interp(t, at, column) for column in until.T])
+        newest = values[np.searchsorted(stamps, rows[-1:], side="right") - 1]
+        return np.vstack([np.diff(reached, axis=0) / np.diff(t)[:, None], newest])
 
     def health(self, now: int) -> Health:
         """Return the state of affairs for /diagnostics."""

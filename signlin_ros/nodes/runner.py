@@ -27,6 +27,8 @@ RCLError = rclpy_implementation.RCLError
 
 END_PATIENCE = 10.0
 """Seconds that taking a node down may last."""
+LONGEST_REST = 4e-3
+"""Seconds for which messages of several nodes in one process gather at most: others have their times to keep."""
 MOMENT = 0.01
 """Time in s after which something is interrupted that could not be at once."""
 
@@ -81,7 +83,8 @@ def _rest(nodes: list[Node]) -> None:
     if any(pauses):
         for node in nodes:
             node.rest = 0.0
-        time.sleep(min(pause for pause in pauses if pause))
+        shortest = min(pause for pause in pauses if pause)
+        time.sleep(shortest if len(nodes) == 1 else min(shortest, LONGEST_REST))
 
 
 class _Signals:

@@ -1,15 +1,19 @@
 """Whether a machine has changed, and when: a CUSUM on how badly a model predicts, against what was usual.
 
 The filter's innovations, in their standard deviations, are taken in blocks. What is usual of a block's size (the
-logarithm of its mean square) and of a run of a few samples to one side is learnt while all is well. A block that is
+logarithm of its mean square) and of the trace that a shift would leave is learnt while all is well. A block that is
 larger than any usual one adds to a sum, others take from it; the sum passes a bound within a block or two where a
 machine changes, and began to rise when it did [CUSUM: Page, Biometrika 41 (1954) 100; Basseville and Nikiforov,
-Detection of Abrupt Changes, 1993, sec. 2.2]. A sensor that shifts shows in a run of samples before a block is full.
+Detection of Abrupt Changes, 1993, sec. 2.2]. A sensor that shifts leaves a trace of a known form in the innovations
+before a block is full, and a single wild value one of another form; a force that appears leaves a run of samples to
+one side [generalized likelihood ratio: Willsky and Jones,
+IEEE Trans. Automatic Control 21 (1976) 108].
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -30,11 +34,17 @@ BOUND = 1.2
 FORGIVEN = 0.4
 """A usual block takes at most so much from the sum."""
 RUNS = (2, 3, 5)
-"""So many samples to one side are a shift; a single one is a wild value."""
+"""So many samples to one side are a change; a single one is a wild value."""
 CLEAR = 2.5
 """What the other values of a run must be on the mean, beside the largest."""
 RUN_MARGIN, RUN_FLOOR = 1.5, 5.5
 """A run's size against the largest usual one, and at least."""
+SHIFT_MARGIN, SHIFT_FLOOR = 1.3, 6.0
+"""A shift's size, in standard deviations, against the largest usual one, and at least."""
+LIKER = 1.15
+"""By how much a trace must be more like that of a shift than like that of a wild value."""
+EARLIER = 2
+"""Samples before those looked at in which a wild value may have been."""
 FEWEST = 12
 """Blocks that must be known before anything is called unusual."""
 
@@ -50,10 +60,11 @@ class Alarm:
 
 @dataclass
 class _Usual:
-    """What was seen in one situation: sizes of blocks and of runs while all was well; the sum of what passes them."""
+    """What was seen in one situation: sizes of blocks and of shifts while all was well; the sum of what passes them."""
 
     blocks: list[float] = field(default_factory=list)
     runs: list[float] = field(default_factory=list)
+    shifts: list[float] = field(default_factory=list)
     sum: float = 0.0
     onset: float = float("nan")
 
@@ -75,10 +86,16 @@ class _Usual:
         """The largest usual run."""
         return max(self.runs, default=0.0)
 
-    def learn(self, size: float, run: float) -> None:
+    @property
+    def shift(self) -> float:
+        """The largest usual size of a shift."""
+        return max(self.shifts, default=0.0)
+
+    def learn(self, size: float, run: float, shift: float) -> None:
         """Take a block as usual."""
         self.blocks.append(size)
         self.runs.append(run)
+        self.shifts.append(shift)
 
     def passed(self, start: float, size: float, margin: float) -> bool:
         """Take a block that begins at ``start`` s; returns whether the sum passes its bound."""
@@ -89,16 +106,50 @@ class _Usual:
         return self.sum > BOUND
 
 
+class Trace:
+    """How like the trace of a shift the last innovations of a channel are.
+
+    ``signature`` (L,): what a shift adds to the innovations from its first sample on, whatever its size.
+    """
+
+    def __init__(self, signature: Array) -> None:
+        size = signature.size
+        wild = np.concatenate([np.zeros(size), np.diff(signature, prepend=0.0), np.zeros(size)])
+        others = np.array([wild[size - late : 2 * size - late] for late in range(-EARLIER, size)])
+        forms = np.vstack([signature, others])
+        self._forms = forms / np.linalg.norm(forms, axis=1, keepdims=True)
+        self._times: deque[float] = deque(maxlen=signature.size)
+        self._last: deque[float] = deque(maxlen=signature.size)
+
+    @property
+    def begun(self) -> float:
+        """When what is looked at begins, in s."""
+        return self._times[0]
+
+    def take(self, t: float, z: float) -> tuple[float, float]:
+        """Take an innovation; returns the size of a shift at `begun`, 0 where a wild one is as likely, and of that."""
+        self._times.append(t)
+        self._last.append(z)
+        if len(self._last) < self._forms.shape[1]:
+            return 0.0, 0.0
+        found = np.abs(self._forms @ np.array(self._last))
+        shift, wild = float(found[0]), float(found[1:].max())
+        return (shift if shift > LIKER * wild else 0.0), wild
+
+
 class ChangeDetector:
     """Takes innovations in their standard deviations, learns for ``learn`` s what is usual, then tells of changes.
 
     What is usual differs by situation (in motion, near a reversal, at rest): a whole number that comes with each
     sample; a block belongs to the largest in it. A situation that is new is learnt first. After an `Alarm` it stays:
-    ``alarm`` holds it until `restart`.
+    ``alarm`` holds it until `restart`. ``signatures`` by number of the channel: see `Trace`; a channel without one is
+    not asked for shifts.
     """
 
-    def __init__(self, learn: float = 30.0, margin: float = MARGIN) -> None:
-        self.learn, self.margin = learn, margin
+    def __init__(
+        self, learn: float = 30.0, margin: float = MARGIN, signatures: Mapping[int, Array] | None = None
+    ) -> None:
+        self.learn, self.margin, self.signatures = learn, margin, dict(signatures or {})
         self.restart()
 
     def restart(self) -> None:
@@ -107,8 +158,10 @@ class ChangeDetector:
         self.alarm: Alarm | None = None
         self._begun, self._block_start, self._situation = np.nan, np.nan, 0
         self._block: list[float] = []
-        self._run: deque[float] = deque(maxlen=RUNS[-1])
-        self._run_max = 0.0
+        self._traces = {channel: Trace(form) for channel, form in self.signatures.items()}
+        self._runs: dict[int, deque[float]] = {}
+        self._run_max = self._shift_max = 0.0
+        self._waiting: tuple[float, float, int] | None = None
         self.size = np.nan
 
     @property
@@ -121,42 +174,61 @@ class ChangeDetector:
         """How near the sum is to its bound: a change is called at 1."""
         return max((usual.sum for usual in self._usual.values()), default=0.0) / BOUND
 
-    def take(self, t: Array, z: Array, situation: NDArray[np.int64] | None = None) -> Alarm | None:
+    def take(
+        self, t: Array, z: Array, situation: NDArray[np.int64] | None = None, channel: NDArray[np.int64] | None = None
+    ) -> Alarm | None:
         """Take innovations z (E,) at times t (E,), in their standard deviations; returns a change as it is called."""
         before = self.alarm
-        kinds = np.zeros(t.size, dtype=np.int64) if situation is None else situation
-        for when, value, kind in zip(t.tolist(), z.tolist(), kinds.tolist(), strict=True):
-            self._take(when, value, kind)
+        none = np.zeros(t.size, dtype=np.int64)
+        kinds = none if situation is None else situation
+        channels = none if channel is None else channel
+        for when, value, kind, c in zip(t.tolist(), z.tolist(), kinds.tolist(), channels.tolist(), strict=True):
+            self._take(when, value, kind, c)
         return self.alarm if before is None else None
 
-    def _take(self, t: float, z: float, situation: int) -> None:
+    def _take(self, t: float, z: float, situation: int, channel: int) -> None:
         if self._begun != self._begun:
             self._begun = self._block_start = t
         if t - self._block_start >= BLOCK and len(self._block) >= LEAST:
             self._end_block()
             self._block_start = t
         self._situation = max(self._situation, situation)
-        self._take_run(t, z)
+        run, shift, wild = self._run_of(channel, z), 0.0, 0.0
+        if channel in self._traces:
+            shift, wild = self._traces[channel].take(t, z)
+        self._run_max, self._shift_max = max(self._run_max, run), max(self._shift_max, shift)
+        self._look(t, channel, (run, shift, wild))
         self._block.append(min(z * z, CLIP))
 
-    def _take_run(self, t: float, z: float) -> None:
-        self._run.append(z)
-        size = _run_size(list(self._run))
-        self._run_max = max(self._run_max, size)
+    def _run_of(self, channel: int, z: float) -> float:
+        last = self._runs.setdefault(channel, deque(maxlen=RUNS[-1]))
+        last.append(z)
+        return _run_size(list(last))
+
+    def _look(self, t: float, channel: int, sizes: tuple[float, float, float]) -> None:
+        """Call a shift, or a change by a run; what a run is the beginning of, or the end, shows some samples later."""
+        run, shift, wild = sizes
         usual = self._usual.get(self._situation)
         if self.learning or self.alarm is not None or usual is None or not usual.known:
             return
-        if size > max(RUN_MARGIN * usual.run, RUN_FLOOR):
-            self.alarm = Alarm(t, t, "shift")
+        if shift > max(SHIFT_MARGIN * usual.shift, SHIFT_FLOOR):
+            self.alarm = Alarm(t, self._traces[channel].begun, "shift")
+        elif self._waiting is not None:
+            onset, size, left = self._waiting
+            self._waiting = (onset, size, left - 1) if wild < size else None
+            self.alarm = Alarm(t, onset, "change") if self._waiting and left == 1 else None
+        elif run > max(RUN_MARGIN * usual.run, RUN_FLOOR):
+            self._waiting = (t, run, max((f.size for f in self.signatures.values()), default=1))
 
     def _end_block(self) -> None:
         size = float(np.log(np.mean(self._block) + 1e-12))
         usual = self._usual.setdefault(self._situation, _Usual())
         if self.learning or not usual.known:
-            usual.learn(size, self._run_max)
+            usual.learn(size, self._run_max, self._shift_max)
         elif usual.passed(self._block_start, size, self.margin) and self.alarm is None:
             self.alarm = Alarm(self._block_start + BLOCK, usual.onset, "change")
-        self.size, self._block, self._run_max, self._situation = size, [], 0.0, 0
+        self.size, self._block, self._situation = size, [], 0
+        self._run_max = self._shift_max = 0.0
 
 
 def _run_size(values: list[float]) -> float:

@@ -41,6 +41,27 @@ Event = tuple[float, int, "Array | float"]
 
 
 @dataclass(frozen=True)
+class _Events:
+    """Events in the order of their times (E,): kinds (E,) and values (E, width)."""
+
+    times: Array
+    kinds: NDArray[np.int64]
+    values: Array
+
+    @classmethod
+    def of(cls, events: list[Event], width: int) -> _Events:
+        times = np.array([event[0] for event in events])
+        kinds = np.array([event[1] for event in events], dtype=np.int64)
+        values = np.zeros((times.size, width))
+        for row, event in zip(values, events, strict=True):
+            row[: np.size(event[2])] = event[2]
+        return cls(times, kinds, values)
+
+    def after(self, first: int) -> _Events:
+        return _Events(self.times[first:], self.kinds[first:], self.values[first:])
+
+
+@dataclass(frozen=True)
 class Estimate:
     """The state x (n,) at time t in s, and its standard deviations (n,)."""
 
@@ -63,12 +84,14 @@ class Innovations:
     x: Array
 
     @classmethod
-    def of(cls, events: list[Event], found: Array, n: int) -> Innovations:
+    def of(cls, events: _Events, found: Array, n: int) -> Innovations:
         """Read what the filters have found at events (E, ...)."""
-        kinds = np.array([kind for _, kind, _ in events], dtype=np.int64)
-        seen = kinds >= 0
-        t = np.array([when for when, _, _ in events])
-        return cls(t[seen], kinds[seen], found[seen, 0], found[seen, 1], found[seen, 2 : 2 + n])
+        seen = events.kinds >= 0
+        return cls(events.times[seen], events.kinds[seen], found[seen, 0], found[seen, 1], found[seen, 2 : 2 + n])
+
+    def part(self, which: NDArray[np.bool_]) -> Innovations:
+        """Return some of them, by a mask (E,)."""
+        return Innovations(self.t[which], self.channel[which], self.value[which], self.variance[which], self.x[which])
 
     @property
     def sizes(self) -> Array:
@@ -169,10 +192,9 @@ class KalmanObserver:
         events, self._queue = self._queue[:count], self._queue[count:]
         if not self._started:
             events = self._begin(events)
-        found = self._run(
-            events, self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed
-        )
-        innovations = Innovations.of(events, found, len(self.model.states))
+        arrays = _Events.of(events, max(self._inputs.size, 1))
+        known = (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
+        innovations = Innovations.of(arrays, self._run_all(arrays, *known), len(self.model.states))
         self._learn(innovations)
         return innovations
 
@@ -196,30 +218,39 @@ class KalmanObserver:
         when = max(self._last if t is None else t, float(self._clock[0]))
         events = [event for event in self._queue if event[0] <= when and event[1] == INPUT] + [(when, QUERY, 0.0)]
         copies = (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
-        found = self._run(events, *(part.copy() for part in copies))[-1]
+        arrays = _Events.of(events, max(self._inputs.size, 1))
+        found = self._run_all(arrays, *(part.copy() for part in copies))[-1]
         x, variance = found[2:].reshape(2, -1)[:, : len(self.model.states)]
         return Estimate(when, x.copy(), np.sqrt(np.maximum(variance, 0.0)))
 
     def record(self, t: Array, measured: Mapping[str, Array], u: Array) -> tuple[Array, Innovations]:
         """Return the states (T, n) at the times t (T,) of a whole record, and how its samples differed from them."""
-        for when, value in zip(t.tolist(), u, strict=True):
-            self.take_input(when, value)
-        names = list(measured)
-        for when, row in zip(t.tolist(), np.column_stack([measured[name] for name in names]).tolist(), strict=True):
-            self.take(when, dict(zip(names, row, strict=True)))
-        self._queue += [(float(when), QUERY, 0.0) for when in t]
-        self._late = -np.inf
-        self._queue.sort(key=lambda event: (event[0], event[1] == QUERY))
-        events = self._begin(self._queue)
-        found = self._run(
-            events, self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed
-        )
-        self._queue = []
-        asked = np.array([kind == QUERY for _, kind, _ in events])
+        events = self._all_events(t, measured, u)
+        known = (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
+        events = self._begun(events) if np.any(events.kinds >= 0) else events.after(events.times.size)
+        found = self._run_all(events, *known)
+        asked = events.kinds == QUERY
         n = len(self.model.states)
         x = np.full((len(t), n), np.nan)
         x[len(t) - int(asked.sum()) :] = found[asked, 2 : 2 + n]
         return x, Innovations.of(events, found, n)
+
+    def _all_events(self, t: Array, measured: Mapping[str, Array], u: Array) -> _Events:
+        """Return the events of a whole record in order: inputs and values as they come, then what is asked for."""
+        width = max(self._inputs.size, 1)
+        parts = [(t + self.model.delay, INPUT, np.asarray(u, dtype=float).reshape(len(t), -1))]
+        for c, (name, sensor) in enumerate(zip(self.channels, self._sensors, strict=True)):
+            value = np.asarray(measured[name], dtype=float) if name in measured else np.full(len(t), np.nan)
+            there = ~np.isnan(value)
+            for when, shown in zip(t[there].tolist(), value[there].tolist(), strict=True):
+                self._meters[c].take(when, shown)
+            parts.append((t[there] - sensor.delay, c, np.asarray(sensor.true(value[there])).reshape(-1, 1)))
+        parts.append((t, QUERY, np.zeros((len(t), 1))))
+        times = np.concatenate([when for when, _, _ in parts])
+        kinds = np.concatenate([np.full(when.size, kind, dtype=np.int64) for when, kind, _ in parts])
+        rows = np.concatenate([np.pad(v, ((0, 0), (0, width - v.shape[1]))) for _, _, v in parts])
+        order = np.lexsort((kinds, kinds == QUERY, times))  # of one time: the input, what is measured, what is asked
+        return _Events(times[order], kinds[order], rows[order])
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -235,25 +266,31 @@ class KalmanObserver:
 
     def _begin(self, events: list[Event]) -> list[Event]:
         """Start the filters at the first measured values; returns the events that are left for them."""
-        first = next((i for i, event in enumerate(events) if event[1] >= 0), None)
-        if first is None:
+        if all(event[1] < 0 for event in events):
             self._queue = events + self._queue
             return []
-        for _, kind, value in events[:first]:
-            if kind == INPUT:
-                self._inputs[:] = value
-        shown = {kind: float(value) for _, kind, value in reversed(events) if kind >= 0}
-        x, deviation = _start(self.model, {self.channels[c]: value for c, value in shown.items()})
-        self._X[:, : x.size], self._D[:, : x.size] = x, deviation**2
-        self._clock[0], self._started = events[first][0], True
-        return events[first:]
+        left = self._begun(_Events.of(events, max(self._inputs.size, 1)))
+        return events[len(events) - left.times.size :]
 
-    def _run(self, events: list[Event], *known: NDArray[Any]) -> Array:
-        n, m = self._disturbed.size, self._inputs.size
-        found = np.full((len(events), 2 + 2 * n), np.nan)
-        if not events:
+    def _begun(self, events: _Events) -> _Events:
+        """Start the filters at the first measured values, of which there must be some; returns what is left."""
+        first = int(np.argmax(events.kinds >= 0))
+        before = np.flatnonzero(events.kinds[:first] == INPUT)
+        if before.size:
+            self._inputs[:] = events.values[before[-1], : self._inputs.size]
+        channels, at = np.unique(events.kinds, return_index=True)
+        shown = {self.channels[c]: float(events.values[k, 0]) for c, k in zip(channels, at, strict=True) if c >= 0}
+        x, deviation = _start(self.model, shown)
+        self._X[:, : x.size], self._D[:, : x.size] = x, deviation**2
+        self._clock[0], self._started = events.times[first], True
+        return events.after(first)
+
+    def _run_all(self, events: _Events, *known: NDArray[Any]) -> Array:
+        n = self._disturbed.size
+        times, kinds, values = events.times, events.kinds, events.values
+        found = np.full((times.size, 2 + 2 * n), np.nan)
+        if not times.size:
             return found
-        times, kinds, values = _columns(events, max(m, 1))
         gains = np.array([sensor.gain for sensor in self._sensors])
         R = self._factor * np.array([max(meter.sigma, 1e-12) for meter in self._meters]) ** 2 / gains**2
         X, U, D, usual, score, clock, u, missed = known
@@ -267,16 +304,6 @@ class KalmanObserver:
             self.reset()
             raise InputError("the observer's state ran away")
         return found
-
-
-def _columns(events: list[Event], width: int) -> tuple[Array, NDArray[np.int64], Array]:
-    """Return times (E,), kinds (E,) and values (E, width) of events."""
-    times = np.array([event[0] for event in events])
-    kinds = np.array([event[1] for event in events], dtype=np.int64)
-    values = np.zeros((times.size, width))
-    for row, event in zip(values, events, strict=True):
-        row[: np.size(event[2])] = event[2]
-    return times, kinds, values
 
 
 def _disturbed(model: Model) -> Array:

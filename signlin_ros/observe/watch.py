@@ -23,6 +23,9 @@ SETTLING = 1.0
 """Seconds at the start that tell nothing of the model."""
 WILDEST = 400.0
 """A squared innovation counts so much at most."""
+SHIFT, TOGGLED, FORM, FEWEST_FORMS = 5.0, 60, 6, 8
+"""What a shift does is tried with one of so many standard deviations of the noise, to and fro every so many samples;
+so many innovations are looked at, and so many shifts are needed."""
 AFTER = 0.4
 """How long, in s, a reversal is near."""
 SLOW = 0.02
@@ -42,7 +45,8 @@ class Watch:
         self.detector = ChangeDetector(learn)
         self._guards = {trust: KalmanObserver(model, self.channels, trusts=(trust,)) for trust in GUARDS}
         self._likelihood = dict.fromkeys(GUARDS, 0.0)
-        self._learnt: dict[float, list[tuple[Array, Array, Array]]] = {trust: [] for trust in GUARDS}
+        self._learnt: dict[float, list[Innovations]] = {trust: [] for trust in GUARDS}
+        self._heard: list[tuple[float, Array | Mapping[str, float]]] = []
         self._begun, self._fastest, self._slow_at = np.nan, 0.0, -np.inf
 
     @property
@@ -62,11 +66,15 @@ class Watch:
 
     def take_input(self, t: float, u: ArrayLike) -> None:
         """Take an input (m,) that is held from time t on."""
+        if self.trust is None:
+            self._heard.append((t, np.array(u, dtype=float)))
         for guard in self._guards.values():
             guard.take_input(t, u)
 
     def take(self, t: float, shown: Mapping[str, float]) -> None:
         """Take what the sensors show at time t, by name."""
+        if self.trust is None:
+            self._heard.append((t, dict(shown)))
         for guard in self._guards.values():
             guard.take(t, shown)
 
@@ -90,18 +98,43 @@ class Watch:
         late = innovations.t >= self._begun + SETTLING
         z, variance = innovations.sizes[late], innovations.variance[late]
         self._likelihood[trust] -= 0.5 * float(np.sum(np.log(variance + 1e-300) + np.minimum(z**2, WILDEST)))
-        self._learnt[trust].append((innovations.t[late], z, innovations.x[late]))
+        self._learnt[trust].append(innovations.part(late))
 
     def _decide(self, best: float) -> None:
         """Keep one guard; what it has seen is what is usual."""
         self._guards = {best: self._guards[best]}
-        for t, z, x in self._learnt[best]:
-            self.detector.take(t, z, self._situations(t, x))
-        self._learnt = {}
+        self.detector = ChangeDetector(self._learn, signatures=self._signatures(best))
+        for innovations in self._learnt[best]:
+            self._guard(innovations)
+        self._learnt, self._heard = {}, []
+
+    def _signatures(self, trust: float) -> dict[int, Array]:
+        """Return what a shift of each channel adds to its innovations, by what was heard up to now, shifted."""
+        plain = self._repeated(trust, None)
+        return {
+            c: form
+            for c, name in enumerate(self.channels)
+            if (form := _form(plain, self._repeated(trust, name), c, SHIFT * self.sigma[name])) is not None
+        }
+
+    def _repeated(self, trust: float, shifted: str | None) -> Innovations:
+        """Return the innovations of what was heard, one channel shifted to and fro every `TOGGLED` samples."""
+        observer, count = KalmanObserver(self.model, self.channels, self.sigma, (trust,)), 0
+        for t, what in self._heard:
+            if not isinstance(what, Mapping):
+                observer.take_input(t, what)
+                continue
+            if shifted is not None and shifted in what:
+                away = (count // TOGGLED) % 2
+                count += 1
+                observer.take(t, {**what, shifted: what[shifted] + away * SHIFT * self.sigma[shifted]})
+            else:
+                observer.take(t, what)
+        return observer.work()
 
     def _guard(self, innovations: Innovations) -> Alarm | None:
         situations = self._situations(innovations.t, innovations.x)
-        return self.detector.take(innovations.t, innovations.sizes, situations)
+        return self.detector.take(innovations.t, innovations.sizes, situations, innovations.channel)
 
     def _situations(self, t: Array, x: Array) -> NDArray[np.int64]:
         """Return the situation (E,) at each of the states x (E, n)."""
@@ -114,6 +147,20 @@ class Watch:
         last = np.maximum(np.maximum.accumulate(np.where(slow, t, -np.inf)), self._slow_at)
         self._fastest, self._slow_at = float(fastest[-1]), float(last[-1])
         return np.where(slow, SLOWED, np.where(t - last < AFTER, TURNED, MOVING)).astype(np.int64)
+
+
+def _form(plain: Innovations, shifted: Innovations, channel: int, size: float) -> Array | None:
+    """Return the median over all shifts of what they add to a channel's innovations (`FORM`,); None if there is none.
+
+    That is, in standard deviations, of a shift of the given size.
+    """
+    added = (shifted.sizes - plain.sizes)[plain.channel == channel]
+    starts = np.arange(TOGGLED, added.size - FORM, TOGGLED)
+    if size <= 0.0 or starts.size < FEWEST_FORMS:
+        return None
+    to_and_fro = np.where((starts // TOGGLED) % 2 == 1, 1.0, -1.0)
+    form = np.median([side * added[k : k + FORM] for k, side in zip(starts, to_and_fro, strict=True)], axis=0)
+    return form if np.linalg.norm(form) > 0.0 else None
 
 
 __all__ = ["GUARDS", "Watch"]

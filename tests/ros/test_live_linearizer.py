@@ -20,16 +20,21 @@ from signlin_ros.nodes import convert
 CONFIGURE, CLEANUP, ACTIVATE, DEACTIVATE = 1, 2, 3, 4
 
 
+PERIOD = 0.1
+JITTER = 0.3
+"""Of a state's stamp against the period's beginning, in update periods."""
+
+
 def sizes(models: list[Any]) -> list[int]:
     return [int(message.data[4]) for message in models]
 
 
 def test_a_whole_model_is_taken_at_once_and_a_bad_one_is_refused(graph: Any, tmp_path: Path) -> None:
     graph.start("plant_simulator", "input_signal:=square", "amplitude:=2", model=_with_position(tmp_path))
-    graph.start("linearizer", "update_period:=0.05", "state_source:=joint_state")
+    graph.start("linearizer", f"update_period:={PERIOD}", "state_source:=joint_state")
     models, texts = graph.models(), graph.collect(String, "/linearizer/model_yaml", latched=True)
     graph.wait(lambda: len(models) >= 5 and texts, "models")
-    better = Model.load("dc_motor").with_options(with_position=True, update_period=0.05)
+    better = Model.load("dc_motor").with_options(with_position=True, update_period=PERIOD)
     better = better.with_effect("dahl_presliding").with_parameters(J=0.0023)
     better.save(tmp_path / "better.yaml")
     (tmp_path / "bad.yaml").write_text("/**: {ros__parameters: {plant: dc_motor, parameters: {J: -1.0}}}")
@@ -53,6 +58,27 @@ def test_a_whole_model_is_taken_at_once_and_a_bad_one_is_refused(graph: Any, tmp
     assert "effects.dahl_presliding.sigma" in names
     assert graph.set_parameter("model_file", "").successful
     graph.wait(lambda: sizes(models)[-1] == 2, "the first model again")
+
+
+def test_another_model_leaves_a_gap_of_at_most_one_update_period(graph: Any, tmp_path: Path) -> None:
+    graph.start("plant_simulator", "input_signal:=square", "amplitude:=2", model=_with_position(tmp_path))
+    graph.start("linearizer", f"update_period:={PERIOD}", "state_source:=joint_state")
+    models = graph.models()
+    graph.wait(lambda: len(models) >= 5, "models")
+    lost = []
+    for effect in ("dahl_presliding", "lugre_friction", "backlash"):  # each is compiled anew
+        better = Model.load("dc_motor").with_options(with_position=True, update_period=PERIOD).with_effect(effect)
+        better.save(tmp_path / f"{effect}.yaml")
+        graph.spin(2 * PERIOD)
+        before, size = len(models) - 1, len(better.states)
+        taken = graph.set_parameter("model_file", str(tmp_path / f"{effect}.yaml"))
+        assert taken.successful, taken.reason
+        graph.wait(lambda n=size, k=before: sizes(models[k:]).count(n) >= 3, f"models with {effect}")
+        stamps = [convert.read_model(message).stamp for message in models[before:]]
+        lost.append(float(np.max(np.diff(stamps))) / 1e9 / PERIOD - 1.0)
+        assert graph.set_parameter("model_file", "").successful
+        graph.wait(lambda: sizes(models)[-1] == 2, "the first model again")
+    assert min(lost) < 1.0 + JITTER, f"{lost} update periods without a model"
 
 
 def test_position_alone_is_enough(graph: Any, tmp_path: Path) -> None:

@@ -33,13 +33,25 @@ def test_larger_innovations_are_called_within_a_second_and_dated(seed: int) -> N
 
 
 def test_a_shift_is_called_at_once_and_one_wild_value_is_not() -> None:
+    form = np.array([7.0, 2.0, -1.0, -2.5, -2.9, -2.6])  # what the shift leaves in a filter's innovations
+    t, z = innovations(60.0, 5)
+    z[8000:8006] += 2.0 * np.diff(form, prepend=0.0)  # a value that comes and goes
+    assert ChangeDetector(signatures={0: form}).take(t, z) is None
+    z[9000:9006] += form
+    alarm = ChangeDetector(signatures={0: form}).take(t, z)
+    assert alarm is not None
+    assert alarm.kind == "shift"
+    assert alarm.t == pytest.approx(45.0, abs=0.03)
+    assert alarm.onset == pytest.approx(45.0, abs=STEP)
+
+
+def test_a_run_to_one_side_is_called_at_once_and_one_wild_value_is_not() -> None:
     t, z = innovations(60.0, 5)
     z[8000] = 30.0
     assert ChangeDetector().take(t, z) is None
     z[9000:9004] = [9.0, 7.0, 5.0, 4.0]
     alarm = ChangeDetector().take(t, z)
     assert alarm is not None
-    assert alarm.kind == "shift"
     assert alarm.t == pytest.approx(45.0, abs=0.03)
 
 

@@ -1,0 +1,65 @@
+"""Messages that wait in a subscription, taken together: waking up is what costs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+LATEST = 500_000_000
+"""Nanoseconds on the way above which the clocks of the two sides do not agree."""
+
+
+class Gathering:
+    """A subscription that takes what waits in it with one waking, and then lets more gather for ``rest`` s.
+
+    ``take(message, came)``: when it came in ns of the node's clock; with ``sent``, when it was sent, where both clocks
+    agree: a busy machine delivers late. The executor's loop must heed the node's ``rest``.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        kind: type,
+        topic: str,
+        take: Callable[[Any, int], None],
+        qos: QoSProfile,
+        rest: Callable[[], float],
+        sent: bool = False,
+    ) -> None:
+        self._node, self._take, self._rest, self._sent = node, take, rest, sent
+        self._simulated = bool(node.get_parameter("use_sim_time").value)
+        self.subscription = node.create_subscription(kind, topic, self._on_message, qos)
+
+    def _on_message(self, message: Any, info: Any) -> None:
+        self._take(message, self._came(info))
+        self.pump()
+        self._node.rest = self._rest()
+
+    def pump(self) -> None:
+        """Take what waits now."""
+        for message, info in _waiting(self.subscription):
+            self._take(message, self._came(info))
+
+    def _came(self, info: Any) -> int:
+        now = int(self._node.get_clock().now().nanoseconds)
+        if self._simulated:
+            return now
+        came, sent = int(info["received_timestamp"]) or now, int(info["source_timestamp"])
+        return sent if self._sent and 0 <= came - sent < LATEST else came
+
+    def destroy(self) -> None:
+        """Listen no more."""
+        self._node.destroy_subscription(self.subscription)
+
+
+def _waiting(subscription: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield the messages that wait in a subscription, with what the middleware says of them."""
+    with subscription.handle:
+        while (found := subscription.handle.take_message(subscription.msg_type, False)) is not None:
+            yield found
+
+
+__all__ = ["Gathering"]

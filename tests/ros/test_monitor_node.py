@@ -1,0 +1,67 @@
+"""The monitor over ROS 2: a diagnosis of what was kept, the better model applied and taken back, nothing restarted."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
+
+from std_msgs.msg import Float64MultiArray, String
+from std_srvs.srv import Trigger
+
+from signlin_ros.model import Model
+
+KEPT, AFTER, PATIENCE = 20.0, 5.0, 600.0
+"""Seconds of data that are diagnosed; of the better model at work; to wait for the verdict on a busy machine."""
+
+
+def trigger(graph: Any, service: str) -> Any:
+    return graph.call(Trigger, f"/monitor/{service}", Trigger.Request())
+
+
+def median(errors: list[Any], speed: int) -> float:
+    return float(np.median([abs(message.data[3 + speed]) for message in errors]))
+
+
+@pytest.mark.slow
+def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> None:
+    truth = Model.load("dc_motor").with_options(with_position=True, update_period=0.05, operating_point="midpoint")
+    truth.save(tmp_path / "truth.yaml")
+    nominal = truth.without_effect("coulomb_friction")
+    nominal.save(tmp_path / "nominal.yaml")
+    drive = ("input_signal:=multisine", "amplitude:=2.0", "input_period:=7.0", "publish_rate:=100.0", "noise:=0.001")
+    graph.start("plant_simulator", *drive, model=tmp_path / "truth.yaml")
+    joint = "state_source:=joint_state"
+    graph.start("linearizer", joint, model=tmp_path / "nominal.yaml")
+    graph.start("monitor", joint, "learn:=10.0", f"folder:={tmp_path}", model=tmp_path / "nominal.yaml")
+    errors, verdicts = graph.collect(Float64MultiArray, "/monitor/error"), graph.collect(String, "/monitor/verdict")
+    graph.wait(lambda: errors, "the first error", PATIENCE)
+    assert not trigger(graph, "apply").success
+    graph.spin(KEPT)
+    asked = trigger(graph, "diagnose")
+    assert asked.success, asked.message
+    done = graph.wait(
+        lambda: [v for v in map(json.loads, (m.data for m in verdicts)) if v["state"] in ("done", "failed")],
+        "a verdict",
+        PATIENCE,
+    )[-1]
+    assert done["state"] == "done", done
+    assert "coulomb_friction" in Model.load(done["model_file"]).effects
+    speed, before = nominal.states.index("speed"), median(errors, nominal.states.index("speed"))
+    applied = trigger(graph, "apply")
+    assert applied.success, applied.message
+    errors.clear()
+    graph.spin(AFTER)
+    assert median(errors, speed) < before / 5
+    assert trigger(graph, "record").success
+    reverted = trigger(graph, "revert")
+    assert reverted.success, reverted.message
+    errors.clear()
+    graph.spin(AFTER)
+    assert median(errors, speed) > before / 2
+    assert not trigger(graph, "revert").success
