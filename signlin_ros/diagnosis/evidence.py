@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.agreement import changes_effort
 from signlin_ros.diagnosis.curves import LEAST, Band, band, memory
 from signlin_ros.diagnosis.force.record import missing_force
+from signlin_ros.diagnosis.measures import changes_effort
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.diagnosis.told import Findings

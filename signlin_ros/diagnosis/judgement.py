@@ -8,12 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.agreement import Agreed, leaves_noise, noise_percent, sees
+from signlin_ros.diagnosis.agreement import Agreed
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import structured
 from signlin_ros.diagnosis.force.record import missing_force
 from signlin_ros.diagnosis.force.regression import Fit
+from signlin_ros.diagnosis.measures import leaves_noise, noise_percent, sees
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.signs import reversed_signal
 

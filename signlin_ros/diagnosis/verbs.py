@@ -12,6 +12,7 @@ from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.record import depends_on_place
 from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.judgement import judge
+from signlin_ros.diagnosis.measures import with_laws
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.told import told
@@ -166,8 +167,6 @@ def _check_addable(model: Model, effect: str) -> None:
 
 def _asked(motion: Motion, force: Testimony | None, effect: str) -> Fitted:
     """Return the fit with an effect, started from what the force witness found of it."""
-    from signlin_ros.diagnosis.agreement import with_laws
-
     fit = force.search.models.get(frozenset({effect})) if force else None
     start = with_laws(force, fit) if force and fit else None
     return motion.fitted([effect], start)

@@ -1,0 +1,178 @@
+"""What the two witnesses measure of a model, on unseen data: the force that it leaves, and what counts as noise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.force.record import depends_on_place, missing_force
+from signlin_ros.diagnosis.force.regression import SCALING, TINY, Fit, mean_certainty, scaling
+from signlin_ros.diagnosis.force.witness import Testimony
+from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.motion.trials import free_key
+from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.effects.base import Effect, SensorEffect
+from signlin_ros.model import Model
+
+Array = NDArray[np.float64]
+
+
+def percent(force: Testimony, left: Array) -> float:
+    """Return squares (blocks,) as per cent of the effort (RMS)."""
+    return 100.0 * float(np.sqrt(np.mean(left))) / max(force.search.r.unseen.effort, 1e-300)
+
+
+def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> Array | None:
+    """Return the mean squared force (blocks,) that a set of effects leaves of unseen data; None where forces do not
+    tell: with the values that the motion gave or those that the force gave, whichever leave less. So that what is held
+    against a set is the best of it.
+    """
+    if force is None or not comparable(force, f):
+        return None
+    if id(f) not in known:
+        left, own = written_left(force, f), force.search.models.get(frozenset(f.effects))
+        better = own is not None and own.error < float(np.mean(left))
+        known[id(f)] = _by_block(force, own.unseen) if own and better else left
+    return known[id(f)]
+
+
+def written_left(force: Testimony, f: Fitted) -> Array:
+    """Return the mean squared force (blocks,) that a model leaves of unseen data, with the values that are written in
+    it, in the size of the effort as given. Effort and motion may be stamped apart by half a sample.
+    """
+    r = force.search.r
+    left = np.concatenate([p.seen(missing_force(f.model, p)) for p in r.unseen.pieces])
+    left = left * scaling(r.model, r.current) / scaling(f.model, r.current)
+    late = r.unseen.X[:, -1]
+    left = left - late * np.clip(float(late @ left) / max(float(late @ late), 1e-300), -0.5, 0.5)
+    return _by_block(force, left)
+
+
+def _by_block(force: Testimony, left: Array) -> Array:
+    """Return the mean squares (blocks,) of what is left (K,)."""
+    blocks = force.search.r.unseen.blocks
+    count = np.bincount(blocks)
+    return np.asarray(np.bincount(blocks, left**2)[count > 0] / count[count > 0])
+
+
+def written(motion: Motion, force: Testimony | None, f: Fitted, criteria: Criteria) -> Fitted:
+    """Return the best model with some effects: with the values that the motion gave, or with those that the force gave,
+    where these leave less force beyond doubt, and less of both together. What leaves but noise of the motion has the
+    right values.
+    """
+    best = motion.best(f)
+    if force is None or best.white or not (f.effects and comparable(force, f)):
+        return best
+    f = min(f, best, key=lambda one: _both_left(force, one))
+    fit = force.search.models.get(frozenset(f.effects))
+    if fit is None:
+        return f
+    model, scale = with_laws(force, fit), SCALING[: 1 if force.search.r.current else None]
+    untold = set(f.model.plant.pars()) - {*force.search.r.base.names, *scale}
+    model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
+    stated = motion.stated([n for n, _ in fit.members], model)
+    if stated is None or mean_certainty(written_left(force, f), written_left(force, stated)) < criteria.certainty:
+        return f
+    return min(f, stated, key=lambda one: _both_left(force, one))
+
+
+def _both_left(force: Testimony, f: Fitted) -> float:
+    """Return the sum of the logarithms of what a model leaves of the force and of every channel of the motion."""
+    return f.level + float(np.log(np.mean(written_left(force, f)) + TINY))
+
+
+def leaves_noise(f: Fitted, criteria: Criteria) -> bool:
+    """Tell whether a model leaves nothing but noise. Of a load that floats its residual says nothing, since a filter
+    holds it to what is measured: its windows must be near the noise.
+    """
+    if not any(find_effect(name, "effects").floating for name in f.effects):
+        return f.white
+    return f.white and bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < criteria.near * f.noise))
+
+
+def noise_percent(force: Testimony) -> float:
+    """Return what the sensors' noise leaves of a force, in per cent of the effort (RMS)."""
+    unseen = force.search.r.unseen
+    return 100.0 * float(np.sqrt(np.mean([p.noise**2 for p in unseen.pieces]))) / max(unseen.effort, 1e-300)
+
+
+def sees(force: Testimony | None, f: Fitted, criteria: Criteria, known: dict[int, Array]) -> bool:
+    """Tell whether the force witness can tell what is in the force that a model leaves."""
+    left = force_left(force, f, known)
+    return left is not None and force is not None and percent(force, left) > criteria.sees * noise_percent(force)
+
+
+def comparable(force: Testimony, f: Fitted) -> bool:
+    """Tell whether the force that a model leaves can be compared with the base model's: not where the effort itself,
+    or what is measured, is what was changed, nor where a load floats, which only an observer keeps where it is, nor
+    where it depends on a position that was not measured; nor where an effect that the force witness cannot see leaves
+    but noise of the motion.
+    """
+    effects = [find_effect(name, "effects") for name in f.effects]
+    if any(changes_effort(effect) or effect.floating for effect in effects):
+        return False
+    if set(f.effects) & not_seen(force) and f.white:
+        return False
+    return force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
+
+
+def changes_effort(effect: type[Effect]) -> bool:
+    """Tell whether an effect changes the input, the torque constant, or what a sensor shows: the effort would explain
+    itself.
+    """
+    own = (effect.input, effect.delay, effect.torque_constant, effect.resistance)
+    none = (Effect.input, Effect.delay, Effect.torque_constant, Effect.resistance)
+    return issubclass(effect, SensorEffect) or any(a is not b for a, b in zip(own, none, strict=True))
+
+
+def not_seen(force: Testimony | None) -> set[str]:
+    """Return the effects that the force witness cannot see."""
+    return {n for n in EFFECTS if force is None or n not in force.search.r.laws}
+
+
+def force_falls(
+    force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]
+) -> bool:
+    """Tell whether a model leaves surely less force than another one."""
+    a, b = force_left(force, before, left), force_left(force, after, left)
+    return a is None or b is None or mean_certainty(a, b) >= criteria.certainty
+
+
+def force_raises(
+    force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]
+) -> bool:
+    """Tell whether a model leaves more force than another one, beyond doubt, and so that it shows."""
+    a, b = force_left(force, before, left), force_left(force, after, left)
+    if a is None or b is None or force is None:
+        return False
+    shows = float(np.mean(b)) > (1 + criteria.alike) ** 2 * float(np.mean(a))
+    return shows and mean_certainty(a, b) < -criteria.tie
+
+
+def with_laws(force: Testimony, fit: Fit) -> Model:
+    """Return the model with the laws of a fit of the force witness, all values as found there."""
+    r, model = force.search.r, force.search.r.model
+    for name, shape in fit.members:
+        model = model.with_effect(
+            name, free_key(model, name), **r.laws[name].parameters(shape, fit.theta[fit.spans[name]])
+        )
+    moved = zip(r.base.names[:-1], fit.theta, strict=False)
+    return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
+
+
+__all__ = [
+    "changes_effort",
+    "comparable",
+    "force_falls",
+    "force_left",
+    "force_raises",
+    "leaves_noise",
+    "noise_percent",
+    "not_seen",
+    "percent",
+    "sees",
+    "with_laws",
+    "written",
+    "written_left",
+]
