@@ -58,14 +58,23 @@ class Motion:
             scale=SimpleNamespace(step=0.01),
         )
 
+    def best(self, f: Fit) -> Fit:
+        return f
+
     def gain(self, before: Fit, after: Fit) -> Any:
         return gain(before.unseen_squares, after.unseen_squares, np.full(len(before.rms), NOISE))
 
 
 def force_witness(*laws: str, effects: tuple[str, ...] = (), structure: bool = False, flexible: float = 1.0) -> Any:
     unseen = SimpleNamespace(pieces=[SimpleNamespace(noise=0.01)], effort=EFFORT)
-    search = SimpleNamespace(r=SimpleNamespace(laws=dict.fromkeys(laws), unseen=unseen))
+    known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
+    search = SimpleNamespace(r=SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen))
     return SimpleNamespace(search=search, effects=effects, structure=structure, flexible=flexible)
+
+
+@pytest.fixture(autouse=True)
+def what_is_written_leaves_what_it_leaves(monkeypatch):
+    monkeypatch.setattr(agreement, "written_left", lambda force, f: around(f.force, 0))
 
 
 def left(*fits: Fit) -> dict[int, np.ndarray]:

@@ -116,7 +116,7 @@ def left_of_the_current(found: dict[str, Any], file: Path) -> float:
 
 
 @pytest.mark.xfail(
-    reason="the ripple is named, but the values that the motion gives leave 0.11 A of current, not 0.03", strict=False
+    reason="the ripple is named; what is written leaves 0.03 A only with its effort half a sample late", strict=False
 )
 def test_a_motor_that_its_own_waves_throw_back_and_forth():
     """Least squares: 0.117 A without waves, 0.0273 with seven of them; Coulomb friction is a tie beside them."""
