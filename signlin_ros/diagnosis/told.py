@@ -204,7 +204,7 @@ def _by_force(j: Judgement, name: str, tie: tuple[str, ...]) -> Entry:
     """Return the entry of an effect that only the force witness tried."""
     force, fit = j.agreed.force, _forces(j)[name]
     assert force is not None  # noqa: S101  it tried the effect
-    a, b = force.percent(force.search.base), force.percent(fit)
+    a, b = j.agreed.percent(j.agreed.base) or force.percent(force.search.base), force.percent(fit)
     why = f"alone it leaves {b:.3g} % of the effort on unseen data, the model without it {a:.3g} %"
     effect = find_effect(name, "effects")
     status = "not_excited" if effect.only_beyond and b >= a else "rejected"
