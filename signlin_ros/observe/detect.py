@@ -37,8 +37,8 @@ RUNS = (2, 3, 5)
 """So many samples to one side are a change; a single one is a wild value."""
 CLEAR = 2.5
 """What the other values of a run must be on the mean, beside the largest."""
-RUN_MARGIN, RUN_FLOOR = 1.5, 5.5
-"""A run's size against the largest usual one, and at least."""
+RUN_MARGIN, RUN_FLOOR = 1.5, 6.5
+"""A run's size against the largest usual one of any situation, some seen for seconds only; and at least."""
 SHIFT_MARGIN, SHIFT_FLOOR = 1.3, 6.0
 """A shift's size, in standard deviations, against the largest usual one, and at least."""
 LIKER = 1.15
@@ -217,7 +217,7 @@ class ChangeDetector:
             onset, size, left = self._waiting
             self._waiting = (onset, size, left - 1) if wild < size else None
             self.alarm = Alarm(t, onset, "change") if self._waiting and left == 1 else None
-        elif run > max(RUN_MARGIN * usual.run, RUN_FLOOR):
+        elif run > max(RUN_MARGIN * max(known.run for known in self._usual.values()), RUN_FLOOR):
             self._waiting = (t, run, max((f.size for f in self.signatures.values()), default=1))
 
     def _end_block(self) -> None:
