@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import yaml
 
+from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model, shipped_models
 from signlin_ros.nodes.overrides import Entry, changed, check_none_lost, entries_of, model_of, nested
@@ -93,6 +95,16 @@ def test_sensors_are_parameters_by_channel() -> None:
         changed(model, {"effects.sensor_gain.position": 0.0})
 
 
+@pytest.fixture
+def effects_restored() -> Iterator[None]:
+    """Forget the effects that a test reads: others would find them in what they try."""
+    known = dict(EFFECTS)
+    yield
+    EFFECTS.clear()
+    EFFECTS.update(known)
+
+
+@pytest.mark.usefixtures("effects_restored")
 def test_effect_files_lie_beside_the_parameter_file_that_names_them(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
