@@ -15,7 +15,6 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -487,15 +486,14 @@ def _learned(
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis.data import load_sides
-    from signlin_ros.guard import check_files, check_records
+    from signlin_ros.guard import check_files, check_sides
     from signlin_ros.learned import add_learned
     from signlin_ros.model import SUFFIXES, Model
 
     original = Model.load(model)
     check_files(original, data, validation, output, SUFFIXES)
     loaded, first, second = load_sides(original, data, validation, mapping)
-    records, findings = check_records(loaded, [*first, *(second or ())], cures)
-    first, second = records[: len(first)], records[len(first) :] or None
+    first, second, findings = check_sides(loaded, first, second, cures)
     _progress(f"{effect}: {sum(map(len, [*first, *(second or ())]))} samples ...")
     new, content = add_learned(loaded, first, second, over)
     new = new.with_options(with_position=original.with_position)
@@ -533,19 +531,20 @@ def _diagnosed(
     from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis import verbs as page
     from signlin_ros.diagnosis.data import load_sides
+    from signlin_ros.diagnosis.proposal import printed
     from signlin_ros.files import write_text
-    from signlin_ros.guard import check_files, check_records
+    from signlin_ros.guard import check_files, check_sides
     from signlin_ros.model import SUFFIXES, Model
 
     original = Model.load(model)
     check_files(original, data, validation, output, SUFFIXES, report)
-    loaded, known, unseen = load_sides(original, data, validation, mapping)
-    records, findings = check_records(loaded, [*known, *(unseen or ())], cures)
-    first, second = records[: len(known)], records[len(known) :] or None
+    loaded, first, second = load_sides(original, data, validation, mapping)
+    first, second, findings = check_sides(loaded, first, second, cures)
+    records = [*first, *(second or ())]
     _progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
     arguments = (*([effect] if effect else []), loaded, first, second)
     result = getattr(page, verb)(*arguments, jobs=jobs or os.cpu_count() or 1, progress=_stage)
-    result = _with_notes(_as_written(result, original, output), records)
+    result = printed(result, original, output, records)
     if output is not None:
         try:
             write_text(output, result.yaml)
@@ -558,28 +557,6 @@ def _diagnosed(
         command = _command(words, validation=validation, signal=signals, cure=cures, output=output)
         diagnosis_report(result, report, command=command, data=(first, second), model=loaded, record=findings)
     return {**result.to_json(), "record": to_json(findings)}, console.diagnosis_text
-
-
-def _as_written(result: Any, original: Any, output: str | None) -> Any:
-    """Return a diagnosis with the text of its model as a file of its own.
-
-    The model file names the position only if the model as given did or an effect needs it (`load_records` adds it for
-    the comparison where it is measured), and effect files from where it stands.
-    """
-    from signlin_ros.diagnosis.proposal import yaml_of
-
-    model = result.model
-    if model.with_position and not original.with_position:
-        model = model.with_options(with_position=False)
-    if output is not None:
-        model = model.placed_in(Path(output).parent)
-    return replace(result, yaml=yaml_of(model, result.findings))
-
-
-def _with_notes(result: Any, records: Sequence[Any]) -> Any:
-    """Return a diagnosis with what the reader did to the records before its own notes."""
-    done = (f"{record.source}: {note}" for record in records for note in record.notes)
-    return replace(result, notes=(*done, *result.notes))
 
 
 def _stage(what: str, share: float) -> None:

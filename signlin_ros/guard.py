@@ -46,6 +46,14 @@ def check_records(
     return sound, findings
 
 
+def check_sides(
+    model: Model, known: Sequence[ModelData], unseen: Sequence[ModelData] | None, cures: Sequence[str] = ()
+) -> tuple[list[ModelData], list[ModelData] | None, list[Finding]]:
+    """Return the records of a fit and those for validation (None: there are none), see `check_records`."""
+    records, findings = check_records(model, [*known, *(unseen or ())], cures)
+    return records[: len(known)], records[len(known) :] or None, findings
+
+
 def _distinct(data: Sequence[str], validation: Sequence[str]) -> dict[Path, str]:
     """Return the records that are there, and what each is; raise `InputError` on one that is given twice."""
     found: dict[Path, str] = {}

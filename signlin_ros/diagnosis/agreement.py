@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,8 @@ from signlin_ros.diagnosis.measures import (
     force_falls,
     force_left,
     force_raises,
+    leaves_much,
     leaves_noise,
-    noise_percent,
     not_seen,
     percent,
     sees,
@@ -65,8 +66,13 @@ class Agreed:
         what is stood for as it is written, of others at their best.
         """
         if f is self.final and self.force is not None and comparable(self.force, f):
-            return written_left(self.force, f)
+            return self._written
         return force_left(self.force, f, self._left)
+
+    @cached_property
+    def _written(self) -> Array:
+        assert self.force is not None  # noqa: S101  asked before
+        return written_left(self.force, self.final)
 
     def percent(self, f: Fitted) -> float | None:
         """Return the force left of unseen data in per cent of the effort (RMS), None where forces do not tell."""
@@ -119,8 +125,7 @@ def _explained(
     before, after = force_left(force, base, left), force_left(force, first, left)
     if before is None or after is None or force is None or not sees(force, first, criteria, left):
         return False
-    noise = (noise_percent(force) / 100.0 * force.search.r.unseen.effort) ** 2
-    return float(np.mean(after)) - noise <= criteria.part * max(float(np.mean(before)) - noise, 0.0)
+    return not leaves_much(force, before, after, criteria)
 
 
 def _best_of(

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.curves import LEAST, Band, band, memory
-from signlin_ros.diagnosis.force.record import missing_force
 from signlin_ros.diagnosis.measures import changes_effort
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
@@ -111,8 +110,7 @@ def _lacking(f: Findings, fitted: Fitted, effect: str) -> tuple[Array, Array]:
     less = fitted.model
     for key in [k for k, use in less.effects.items() if use.type == effect and k not in f.problem.base.effects]:
         less = less.without_effect(key)
-    parts = force.search.r.unseen.pieces
-    without, with_it = (np.concatenate([p.seen(missing_force(m, p)) for p in parts]) for m in (less, fitted.model))
+    without, with_it = (force.search.r.unseen.missing(m) for m in (less, fitted.model))
     return without, without - with_it
 
 

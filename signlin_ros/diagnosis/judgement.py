@@ -12,9 +12,8 @@ from signlin_ros.diagnosis.agreement import Agreed
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import structured
-from signlin_ros.diagnosis.force.record import missing_force
 from signlin_ros.diagnosis.force.regression import Fit
-from signlin_ros.diagnosis.measures import leaves_noise, noise_percent, sees
+from signlin_ros.diagnosis.measures import leaves_much, leaves_noise, noise_percent, sees
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.signs import reversed_signal
 
@@ -73,9 +72,7 @@ class Judgement:
         if set(self.final.effects) == set(force.effects):
             return force.structure, force.flexible
         r = force.search.r
-        left, unseen = (
-            np.concatenate([p.seen(missing_force(self.final.model, p)) for p in s.pieces]) for s in (r.known, r.unseen)
-        )
+        left, unseen = (s.missing(self.final.model) for s in (r.known, r.unseen))
         return structured(r, Fit((("final", ()),), np.zeros(0), np.zeros((0, 0)), left, unseen), force.search.base)
 
     @cached_property
@@ -116,11 +113,10 @@ class Judgement:
     @property
     def little(self) -> bool:
         """Whether a proposal leaves the larger part of the force that is missing."""
-        before, after = (self.agreed.percent(f) for f in (self.agreed.base, self.final))
-        if not self.names or before is None or after is None:
+        force, before, after = self.agreed.force, self.left(self.agreed.base), self.left(self.final)
+        if not self.names or force is None or before is None or after is None:
             return False
-        noise = self.noise_percent**2
-        return after**2 - noise > self.criteria.part * max(before**2 - noise, 0.0)
+        return leaves_much(force, before, after, self.criteria)
 
     @property
     def verdict(self) -> str:

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.record import depends_on_place, missing_force
-from signlin_ros.diagnosis.force.regression import SCALING, TINY, Fit, mean_certainty, scaling
+from signlin_ros.diagnosis.force.record import depends_on_place, effort_gain
+from signlin_ros.diagnosis.force.regression import APART, TINY, Fit, mean_certainty, scaling
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.trials import free_key
@@ -42,10 +42,9 @@ def written_left(force: Testimony, f: Fitted) -> Array:
     it, in the size of the effort as given. Effort and motion may be stamped apart by half a sample.
     """
     r = force.search.r
-    left = np.concatenate([p.seen(missing_force(f.model, p)) for p in r.unseen.pieces])
-    left = left * scaling(r.model, r.current) / scaling(f.model, r.current)
+    left = r.unseen.missing(f.model) * effort_gain(r.model, r.current) / effort_gain(f.model, r.current)
     late = r.unseen.X[:, -1]
-    left = left - late * np.clip(float(late @ left) / max(float(late @ late), 1e-300), -0.5, 0.5)
+    left = left - late * np.clip(float(late @ left) / max(float(late @ late), 1e-300), -APART, APART)
     return _by_block(force, left)
 
 
@@ -68,8 +67,8 @@ def written(motion: Motion, force: Testimony | None, f: Fitted, criteria: Criter
     fit = force.search.models.get(frozenset(f.effects))
     if fit is None:
         return f
-    model, scale = with_laws(force, fit), SCALING[: 1 if force.search.r.current else None]
-    untold = set(f.model.plant.pars()) - {*force.search.r.base.names, *scale}
+    model = with_laws(force, fit)
+    untold = set(f.model.plant.pars()) - {*force.search.r.base.names, *scaling(force.search.r.current)}
     model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
     stated = motion.stated([n for n, _ in fit.members], model)
     if stated is None or mean_certainty(written_left(force, f), written_left(force, stated)) < criteria.certainty:
@@ -101,6 +100,12 @@ def sees(force: Testimony | None, f: Fitted, criteria: Criteria, known: dict[int
     """Tell whether the force witness can tell what is in the force that a model leaves."""
     left = force_left(force, f, known)
     return left is not None and force is not None and percent(force, left) > criteria.sees * noise_percent(force)
+
+
+def leaves_much(force: Testimony, before: Array, after: Array, criteria: Criteria) -> bool:
+    """Tell whether more than a part of a missing force (mean squares by block) is left, beyond the sensors' noise."""
+    noise = (noise_percent(force) / 100.0 * force.search.r.unseen.effort) ** 2
+    return float(np.mean(after)) - noise > criteria.part * max(float(np.mean(before)) - noise, 0.0)
 
 
 def comparable(force: Testimony, f: Fitted) -> bool:
@@ -167,6 +172,7 @@ __all__ = [
     "force_falls",
     "force_left",
     "force_raises",
+    "leaves_much",
     "leaves_noise",
     "noise_percent",
     "not_seen",

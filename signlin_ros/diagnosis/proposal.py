@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from signlin_ros.diagnosis.results import Estimate
+from signlin_ros.diagnosis.results import Diagnosis, Estimate
 from signlin_ros.model import Model
+from signlin_ros.records import ModelData
 
 
 def rounded(model: Model, fitted: Mapping[str, Estimate]) -> Model:
@@ -40,10 +42,26 @@ def yaml_of(model: Model, findings: Any) -> str:
     return "\n".join(lines) + "\n"
 
 
+def printed(result: Diagnosis, original: Model, output: str | None, records: Sequence[ModelData]) -> Diagnosis:
+    """Return a diagnosis with the text of its model as a file of its own, and what the reader did to the records before
+    its own notes.
+
+    The model file names the position only if the model as given did or an effect needs it (`load_records` adds it for
+    the comparison where it is measured), and effect files from where it stands.
+    """
+    model = result.model
+    if model.with_position and not original.with_position:
+        model = model.with_options(with_position=False)
+    if output is not None:
+        model = model.placed_in(Path(output).parent)
+    done = (f"{record.source}: {note}" for record in records for note in record.notes)
+    return replace(result, yaml=yaml_of(model, result.findings), notes=(*done, *result.notes))
+
+
 def _origin(name: str, p: Estimate, base: Model) -> str:
     was = given(base, name)
     before = [f"was {was:g}"] if was is not None and not p.note.startswith("was ") else []
     return "; ".join([f"{name}: fitted, {p}", *before, *([p.note] if p.note else [])])
 
 
-__all__ = ["given", "rounded", "yaml_of"]
+__all__ = ["given", "printed", "rounded", "yaml_of"]

@@ -193,10 +193,14 @@ class KalmanObserver:
         if not self._started:
             events = self._begin(events)
         arrays = _Events.of(events, max(self._inputs.size, 1))
-        known = (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
-        innovations = Innovations.of(arrays, self._run_all(arrays, *known), len(self.model.states))
+        innovations = Innovations.of(arrays, self._run_all(arrays, *self._filters), len(self.model.states))
         self._learn(innovations)
         return innovations
+
+    @property
+    def _filters(self) -> tuple[NDArray[Any], ...]:
+        """All that running the filters changes."""
+        return (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
 
     def _learn(self, innovations: Innovations) -> None:
         """Let the noise grow where innovations stay larger than they should be, as with stamps that jitter."""
@@ -217,18 +221,16 @@ class KalmanObserver:
             raise InputError("nothing was measured yet")
         when = max(self._last if t is None else t, float(self._clock[0]))
         events = [event for event in self._queue if event[0] <= when and event[1] == INPUT] + [(when, QUERY, 0.0)]
-        copies = (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
         arrays = _Events.of(events, max(self._inputs.size, 1))
-        found = self._run_all(arrays, *(part.copy() for part in copies))[-1]
+        found = self._run_all(arrays, *(part.copy() for part in self._filters))[-1]
         x, variance = found[2:].reshape(2, -1)[:, : len(self.model.states)]
         return Estimate(when, x.copy(), np.sqrt(np.maximum(variance, 0.0)))
 
     def record(self, t: Array, measured: Mapping[str, Array], u: Array) -> tuple[Array, Innovations]:
         """Return the states (T, n) at the times t (T,) of a whole record, and how its samples differed from them."""
         events = self._all_events(t, measured, u)
-        known = (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
         events = self._begun(events) if np.any(events.kinds >= 0) else events.after(events.times.size)
-        found = self._run_all(events, *known)
+        found = self._run_all(events, *self._filters)
         asked = events.kinds == QUERY
         n = len(self.model.states)
         x = np.full((len(t), n), np.nan)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -244,6 +243,7 @@ def add(args: Args, say: Say) -> Answer:
 def _diagnosed(verb: str, args: Args, say: Say) -> Any:
     """Run a verb as the command line does; its result is kept for the report."""
     from signlin_ros import diagnosis
+    from signlin_ros.diagnosis.proposal import printed
 
     model, records, findings = _loaded(args, [*args["data"], *args["validation"]])
     given, unseen, effect = list(args["data"]), list(args["validation"]), args.get("effect")
@@ -251,22 +251,9 @@ def _diagnosed(verb: str, args: Args, say: Say) -> Any:
     run, ranking = getattr(diagnosis, verb), Ranking(say)
     more = {"jobs": os.cpu_count() or 1, "progress": ranking.stage, "seen": ranking.seen}
     result = run(*([effect] if effect else []), model, first, second, **more)
-    printed = _as_printed(result, Model.load(args["model"]), args.get("output"), records)
-    _LAST[str(args.get("key"))] = (printed, model, (first, second), findings)
-    return printed
-
-
-def _as_printed(result: Any, original: Model, output: str | None, records: Sequence[ModelData]) -> Any:
-    """Return a diagnosis with the model's text and the notes as the command line prints them."""
-    from signlin_ros.diagnosis.proposal import yaml_of
-
-    model = result.model
-    if model.with_position and not original.with_position:
-        model = model.with_options(with_position=False)
-    if output is not None:
-        model = model.placed_in(Path(output).parent)
-    done = (f"{record.source}: {note}" for record in records for note in record.notes)
-    return replace(result, yaml=yaml_of(model, result.findings), notes=(*done, *result.notes))
+    result = printed(result, Model.load(args["model"]), args.get("output"), records)
+    _LAST[str(args.get("key"))] = (result, model, (first, second), findings)
+    return result
 
 
 _LAST: dict[str, Any] = {}

@@ -223,10 +223,15 @@ def _effort(model: Model, raw: _Raw) -> tuple[Array, float]:
     effort = model.plant.effort or "current"
     if effort in model.inputs:
         return raw.u[:, model.inputs.index(effort)], 0.0
+    current = effort in raw.values and effort in (*model.states, *model.outputs)
+    gain = effort_gain(model, current)
+    return (gain * raw.values[effort], gain * raw.noise[effort]) if current else (gain * raw.u[:, 0], 0.0)
+
+
+def effort_gain(model: Model, current: bool) -> float:
+    """Return the effort for a unit of what is measured of it: of a ``current``, or of what is put in."""
     K_t = model.parameters.get("K_t", 1.0)
-    if effort in raw.values and effort in (*model.states, *model.outputs):
-        return K_t * raw.values[effort], K_t * raw.noise[effort]
-    return K_t / model.parameters["R_a"] * raw.u[:, 0], 0.0
+    return K_t if current else K_t / model.parameters.get("R_a", 1.0)
 
 
 def _motion(plant: type[Plant], raw: _Raw, wide: float) -> tuple[Array, Array, float, float]:

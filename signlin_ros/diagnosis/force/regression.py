@@ -35,8 +35,9 @@ FEWEST = 3
 """Blocks from which a standard error is told."""
 
 
-SCALING = ("K_t", "R_a", "L_a")
-"""Parameters that only scale the measured effort: the first that of a current, all that of a voltage."""
+def scaling(current: bool) -> tuple[str, ...]:
+    """Return the parameters that only scale the measured effort: a ``current``, or a voltage."""
+    return ("K_t",) if current else ("K_t", "R_a", "L_a")
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,10 @@ class Side:
     def columns(self, law: Law, shape: Shape) -> Array:
         """Return the columns (K, c) of a law."""
         return np.vstack([law.columns(p, shape) for p in self.pieces])
+
+    def missing(self, model: Model) -> Array:
+        """Return the force (K,) that a model lacks."""
+        return np.concatenate([p.seen(missing_force(model, p)) for p in self.pieces])
 
 
 @dataclass(frozen=True)
@@ -102,12 +107,12 @@ def base_of(model: Model, current: bool) -> dict[str, tuple[float, float]]:
     What only scales the measured effort is left out: the effort must not explain itself. Its tolerance goes to what it
     scales. ``current``: whether a motor's current is measured.
     """
-    scaling = SCALING[:1] if current else SCALING
-    scale = float(np.hypot.reduce([_tolerance(model, n) for n in scaling if n in model.parameters] or [0.0]))
+    scales = scaling(current)
+    scale = float(np.hypot.reduce([_tolerance(model, n) for n in scales if n in model.parameters] or [0.0]))
     found = {}
     for name, value in model.parameters.items():
         spread = _tolerance(model, name)
-        if name in scaling or not value or not spread:
+        if name in scales or not value or not spread:
             continue
         found[name] = (value, float(np.hypot(spread, scale)))
     for key, use in model.effects.items():
@@ -121,12 +126,6 @@ def _tolerance(model: Model, name: str) -> float:
         return 0.0
     t = model.tolerance
     return float(t.get(name, 0.05) if isinstance(t, Mapping) else t)
-
-
-def scaling(model: Model, current: bool) -> float:
-    """Return the effort for a unit of what is measured of it: of a ``current``, or of what is put in."""
-    K_t = model.parameters.get("K_t", 1.0)
-    return K_t if current else K_t / model.parameters.get("R_a", 1.0)
 
 
 def side(model: Model, pieces: Sequence[Piece], moved: Mapping[str, tuple[float, float]]) -> Side:
@@ -263,8 +262,8 @@ def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) 
 
 
 __all__ = [
+    "APART",
     "KEY",
-    "SCALING",
     "TINY",
     "Base",
     "Fit",

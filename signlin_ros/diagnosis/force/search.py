@@ -107,9 +107,14 @@ class Search:
                 continue
             if law.effect.periodic:
                 self._scan(name, f)
-            best = max(((self._gain(law, shape, f, Q), shape) for shape in self.shapes[name]), default=None)
-            if best and best[0] > 0.0:
-                yield best[0], (name, best[1])
+            gain, shape = self._best_shape(name, f, Q)
+            if gain > 0.0:
+                yield gain, (name, shape)
+
+    def _best_shape(self, name: str, f: Fit, Q: Array) -> tuple[float, Shape]:
+        """Return about what a law would take of the squared error beside a fit, at its best shape, and that one."""
+        law = self.r.laws[name]
+        return max(((self._gain(law, shape, f, Q), shape) for shape in self.shapes[name]), default=(0.0, ()))
 
     def _explained(self, f: Fit) -> Array:
         """Return an orthonormal basis (K + b, c) of what a fit's columns can do, the base held by its tolerances."""
@@ -305,9 +310,7 @@ class Search:
         """Return the best fit known of one law more, its shape from the grid where none was refined."""
         names = f.names | {name}
         if names not in self.models:
-            law, Q = self.r.laws[name], self._explained(f)
-            gains = [(self._gain(law, shape, f, Q), shape) for shape in self.shapes[name]]
-            gain, shape = max(gains, default=(0.0, ()))
+            gain, shape = self._best_shape(name, f, self._explained(f))
             if gain <= 0.0:
                 return None
             self._keep(self.r.fitted((*f.members, (name, shape))))
