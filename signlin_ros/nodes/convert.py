@@ -83,8 +83,10 @@ def read_joint(message: JointState, joint: str) -> dict[str, float] | Refusal:
     for field in JOINT_FIELDS:
         values = getattr(message, field)
         value = float(values[index]) if index < len(values) else math.nan
-        if math.isinf(value):
-            return Refusal("not_finite", f"{field} is not finite")
+        if math.isinf(value * value):  # no variance holds it: of an observer nothing would be left
+            return Refusal(
+                "not_finite", f"{field} is not finite" if math.isinf(value) else f"{field} {value:g} squared"
+            )
         if not math.isnan(value):
             found[field] = value
     return found

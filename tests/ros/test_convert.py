@@ -64,6 +64,8 @@ def test_joints_are_found_by_name() -> None:
     assert convert.read_joint(message, "c") == Refusal("missing", "no joint 'c' among ['a', 'wheel', 'b']")
     message.position[1] = float("inf")
     assert convert.read_joint(message, "wheel") == Refusal("not_finite", "position is not finite")
+    message.position[1] = 1e300
+    assert convert.read_joint(message, "wheel") == Refusal("not_finite", "position 1e+300 squared")
 
 
 def test_matrices_are_row_major_with_labelled_dimensions() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,9 @@ POLICIES = Path(__file__).parents[2] / "config" / "security" / "policies.xml"
 def test_without_a_keystore_every_node_refuses_in_one_line(graph: Any, node: str) -> None:
     environment = {k: v for k, v in graph.env.items() if not k.startswith("ROS_SECURITY")}
     process = graph.start(node)
-    process.stop()
+    process.stop(
+        signal.SIGKILL
+    )  # only its command is wanted; where a shell runs tests aside, SIGINT is ignored at first
     command = process.popen.args
     run = subprocess.run(
         command, env={**environment, "ROS_SECURITY_ENABLE": "true"}, capture_output=True, text=True, check=False
