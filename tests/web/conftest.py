@@ -218,7 +218,9 @@ class Page:
         return bool(self.driver.find_elements("css selector", "section[data-busy=true]"))
 
     def says(self, name: str) -> str:
-        return str(self.driver.find_element("id", f"says-{name}").text)
+        """Return the sentence of a stage; the page may replace it between finding and reading."""
+        (text,) = self.wait(lambda: (self.driver.find_element("id", f"says-{name}").text,), f"what {name} says")
+        return str(text)
 
     def error(self, name: str) -> str:
         """Wait for the error of a stage and return it."""
