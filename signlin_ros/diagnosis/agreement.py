@@ -220,7 +220,8 @@ def _confirmed(
         return None
     tried.append(found)
     g = motion.gain(motion.base, found)
-    if g.certainty < criteria.least or g.worsens(criteria.worse, criteria.alike):
+    falls = 0.0 if _explained(force, motion.base, found, criteria, left) else criteria.least
+    if g.certainty < falls or g.worsens(criteria.worse, criteria.alike):
         return None
     if found.vague(criteria):
         plain = motion.plainer(found)

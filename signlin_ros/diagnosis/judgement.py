@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.agreement import Agreed
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.flexible import structured
+from signlin_ros.diagnosis.force.flexible import changing, structured
 from signlin_ros.diagnosis.force.regression import Fit
-from signlin_ros.diagnosis.measures import leaves_much, leaves_noise, noise_percent, sees
+from signlin_ros.diagnosis.measures import leaves_much, leaves_noise, near_noise, noise_percent, sees
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.signs import reversed_signal
 
@@ -76,6 +76,16 @@ class Judgement:
         return structured(r, Fit((("final", ()),), np.zeros(0), np.zeros((0, 0)), left, unseen), force.search.base)
 
     @cached_property
+    def changing(self) -> str:
+        """Which force changes slowly along the records, if that is most of what is left; empty if none does."""
+        force = self.agreed.force
+        if force is None or self.percent is None or self.final.white:
+            return ""
+        fit = force.search.models.get(frozenset(self.final.effects))
+        r = force.search.r
+        return changing(r, fit.unseen if fit else r.unseen.missing(self.final.model))
+
+    @cached_property
     def worse(self) -> str:
         """The channel whose printed error rises from the base model to the proposal beyond its standard error, or the
         missing force, if one does.
@@ -107,7 +117,8 @@ class Judgement:
             return "far"
         if self.sees:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
-            return "structure" if self.structure[0] or ((large or self.little) and not self.final.white) else ""
+            more = large or self.little or near_noise(self.final, self.criteria) or self.changing
+            return "structure" if self.structure[0] or (more and not self.final.white) else ""
         return "" if leaves_noise(self.final, self.criteria) else "structure"
 
     @property

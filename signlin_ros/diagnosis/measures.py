@@ -85,9 +85,15 @@ def leaves_noise(f: Fitted, criteria: Criteria) -> bool:
     """Tell whether a model leaves nothing but noise. Of a load that floats its residual says nothing, since a filter
     holds it to what is measured: its windows must be near the noise.
     """
-    if not any(find_effect(name, "effects").floating for name in f.effects):
-        return f.white
-    return f.white and bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < criteria.near * f.noise))
+    floats = any(find_effect(name, "effects").floating for name in f.effects)
+    return f.white and (not floats or near_noise(f, criteria))
+
+
+def near_noise(f: Fitted, criteria: Criteria) -> bool:
+    """Tell whether a model predicts every channel to about its sensor's noise: what is left then tells by itself
+    whether the model is complete. Far above it any real drive lacks more than one thing.
+    """
+    return bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < criteria.near * f.noise))
 
 
 def noise_percent(force: Testimony) -> float:
@@ -174,6 +180,7 @@ __all__ = [
     "force_raises",
     "leaves_much",
     "leaves_noise",
+    "near_noise",
     "noise_percent",
     "not_seen",
     "percent",

@@ -84,6 +84,8 @@ def remainder(j: Judgement) -> str:
     left, (flexible, after) = f" What is left is {_digits(j.percent)} % of the effort", j.structure
     if flexible:
         return f"{left}; a flexible curve would leave {_digits(after)} %: {LEARN}."
+    if j.changing:
+        return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
     if not j.final.white:
         return f"{left}, {_digits(j.percent / j.noise_percent)} times what the sensors' noise makes of it."
     return ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -34,10 +34,15 @@ class Fit:
     white: bool = False
     away: dict[str, float] = field(default_factory=dict)
     fit: Any = None
+    sensors: float = 0.1
 
     @property
     def unseen_squares(self) -> np.ndarray:
         return np.column_stack([around(r, 7 * len(self.effects) + k) for k, r in enumerate(self.rms)])
+
+    @property
+    def noise(self) -> np.ndarray:
+        return np.full(len(self.rms), self.sensors)
 
     def far(self, criteria: Any) -> dict[str, float]:
         return {n: x for n, x in self.away.items() if abs(x) > criteria.far}
@@ -68,7 +73,8 @@ class Motion:
 def force_witness(*laws: str, effects: tuple[str, ...] = (), structure: bool = False, flexible: float = 1.0) -> Any:
     unseen = SimpleNamespace(pieces=[SimpleNamespace(noise=0.01)], effort=EFFORT)
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
-    search = SimpleNamespace(r=SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen))
+    regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen)
+    search = SimpleNamespace(r=regression, models={frozenset(effects): SimpleNamespace(unseen=np.zeros(1))})
     return SimpleNamespace(search=search, effects=effects, structure=structure, flexible=flexible)
 
 
@@ -164,6 +170,7 @@ def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "") 
 @pytest.fixture(autouse=True)
 def no_sign_is_wrong(monkeypatch):
     monkeypatch.setattr(judgement, "reversed_signal", lambda problem, fit: "")
+    monkeypatch.setattr(judgement, "changing", lambda r, left: "")
 
 
 COULOMB = Fit(("coulomb_friction",), (0.5,), 0.4)
@@ -178,6 +185,17 @@ def test_what_both_stand_for_is_missing_though_something_is_left():
     assert found.sees
     assert not found.final.white
     assert found.verdict == "missing"
+
+
+def test_near_the_sensors_noise_what_is_left_must_be_noise():
+    near = Fit(("coulomb_friction",), (0.5,), 0.4, sensors=0.4)
+    assert judged(near, force=sees()).unexplained == "structure"
+    assert judged(replace(near, white=True), force=sees()).verdict == "missing"
+
+
+def test_a_force_that_changes_along_the_record_is_told(monkeypatch):
+    monkeypatch.setattr(judgement, "changing", lambda r, left: "dry friction")
+    assert judged(COULOMB, force=sees()).unexplained == "structure"
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,6 @@
-"""Whether anything is left that goes with the motion, whatever its law: a flexible regression, judged on unseen data.
+"""Whether anything is left that goes with the motion, whatever its law, or that changes along the record.
+
+A flexible regression, judged on unseen data; and forces whose size changes slowly, judged on blocks left out.
 
 Position, velocity, their past and what bristles of several lengths would do, through random cosine features [Rahimi and
 Recht, Advances in Neural Information Processing Systems 20, 2007]; ridge regression, its weight chosen by blocks.
@@ -8,10 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
 from signlin_ros.diagnosis.force.record import Piece, low_pass
-from signlin_ros.diagnosis.force.regression import Fit, Regression
+from signlin_ros.diagnosis.force.regression import Fit, Regression, mean_certainty
 
 Array = NDArray[np.float64]
 
@@ -25,6 +28,10 @@ WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
 """Weights of the ridge that are tried,"""
 FOLDS = 5
 """each on so many parts of the record, left out in turn."""
+CHANGES = (6, 24)
+"""Fewest and most spline functions of time that a size follows along a record, one for each `APART` blocks."""
+APART, HALF = 3, 0.5
+"""Blocks that a spline function spans; part of what is left beyond the noise that such a change takes away."""
 
 
 def slipping(q: Array, widths: Array) -> Array:
@@ -110,4 +117,55 @@ def structured(r: Regression, fit: Fit, base: Fit) -> tuple[bool, float]:
     return bool(sure and large), 100.0 * float(np.sqrt(flexible.error)) / max(r.unseen.effort, 1e-300)
 
 
-__all__ = ["structured", "unseen_after"]
+def changing(r: Regression, left: Array) -> str:
+    """Return which force changes slowly along the unseen records, and by that is most of what is left (K,) beyond the
+    sensors' noise; empty if none does. Each block of time is predicted from those around it.
+    """
+    sums = np.bincount(r.unseen.blocks)
+    blocks = r.unseen.blocks
+
+    def by_block(e: Array) -> Array:
+        return np.asarray(np.bincount(blocks, e**2)[sums > 0] / sums[sums > 0])
+
+    beyond = float(np.mean(left**2)) - float(np.mean([p.noise**2 for p in r.unseen.pieces]))
+    for name, kind in (("load", _one), ("dry friction", _direction), ("viscous friction", _velocity)):
+        after = np.concatenate(
+            [_along(p, e, kind(r, p)) for p, e in zip(r.unseen.pieces, _parts(r, left), strict=True)]
+        )
+        gone = float(np.mean(left**2) - np.mean(after**2))
+        if gone > HALF * beyond and mean_certainty(by_block(left), by_block(after)) > r.criteria.flexible:
+            return name
+    return ""
+
+
+def _one(r: Regression, piece: Piece) -> Array:
+    return np.ones_like(piece.t)
+
+
+def _direction(r: Regression, piece: Piece) -> Array:
+    return piece.sign
+
+
+def _velocity(r: Regression, piece: Piece) -> Array:
+    return piece.values[r.model.plant.velocity]
+
+
+def _parts(r: Regression, left: Array) -> list[Array]:
+    return list(np.split(left, np.cumsum([len(p.kept) for p in r.unseen.pieces])[:-1]))
+
+
+def _along(piece: Piece, left: Array, force: Array) -> Array:
+    """Return what is left (K,) after a force whose size is a spline of time, each block predicted from the others."""
+    number = int(np.clip((int(piece.blocks.max()) + 1) // APART, *CHANGES))
+    knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, number - 2), np.ones(3)])
+    of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), 1e-300), knots, 3).toarray()
+    A = piece.seen(of_time * force[:, None])
+    A = A / (A.std() + 1e-300)
+    weight, fold, after = _chosen(A, left, piece.blocks), piece.blocks % (FOLDS - 1), left.copy()
+    for out in (fold == k for k in range(FOLDS - 1)):
+        if out.any() and not out.all():
+            after[out] = left[out] - A[out] @ _ridge(A[~out], left[~out], weight)
+    return np.asarray(after)
+
+
+__all__ = ["changing", "structured", "unseen_after"]

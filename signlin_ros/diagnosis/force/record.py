@@ -105,8 +105,13 @@ def low_pass(values: Array, cutoff: float, step: float) -> Array:
     """Return values (T, ...) without what is faster than ``cutoff`` Hz, and without a phase shift."""
     if cutoff >= NYQUIST / step:
         return values
-    sos = butter(ORDER, cutoff, fs=1 / step, output="sos")
+    sos = _sections(cutoff, step)
     return np.asarray(sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 / (step * cutoff)))))
+
+
+@functools.lru_cache(maxsize=64)
+def _sections(cutoff: float, step: float) -> Array:
+    return np.asarray(butter(ORDER, cutoff, fs=1 / step, output="sos"))
 
 
 def slope(values: Array, step: float) -> Array:

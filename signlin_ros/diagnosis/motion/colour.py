@@ -18,7 +18,7 @@ LAGS, LONGEST = 12, 0.9
 PURE, TIMES, ROUGH = 0.998, 20.0, 0.05
 """Noise of one pole alone may last longer, up to this correlation: whitened by it, nothing but white noise is left
 beside no more than a share of that; and the record must be so many times as long as it lasts."""
-SPAN, NEAR, ALIKE = 12, 5, 0.2
+SPAN, NEAR, ALIKE = 12, 5, 0.1
 """Lags either way at which channels are compared, how many are averaged, and the least correlation that tells of a
 common cause: sensors do not know of each other."""
 

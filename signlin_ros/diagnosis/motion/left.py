@@ -19,6 +19,7 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.data import travelled
 from signlin_ros.diagnosis.fit import Fit, follow_records
 from signlin_ros.diagnosis.motion.colour import colours
+from signlin_ros.diagnosis.motion.fitting import solved
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment
 from signlin_ros.diagnosis.scan import halfway, response
 
@@ -52,13 +53,21 @@ class Left:
 
 
 def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
-    """Return what a fit leaves in every channel of a problem."""
+    """Return what a fit leaves in every channel of a problem, seen with the slowest observer.
+
+    What is no larger than the sensor's noise is noise; a model that only quicker observers keep on its track leaves
+    structure.
+    """
+    lowest = problem.levels[-1]
+    slow = f if f.gains is lowest else solved(problem, f.candidate, lowest, f.theta, 0)
+    lost, f = slow is None, slow or f
     shares = dependence(problem, f)
     found, result = colours(f.innovations, problem.noise), []
     for channel, one, share, noise in zip(
         problem.channels, found, shares.tolist(), problem.noise.tolist(), strict=True
     ):
-        structured = one.structured or share > criteria.dependent
+        beyond = one.variance > (1.0 + criteria.dependent) * noise**2
+        structured = lost or (beyond and (one.structured or share > criteria.dependent))
         result.append(
             Left(
                 channel, float(np.sqrt(one.variance) / noise), one.slow, share, one.rho, bool(structured), one.together
