@@ -102,7 +102,7 @@ class Judgement:
         rise = after - before
         error = float(np.nanstd(rise) / np.sqrt(max(int(np.count_nonzero(np.isfinite(rise))), 1)))
         shows = np.nanmean(after) > (1.0 + self.criteria.alike) ** 2 * np.nanmean(before)
-        return bool(shows and np.nanmean(rise) > self.criteria.tie * error)
+        return bool(shows and np.nanmean(rise) > self.criteria.worse * error)
 
     @cached_property
     def unexplained(self) -> str:
