@@ -18,7 +18,6 @@ from signlin_ros.diagnosis.motion.score import windowed
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
-from signlin_ros.diagnosis.scores import Score
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import SignlinError
 
@@ -104,19 +103,8 @@ def _given(j: Judgement) -> Rung:
 
 
 def _both(j: Judgement, known: Array, unseen: Array) -> tuple[Scores, Scores]:
-    motion = j.agreed.motion
-    return _scores(motion.problem, known), _scores(motion.unseen, unseen)
-
-
-def _scores(problem: Problem, squares: Array) -> Scores:
-    """Return squares (blocks, channels) as scores."""
-    rmse = np.sqrt(np.nanmean(squares, axis=0))
-    spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
-    fit = np.where(spread > 0, 100.0 * (1.0 - rmse / np.maximum(spread, 1e-300)), np.nan)
-    rows = zip(problem.channels, rmse.tolist(), fit.tolist(), problem.noise.tolist(), strict=True)
-    return Scores(
-        "windowed", {n: Score(e, f if np.isfinite(f) else None, e / s if s > 0 else None) for n, e, f, s in rows}
-    )
+    first, second = j.scores(known, unseen)
+    return Scores("windowed", first), Scores("windowed", second)
 
 
 # -------------------------------------------------------------------- ranking

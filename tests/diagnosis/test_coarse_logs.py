@@ -8,13 +8,11 @@ Integrated here, in small steps, with the set-valued law.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from signlin_ros.diagnosis import diagnose
-from signlin_ros.diagnosis.problem import Gains, changes, driven_by_changes, prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -75,42 +73,3 @@ def test_a_force_that_is_not_listed_is_not_taken_for_timing():
     given = (logged(seed, 0.1, lambda q: 0.5 * np.sin(7.0 * q) * (q > 0)) for seed in (5, 6))
     found = diagnose(known(coulomb_friction={"mu": 0.11}), *given)
     assert found.verdict == "unexplained"
-
-
-def filtered(gains: Gains, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return gains (T, n, ny) and deviations (T, ny) of the innovations by the textbook's Kalman filter."""
-    m = gains.moved
-    assert m is not None
-    P, R = m.first, np.diag(m.noise**2)
-    found = []
-    for moved in np.sqrt(m.floor**2 + (m.share * changes(u)) ** 2):
-        S = m.C @ P @ m.C.T + R
-        K = P @ m.C.T @ np.linalg.inv(S)
-        found.append((K, np.sqrt(np.diag(S))))
-        P = m.A @ (P - K @ S @ K.T) @ m.A.T + (m.B * moved) @ (m.B * moved).T
-    return np.array([K for K, _ in found]), np.array([s for _, s in found])
-
-
-def test_gains_along_a_record_are_those_of_the_kalman_filter():
-    data = logged(7, 0.1)
-    problem = driven_by_changes(prepare(known(), [data]))
-    assert problem is not None
-    (record,) = problem.segments
-    for gains in problem.levels:
-        here = gains.along(record)
-        values, deviations = filtered(gains, record.u)
-        assert here.values == pytest.approx(values, rel=1e-6, abs=1e-9 * np.abs(values).max())
-        assert here.weights == pytest.approx(gains.expected / deviations, rel=1e-6)
-        assert np.mean(np.log(here.weights)) == pytest.approx(0.0, abs=1e-9)
-        assert gains.along(record) is here
-        assert gains.along(replace(record)) is not here
-
-
-def test_where_nothing_changes_nothing_acts_sooner_or_later():
-    data = logged(8, 0.1)
-    still = replace(data, u=np.ones_like(data.u))
-    assert driven_by_changes(prepare(known(), [still])) is None
-
-
-def test_changes_are_those_to_and_from_every_sample():
-    assert changes(np.array([[1.0], [1.0], [3.0], [2.0], [2.0]])).ravel().tolist() == [0.0, 2.0, 2.0, 1.0, 0.0]

@@ -12,7 +12,6 @@ import pytest
 
 from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.problem import driven_by_inputs, prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -93,14 +92,3 @@ def test_friction_that_changes_along_the_way_is_not_given_a_name():
     uneven = dry(lambda q: 20.0 + 12.0 * np.sin(2 * np.pi * q / 0.04) * (q > 0))
     found = diagnose(known, *(moved(seed, uneven, 0.05, 0.5) for seed in (5, 6)))
     assert found.verdict == "unexplained"
-
-
-def test_gains_are_made_for_the_noise_of_an_input_only_where_it_matters():
-    t = np.arange(2000) * 0.005
-    u, rng = 5.0 * np.sin(3.0 * t), np.random.default_rng(0)
-    q = 0.01 * np.sin(3.0 * t + 0.3)
-    for noise, coarse, matters in ((0.0, 1e-7, False), (0.5, 1e-3, False), (0.5, 1e-7, True)):
-        shown = {"displacement": q + coarse * rng.normal(size=t.size)}
-        forced = u + noise * rng.normal(size=t.size)
-        data = ModelData(t, forced[:, None], shown, None, ("force",), ("displacement",), {})
-        assert (driven_by_inputs(prepare(Model.from_dict(AXIS), [data])) is not None) == matters

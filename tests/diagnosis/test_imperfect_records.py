@@ -8,7 +8,7 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.derived import position_alone, without_derived
+from signlin_ros.diagnosis.derived import without_derived
 from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -155,15 +155,6 @@ def test_a_velocity_that_lags_behind_a_fine_position_is_left_out():
     assert found.verdict == "missing"
     assert found.ladder[-1].effects == ("coulomb_friction",)
     assert any("velocity was left out" in note for note in found.notes)
-
-
-def test_only_a_fine_position_tells_the_motion_alone(moved):
-    t, u, q, v = moved
-    model, fine = Model.from_dict(AXIS), read(t, u, displacement=noisy(q, 1e-6), velocity=noisy(v, 1e-3))
-    coarse = read(t, u, displacement=noisy(q, 1e-4), velocity=noisy(v, 1e-3))
-    assert [sorted(r.measured) for r in position_alone(model, [fine])] == [["displacement"]]
-    assert not position_alone(model, [fine, coarse])
-    assert not position_alone(model, [read(t, u, displacement=q)])
 
 
 @pytest.mark.parametrize("level", [1e-5, 1e-3, 1e-2])

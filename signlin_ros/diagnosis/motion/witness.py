@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.data import unit_asked
 from signlin_ros.diagnosis.fit import Candidate, Fit, candidate, tidied
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
 from signlin_ros.diagnosis.motion.fitting import NEXT, Found, bred, climbed, settled, solved
@@ -89,7 +90,8 @@ class Motion:
         self.say("base model")
         found = settled(self.short, candidate(self.problem, self.problem.base, ()), [None], self.check)
         if found is None:
-            raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
+            asked = unit_asked(self.problem.scale.step)
+            raise SimulationError(f"{self.problem.base.source}: the model diverges on these records{asked}")
         self._keep(found)
 
     def _keep(self, found: Found) -> Fitted:
