@@ -118,6 +118,13 @@ class Judgement:
         return [name for name in unfollowed(known) if name in unfollowed(unseen)]
 
     @cached_property
+    def elsewhere(self) -> bool:
+        """Whether the model as it is follows unseen data far worse than those that it was fitted to."""
+        known, unseen = (np.sqrt(np.nanmean(s, axis=0)) for s in (self.final.known_squares, self.final.unseen_squares))
+        least = np.maximum(known, self.agreed.motion.problem.noise)
+        return not self.names and bool(np.any(unseen > self.criteria.near * least))
+
+    @cached_property
     def unexplained(self) -> str:
         """Why the records are not explained; empty if they are."""
         if self.reversed:
@@ -133,7 +140,9 @@ class Judgement:
         if self.sees:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             more = large or self.little or near_noise(self.final, self.criteria) or self.changing
-            return "structure" if self.structure[0] or (more and not self.final.white) else ""
+            if self.structure[0] or (more and not self.final.white):
+                return "structure"
+            return "elsewhere" if large and self.elsewhere else ""
         return "" if leaves_noise(self.final, self.criteria) else "structure"
 
     @property

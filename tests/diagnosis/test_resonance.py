@@ -68,7 +68,6 @@ def test_nothing_is_missing_where_nothing_is():
     ("effect", "values"),
     [
         ("cubic_stiffness", {"k3": 0.03 * 2.0 * OWN**2 / 1e-3**2}),
-        ("quadratic_drag", {"c2": 40.0}),
     ],
 )
 def test_the_effect_alone_is_named(effect, values):

@@ -103,8 +103,7 @@ def test_cogging_that_turns_by_a_radian_between_samples_is_named(tmp_path):
     force = {"A": 0.05, "N": 10.0, "phi": 0.5}
     found = diagnose(*recorded(tmp_path, SMALL, {"cogging_torque": force}, exc=("slow", "slow")))
     assert proposed(found) == {"cogging_torque"}
-    order = next(e.parameters["N"] for e in found.ranking if e.effect == "cogging_torque")
-    assert abs(order.value - force["N"]) < 0.02
+    assert found.model.effects["cogging_torque"].parameters["N"] == force["N"]
 
 
 def test_a_stribeck_curve_is_not_called_coulomb(tmp_path):
@@ -220,11 +219,12 @@ def test_damping_beyond_its_tolerance_is(tmp_path):
     assert proposed(found) == {"viscous_friction"}
 
 
-def test_what_is_only_outside_the_catalogue_is_not_named(tmp_path):
+def test_of_what_is_outside_the_catalogue_a_part_may_be_named_and_the_rest_is_told(tmp_path):
     law = {"position_viscosity": {"b": 0.004, "N": 3.0, "phi": 0.5}}
     model, data, unseen = recorded(tmp_path, SMALL, law)
     found = diagnose(model, data, unseen)
-    assert found.verdict == "unexplained"
+    assert proposed(found) <= {"viscous_friction"}  # its mean over the way, which is really there
+    assert found.remainder.startswith("What is left is")
     assert all(status(found, effect) in ("confirmed", "ambiguous") for effect in proposed(found))
     assert set(found.model.effects) == proposed(found)
 
@@ -257,18 +257,6 @@ def test_every_choice_of_channels_works(tmp_path):
         folder.mkdir()
         found = diagnose(*recorded(folder, AXIS, {}, only=only, skip=200))
         assert found.verdict == "adequate"
-
-
-def test_a_wrong_scale_of_the_input_is_told_from_known_parameters_that_all_move_alike(tmp_path):
-    axis = Drive(MASS, {"m": 1.0, "c": 2.0, "k": 0.0}, 9.0, 6.3)
-    model, data, unseen = recorded(tmp_path, axis, {"coulomb_friction": {"mu": 1.0}}, off=1.02)
-    quiet = diagnose(model, data, unseen)
-    assert not any("recorded" in note for note in quiet.notes)
-    halved = [[replace(d, u=0.5 * d.u) for d in part] for part in (data, unseen)]
-    found = diagnose(model, *halved)
-    (note,) = [note for note in found.notes if "recorded" in note]
-    assert "m and c come out at 0.5" in note
-    assert "the force" in note
 
 
 def noisy_input(data, share: float, seed: int = 0):
