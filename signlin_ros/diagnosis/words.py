@@ -53,9 +53,7 @@ def _unexplained(j: Judgement) -> str:
     if why == "lost":
         return follows_nothing(j.lost)
     if why == "elsewhere":
-        return (
-            f"The model follows the data it was fitted to, and not the unseen ones{_left_over(j)}: what differs?"
-        )
+        return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(j)}: what differs?"
     known = f"{listed(j.names).capitalize()} {'explains' if len(j.names) == 1 else 'explain'} a part"
     if why == "worse":
         return f"{known} of what is missing, but the error of {j.worse} rises on unseen data: nothing is confirmed."

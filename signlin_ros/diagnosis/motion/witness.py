@@ -90,8 +90,9 @@ class Motion:
         self.say("base model")
         found = settled(self.short, candidate(self.problem, self.problem.base, ()), [None], self.check)
         if found is None:
-            asked = unit_asked(self.problem.scale.step)
-            raise SimulationError(f"{self.problem.base.source}: the model diverges on these records{asked}")
+            step = self.problem.scale.step
+            apart = f"the model diverges on these records: the samples are {step:.3g} s apart{unit_asked(step)}"
+            raise SimulationError(f"{self.problem.base.source}: {apart}")
         self._keep(found)
 
     def _keep(self, found: Found) -> Fitted:
