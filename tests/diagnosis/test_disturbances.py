@@ -1,15 +1,12 @@
-"""What is in a record beside the motion that the input makes: drifts, vibration of what the machine stands on."""
+"""What is in a record beside the motion that the input makes: a sensor that drifts."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from tests.diagnosis.test_hidden_effects import records
 from tests.diagnosis.test_traps import proposed
 
 M, C, FORCE, SENSOR, STEP = 2.0, 3.0, 4.0, 2e-4, 0.005
@@ -52,20 +49,3 @@ def test_what_is_missing_is_found_beside_a_drift():
     d = diagnose(bare, *(sliding(seed, one) for seed, one in enumerate(drift)))
     assert d.verdict == "missing"
     assert proposed(d) == {"viscous_friction"}
-
-
-@pytest.mark.parametrize("index", [6])
-def test_vibration_is_no_load_on_a_spring(tmp_path, index):
-    """A load that swings on and on, undamped, or in a play of nothing, makes a force that goes with the time."""
-    record = draw("outside", index, 42)
-    assert record.truth["laws"] == ["vibration"]
-    d = diagnose(*records(write(record, tmp_path / "record")))
-    assert d.verdict == "unexplained"
-    assert not proposed(d) & {"backlash", "compliant_load"}
-
-
-def test_what_unseen_data_do_not_show_is_not_explained_there(tmp_path):
-    """A ripple that wanders along the shaft looks like cogging in one record, and hardly acts in the other."""
-    record = draw("outside", 8, 42)
-    assert record.truth["laws"] == ["wandering_ripple"]
-    assert diagnose(*records(write(record, tmp_path / "record"))).verdict == "unexplained"
