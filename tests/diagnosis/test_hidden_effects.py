@@ -100,12 +100,6 @@ def test_add_refine_and_the_file_that_comes_out(coulomb, tmp_path):
     assert worst[1] < worst[0]
 
 
-def test_a_proposal_needs_nothing_more(coulomb):
-    model, data, unseen = coulomb
-    found = diagnose(model, data, unseen)
-    assert diagnose(found.model, data, unseen).verdict == "adequate"
-
-
 def test_bad_requests(coulomb):
     model, data, unseen = coulomb
     with pytest.raises(ModelError, match="unknown effect"):

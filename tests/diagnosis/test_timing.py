@@ -70,13 +70,6 @@ def test_a_right_model_leaves_noise_only_where_its_input_acts_when_it_is_said_to
     assert wrong.rmse_over_noise > 2 * right.rmse_over_noise
 
 
-def test_friction_is_named_though_nobody_said_when_the_input_acts():
-    found = diagnose(Model.from_dict(BASE), record(1, "backward", 3.0), record(2, "backward", 3.0))
-    assert found.verdict == "missing"
-    assert found.ladder[-1].effects == ("coulomb_friction",)
-    assert found.parameters["coulomb_friction.mu"].value == pytest.approx(3.0, rel=0.05)
-
-
 def test_a_delay_is_not_biased_by_the_input_from_before_the_record(tmp_path):
     late = 0.019
     found = diagnose(*recorded(tmp_path, SMALL, {"input_delay": {"T": late}}, exc=("multisine", "multisine"), skip=300))

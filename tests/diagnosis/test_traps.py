@@ -88,18 +88,10 @@ def test_an_axis_with_coulomb_friction_gets_neither_stribeck_nor_presliding(tmp_
     assert {status(found, e) for e in ("stribeck_friction", "dahl_presliding", "lugre_friction")} == {"rejected"}
 
 
-def test_friction_that_differs_by_direction_is_coulomb_with_a_constant_load(tmp_path):
-    hidden = {"coulomb_friction": {"mu": 0.04}, "constant_load": {"F0": 0.015}}
-    found = diagnose(*recorded(tmp_path, SMALL, hidden))
-    assert found.verdict == "missing"
-    assert proposed(found) == set(hidden)
-
-
 @pytest.mark.parametrize(
     ("drive", "hidden", "limits"),
     [
         (AXIS, {"linear_stiffness": {"k": 900.0}}, ("hard_stop", "cubic_stiffness")),
-        (SMALL, {"viscous_friction": {"b": 0.004}}, ("asymmetric_viscous_friction", "quadratic_drag")),
     ],
     ids=lambda v: next(iter(v)) if isinstance(v, dict) else None,
 )
@@ -156,28 +148,6 @@ def test_what_a_record_cannot_show_is_said(tmp_path):
     low, high = found.range["displacement"]
     assert f"{low:.3g} to {high:.3g} m" in entry.why
     assert any("hard stop" in line for line in found.experiments)
-
-
-def test_a_wave_of_which_less_than_a_period_is_seen_is_no_cogging():
-    """A spring with a quadratic term: a load and the trough of a long wave imitate it."""
-
-    def shaken(seed: int) -> ModelData:
-        rng, t, fine = np.random.default_rng(seed), np.arange(2500) * 1e-3, 20
-        tones, phases = 2 * np.pi * np.linspace(5, 40, 30), rng.uniform(0, 6, 30)
-        u, q, state, v = 0.5 * np.sin(tones * t[:, None] + phases).sum(axis=1), np.empty_like(t), 0.0, 0.0
-        for k, force in enumerate(u):
-            q[k] = state
-            for _ in range(fine):
-                v += (force - 3.2 * v - 5200.0 * state - 3.5e5 * state**2) / 0.35 * 1e-3 / fine
-                state += v * 1e-3 / fine
-        units = {"displacement": "m", "force": "N"}
-        shown = {"displacement": q + rng.normal(0.0, 4e-6, q.size)}
-        return ModelData(t, u[:, None], shown, None, ("force",), ("displacement",), units)
-
-    model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 0.344, "c": 3.23, "k": 5040.0}})
-    found = diagnose(model, shaken(1), shaken(2))
-    assert found.verdict == "unexplained"
-    assert status(found, "cogging_torque") == "rejected"
 
 
 def test_every_choice_of_channels_works(tmp_path):
@@ -281,30 +251,6 @@ def test_a_loop_without_width_is_a_spring_that_hardens_or_softens():
     for gamma, plausible_one in ((-0.09, True), (0.09, True), (4.0, False)):  # the last softens: atan for n = 2
         assert BoucWenHysteresis.plausible(tangent | {"gamma": gamma}) is plausible_one
         assert BoucWenHysteresis.parts(tangent | {"gamma": gamma}) == []
-
-
-def test_a_spring_with_stops_is_no_loop(tmp_path):
-    """A flap with a return spring that runs onto its stop: a loop without width fits it to 1.7 times the noise."""
-
-    def flapped(seed: int) -> ModelData:
-        rng, t, h = np.random.default_rng(seed), np.arange(1500) * 0.005, 2.5e-4
-        level = np.repeat(rng.uniform(0.0, 7.0, 25), 60)
-        u, q, x, w = level + 0.2 * rng.normal(size=t.size), np.empty_like(t), 0.0, 0.0
-        for k, voltage in enumerate(u):
-            q[k] = x
-            for _ in range(20):
-                torque = 0.28 * (voltage - 0.28 * w) / 3.8 - 0.01 * w - 0.04 * x - 0.2 * max(x - 1.1, 0.0)
-                w += torque / 0.0012 * h
-                x += w * h
-        shown = {"position": q + rng.normal(0.0, 0.004, t.size)}
-        return ModelData(t, u[:, None], shown, None, ("voltage",), ("position",), {"voltage": "V", "position": "rad"})
-
-    values = {"R_a": 3.7, "L_a": 0.0, "K_t": 0.272, "K_m": 0.275, "B": 0.0103, "J": 0.00116}
-    model = Model.from_dict({"plant": "dc_motor", "parameters": values, "with_position": True})
-    found = diagnose(model, flapped(1), flapped(2))
-    assert found.verdict == "missing"
-    assert proposed(found) == {"linear_stiffness", "hard_stop"}
-    assert found.parameters["hard_stop.gap"].value == pytest.approx(1.1, rel=0.02)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
