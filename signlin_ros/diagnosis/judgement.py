@@ -119,10 +119,11 @@ class Judgement:
 
     @cached_property
     def elsewhere(self) -> bool:
-        """Whether the model as it is follows unseen data far worse than those that it was fitted to."""
+        """Whether the model follows unseen data far worse than those that it was fitted to."""
+        motion = self.agreed.motion
         known, unseen = (np.sqrt(np.nanmean(s, axis=0)) for s in (self.final.known_squares, self.final.unseen_squares))
-        least = np.maximum(known, self.agreed.motion.problem.noise)
-        return not self.names and bool(np.any(unseen > self.criteria.near * least))
+        least = np.max([known, motion.problem.noise, motion.unseen.noise], axis=0)
+        return bool(np.any(unseen > self.criteria.near * least))
 
     @cached_property
     def unexplained(self) -> str:
