@@ -131,18 +131,6 @@ def test_a_velocity_that_was_filtered_faster_than_it_was_logged_is_no_channel(mo
     assert without_derived(Model.from_dict(AXIS), [data], ("displacement", "velocity")) == ("displacement",)
 
 
-def test_what_a_filter_did_to_a_velocity_is_not_taken_for_an_effect():
-    data = []
-    for seed in (3, 4):
-        t, u, q, _ = axis(seed, 12_000, 4)
-        shown = (np.round(q / QUANTUM) * QUANTUM)[::2]
-        data.append(read(t[::2], u[::2], displacement=shown, velocity=in_the_drive(q, 2, 20.0)))
-    found = diagnose(Model.from_dict(AXIS), *data)
-    assert found.verdict == "missing"
-    assert found.ladder[-1].effects == ("coulomb_friction",)
-    assert found.ranking[0].parameters["mu"].value == pytest.approx(17.0, rel=0.01)
-
-
 @pytest.mark.xfail(
     strict=False, run=False, reason="a late velocity beside a fine position is not left out: unexplained; 12 s"
 )

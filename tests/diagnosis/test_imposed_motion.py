@@ -123,7 +123,7 @@ def mount(lost: slice = slice(0, 0), offset: float = 0.0):
     return model, ModelData(t, v[:, None] + offset, measured, None, ("velocity",), ("displacement",), units), v
 
 
-@pytest.mark.parametrize(("recorded", "resolution"), [(("displacement", "velocity"), 1e-7), (("displacement",), 5e-5)])
+@pytest.mark.parametrize(("recorded", "resolution"), [(("displacement",), 5e-5)])
 def test_a_spring_whose_motion_is_sampled_is_no_damper(tmp_path, recorded, resolution):
     def written(seed):
         rng, t = np.random.default_rng(seed), np.arange(4000) * 0.002

@@ -209,16 +209,6 @@ def test_a_late_input_and_a_late_sensor_are_the_same_in_a_single_channel(tmp_pat
     assert status(found, "input_delay") == status(found, "sensor_delay") == "ambiguous"
 
 
-def test_the_phase_of_a_weight_is_within_half_a_turn(tmp_path):
-    arm = Drive(MASS, {"m": 0.05, "c": 0.05, "k": 0.0}, 0.3, 3.0)
-    found = diagnose(*recorded(tmp_path, arm, {"gravity_load": {"A": 0.25, "q0": 2.5}}, exc=("multisine", "slow")))
-    assert found.verdict == "missing"
-    assert proposed(found) == {"gravity_load"}  # and not a wave of order one, which is the same
-    (entry,) = [e for e in found.ranking if e.effect == "gravity_load"]
-    assert entry.parameters["A"].value == pytest.approx(0.25, rel=0.05)
-    assert entry.parameters["q0"].value == pytest.approx(2.5, abs=0.05)
-
-
 def test_what_is_added_though_nothing_is_missing_is_not_confirmed(tmp_path):
     model, data, unseen = recorded(tmp_path, SMALL, {})
     found = add("coulomb_friction", model, data, unseen)
