@@ -80,9 +80,7 @@ def test_a_magneto_rheological_damper_remembers():
     assert falls(found, "force") < 0.5
 
 
-@pytest.mark.xfail(
-    strict=False, run=False, reason="unexplained: Coulomb friction explains a part, nothing remembers; 11 s"
-)
+@pytest.mark.xfail(strict=False, run=False, reason="unexplained: nothing that remembers is named; 11 s")
 @pytest.mark.parametrize(("known", "unseen"), [((1,), 4)])
 def test_a_damper_remembers_whatever_record_it_was_fitted_to(known, unseen):
     """The zero of its force sensor is not known, and LuGre friction fits best that breaks away at less than it slides
