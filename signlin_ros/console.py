@@ -183,6 +183,13 @@ def _record(content: dict[str, Any] | None) -> str:
     return "\n".join(lines)
 
 
+def _notes(content: dict[str, Any]) -> str:
+    """Return notes as lines, without what is told about the record already."""
+    record = content.get("record")
+    told = {f"{f['record']}: {f['sentence']}" for f in record["findings"]} if record else set()
+    return "\n".join(f"note: {note}" for note in content["notes"] if note not in told)
+
+
 def _said(f: dict[str, Any]) -> str:
     cure = f" [--cure {f['cure']}{': applied' if f['applied'] else ''}]" if f["cure"] else ""
     return f"{f['severity']}: {f['check']}: {f['sentence']}{cure}"
@@ -198,7 +205,7 @@ def compare_text(content: dict[str, Any]) -> str:
     parts = [f"{content['model']} against {records}, {content['samples']} samples", _record(content.get("record"))]
     parts += [_scores(content)]
     parts += [_inverse(content["inverse"]), _missing(content["missing"]), _where(content["where"])]
-    parts += [_residuals(content["residual_tests"]), "\n".join(f"note: {note}" for note in content["notes"])]
+    parts += [_residuals(content["residual_tests"]), _notes(content)]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -206,7 +213,7 @@ def diagnosis_text(content: dict[str, Any]) -> str:
     """Return a diagnosis as text: verdict, what is missing and why, the ladder of the error, parameters."""
     parts = [f"{content['verdict'].upper()}: {content['sentence']}", _record(content.get("record"))]
     parts += [_ladder(content), _named(content)]
-    parts += [_fitted(content["parameters"]), "\n".join(f"note: {note}" for note in content["notes"])]
+    parts += [_fitted(content["parameters"]), _notes(content)]
     return "\n\n".join(part for part in parts if part)
 
 

@@ -190,7 +190,8 @@ def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]
         y = np.column_stack([corrected(model, record, name) for name in channels])
         parts, late = measured_parts(record, channels, y)
         if len(parts) > 1:
-            notes.append(f"{record.source}: {len(parts) - 1} gap(s) in time; every run starts anew after each")
+            after = "the gap" if len(parts) == 2 else f"each of {len(parts) - 1} gaps"
+            notes.append(f"{record.source}: every run starts anew after {after} in time")
         notes += late
         for first, last in parts:
             part = slice(first, last)

@@ -11,7 +11,6 @@ from sample to sample, as no sensor's noise does, and no model leaves nothing bu
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,18 +43,6 @@ def without_derived(model: Model, records: Sequence[ModelData], channels: tuple[
     if not signals or not (all(_is_derived(*s) for s in signals) or all(_is_filtered(*s) for s in signals)):
         return channels
     return tuple(name for name in channels if name != velocity)
-
-
-def position_alone(model: Model, records: Sequence[ModelData]) -> list[ModelData]:
-    """Return records without their velocity, where the position is known so finely in all that it tells the motion
-    alone; none where it is not, or where they have only one of both.
-    """
-    position, velocity = model.plant.position, model.plant.velocity
-    for r in records:
-        both = position in r.measured and velocity in r.measured
-        if not both or not _is_fine(r.t, r.measured[position], r.measured[velocity]):
-            return []
-    return [replace(r, measured={n: v for n, v in r.measured.items() if n != velocity}) for r in records]
 
 
 def _is_derived(t: Array, q: Array, v: Array) -> bool:
@@ -111,4 +98,4 @@ def _rest(basis: Array, target: Array) -> Array:
     return np.asarray(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0])
 
 
-__all__ = ["position_alone", "without_derived"]
+__all__ = ["without_derived"]

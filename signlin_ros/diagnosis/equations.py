@@ -64,11 +64,6 @@ class Equations:
     keep: Any
     lasting: tuple[int, ...]
 
-    @property
-    def delaying(self) -> frozenset[str]:
-        """Names of the parameters by which the input is late."""
-        return frozenset(n for n, part in zip(self.parameters, self.delay, strict=True) if part)
-
     @functools.cached_property
     def _spread(self) -> int:
         """Address of a step of a covariance."""

@@ -321,8 +321,7 @@ def follow_records(
     belief, variances = _belief(problem, c, gains, dict(zip(problem.channels, shown, strict=True))), problem.noise**2
     errors, derivatives, states, ringing = [], [], [], eq.ringing(p, scale)
     for s in segments or problem.segments:
-        here = gains.along(s)
-        rows = here.rows(c.model.states) / np.array(shown)
+        rows = gains.rows(c.model.states) / np.array(shown)
         rows[:, [name in c.floating for name in c.model.states]] = 0.0  # corrected by the Kalman filter, or not at all
         E, D = np.zeros((s.t.size, ny)), np.empty((s.t.size if with_s else 0, ny, flags[-1]))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
@@ -336,10 +335,10 @@ def follow_records(
                 return None
             x0[own] = lead[2][0][-1, own]
         unknown = ceil(delay / problem.scale.step) + 1 if delay > 0.0 else 0
-        held, weights = rows, here.weights[: s.t.size]
+        held, weights = rows, gains.weights[: s.t.size]
         if unknown:
             held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
-            weights = np.concatenate([np.zeros((unknown, ny)), here.weights])[: s.t.size]
+            weights = np.concatenate([np.zeros((unknown, ny)), gains.weights])[: s.t.size]
         arguments = (flags, s.t, s.u, s.y, held, x0, *rest)
         if follow(eq.calls(with_s, c.filtered), *arguments, E, D, X) < s.t.size or np.isinf(E).any():
             return None
@@ -382,14 +381,13 @@ def _turns(problem: Problem, c: Candidate, p: Array) -> int:
 
 
 def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, float]) -> Array:
-    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not, or
-    where gains that differ from sample to sample correct all there is.
+    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not.
 
     What a sensor shows larger than it is (``shown``: its gain, by channel) moves less than it seems to: else a gain
     would fit the filter, not the motion.
     """
     names, floating, scale = c.model.states, c.floating, problem.scale
-    if not c.filtered or not gains.spread.size or (gains.moved and not c.floating):
+    if not c.filtered or not gains.spread.size:
         return np.zeros((3, 0))
     apart = {"position": scale.excursion, "velocity": scale.velocity}
     plant, found = problem.base.plant, np.ones((3, len(names)))

@@ -736,23 +736,6 @@ def kalman_gains(A, H, Q, noise, P0, gains, variances):
     return gains.shape[0]
 
 
-@compiled
-def gains_along(A, H, B, moved, noise, P0, gains, variances):
-    """Fill gains (T, n, ny) and variances (T, ny) as `kalman_gains` does, for inputs that are uncertain by standard
-    deviations ``moved`` (T, m) from every sample to the next; B (n, m): what each adds to the state in a step.
-    """
-    n, ny = A.shape[0], noise.size
-    P, AP, K, row, e = P0.copy(), np.zeros((n, n)), np.zeros((n, ny)), np.zeros(n), np.zeros(ny)
-    Q = np.zeros((n, n))
-    for k in range(gains.shape[0]):
-        for i in range(n):
-            for j in range(n):
-                Q[i, j] = 0.0
-                for m in range(B.shape[1]):
-                    Q[i, j] += B[i, m] * B[j, m] * moved[k, m] ** 2
-        _one_more(A, H, Q, noise, P, AP, K, row, e, gains, variances, k)
-
-
 @inner
 def _one_more(A, H, Q, noise, P, AP, K, row, e, gains, variances, k):
     """Do step k of `kalman_gains`; returns by how much gains have moved, beyond a ten thousandth of them."""
@@ -783,4 +766,4 @@ def _one_more(A, H, Q, noise, P, AP, K, row, e, gains, variances, k):
     return moved
 
 
-__all__ = ["NONE_LATE", "follow", "gains_along", "kalman_gains"]
+__all__ = ["NONE_LATE", "follow", "kalman_gains"]

@@ -15,6 +15,8 @@ from signlin_ros.diagnosis.force.flexible import changing, structured
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.measures import leaves_much, leaves_noise, near_noise, noise_percent, sees
 from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.scores import Score, rated, unfollowed
 from signlin_ros.diagnosis.signs import reversed_signal
 
 Array = NDArray[np.float64]
@@ -104,6 +106,25 @@ class Judgement:
         shows = np.nanmean(after) > (1.0 + self.criteria.alike) ** 2 * np.nanmean(before)
         return bool(shows and np.nanmean(rise) > self.criteria.worse * error)
 
+    def scores(self, known: Array, unseen: Array) -> tuple[dict[str, Score], dict[str, Score]]:
+        """Return mean squared errors (blocks, channels) of both sides as scores, by channel."""
+        motion = self.agreed.motion
+        return _scores(motion.problem, known), _scores(motion.unseen, unseen)
+
+    @cached_property
+    def lost(self) -> list[str]:
+        """The channels that the model follows neither where it was fitted nor on unseen data."""
+        known, unseen = self.scores(self.final.known_squares, self.final.unseen_squares)
+        return [name for name in unfollowed(known) if name in unfollowed(unseen)]
+
+    @cached_property
+    def elsewhere(self) -> bool:
+        """Whether the model follows unseen data far worse than those that it was fitted to."""
+        motion = self.agreed.motion
+        known, unseen = (np.sqrt(np.nanmean(s, axis=0)) for s in (self.final.known_squares, self.final.unseen_squares))
+        least = np.max([known, motion.problem.noise, motion.unseen.noise], axis=0)
+        return bool(np.any(unseen > self.criteria.near * least))
+
     @cached_property
     def unexplained(self) -> str:
         """Why the records are not explained; empty if they are."""
@@ -111,6 +132,8 @@ class Judgement:
             return "reversed"
         if self.agreed.conflict:
             return "conflict"
+        if not self.names and self.lost:
+            return "lost"
         if self.names and self.worse:
             return "worse"
         if self.names and self.far:
@@ -118,7 +141,9 @@ class Judgement:
         if self.sees:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             more = large or self.little or near_noise(self.final, self.criteria) or self.changing
-            return "structure" if self.structure[0] or (more and not self.final.white) else ""
+            if self.structure[0] or (more and not self.final.white):
+                return "structure"
+            return "elsewhere" if large and self.elsewhere else ""
         return "" if leaves_noise(self.final, self.criteria) else "structure"
 
     @property
@@ -155,6 +180,13 @@ class Judgement:
     def left(self, f: Fitted) -> Array | None:
         """Return the mean squared force (blocks,) that a model leaves of unseen data."""
         return self.agreed.left(f)
+
+
+def _scores(problem: Problem, squares: Array) -> dict[str, Score]:
+    rmse = np.sqrt(np.nanmean(squares, axis=0))
+    spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
+    rows = zip(problem.channels, rmse.tolist(), spread.tolist(), problem.noise.tolist(), strict=True)
+    return {name: rated(*row) for name, *row in rows}
 
 
 def judge(case: Case, agreed: Agreed, criteria: Criteria) -> Judgement:

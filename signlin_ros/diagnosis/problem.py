@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -13,7 +12,7 @@ from scipy.linalg import expm
 
 from signlin_ros.diagnosis.data import Early, corrected, cut, driving, measured_channels, measured_parts, travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.follow import gains_along, kalman_gains
+from signlin_ros.diagnosis.follow import kalman_gains
 from signlin_ros.diagnosis.missing import per_force
 from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.tracking import Tracker
@@ -42,13 +41,6 @@ FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 samples before each tell what an effect remembers at its start."""
 DOUBT = 3.0
 """Times the distance between an imposed state, put together from rates, and its measurements by which it may be off."""
-MATTERS = 1.2
-"""Noise in an input matters where it makes what a filter leaves in a step so many times the noise of a channel."""
-TIMES = (8.0, 4.0, 2.0, 1.0)
-"""Multiples of the noise in the inputs that gains are made for, from high to low: between samples there may be more."""
-CHANGES = ((1.0, 4.0), (0.3, 2.0), (0.1, 1.0), (0.03, 1.0))
-"""Shares of what an input changes by from sample to sample that gains are made for, from high to low, since between
-samples it may change sooner or later; and multiples of its noise beside them."""
 SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 
@@ -84,45 +76,11 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Moved:
-    """What makes a filter's gains different at every sample: inputs that are uncertain by more where they change.
-
-    Transition A (n, n) and what an input held for a step adds, B (n, m); C (ny, n); ``noise`` (ny) of the channels;
-    ``first`` (n, n): covariance of the initial state; ``floor`` (m): by how much the inputs are uncertain throughout,
-    and ``share`` of their changes from sample to sample by which they are besides.
-    """
-
-    A: Array
-    B: Array
-    C: Array
-    noise: Array
-    first: Array
-    floor: Array
-    share: float = 0.0
-
-    def along(self, u: Array) -> tuple[Array, Array]:
-        """Return the gains (T, n, ny) along inputs u (T, m), and the standard deviations (T, ny) of the innovations."""
-        values, variances = np.zeros((len(u), *self.C.T.shape)), np.zeros((len(u), len(self.C)))
-        sizes = np.hypot(self.floor, self.share * changes(u))
-        gains_along(self.A, np.ravel(self.C), self.B, sizes, self.noise**2, self.first, values, variances)
-        return values, np.sqrt(variances)
-
-
-def changes(u: Array) -> Array:
-    """Return the larger of an input's changes (T, m) to and from every sample: either may come sooner or later."""
-    steps = np.abs(np.diff(u, axis=0))
-    still = np.zeros((1, u.shape[1]))
-    return np.asarray(np.maximum(np.concatenate([still, steps]), np.concatenate([steps, still])))
-
-
-@dataclass(frozen=True)
 class Gains:
     """Kalman gains (G, n, ny) for the states ``names``; ``tau`` is the observer's time constant in s.
 
     ``weights`` (G, ny): what the first innovations count, made uncertain as they are by the unknown initial state.
     ``spread`` (2, n): variances that a step adds to the states, and those that they start with; (2, 0): not known.
-    ``expected`` (ny): standard deviation of the innovations of a filter that is right. ``moved``: what makes gains and
-    weights different at every sample of a record (`along`); `values` are then those of its mean.
     """
 
     tau: float
@@ -130,23 +88,6 @@ class Gains:
     values: Array
     weights: Array
     spread: Array = field(default_factory=lambda: np.zeros((2, 0)))
-    expected: Array = field(default_factory=lambda: np.zeros(0))
-    moved: Moved | None = None
-    known: dict[int, Gains] = field(default_factory=dict, repr=False, compare=False)
-
-    def along(self, s: Segment) -> Gains:
-        """Return the gains, and how much innovations count, at every sample of a record; remembered as long as that
-        lives: timings are tried on copies.
-        """
-        if self.moved is None:
-            return self
-        found = self.known.get(id(s))
-        if found is None:
-            values, deviations = self.moved.along(s.u)
-            found = replace(self, values=values, weights=self.expected / deviations, moved=None, known={})
-            self.known[id(s)] = found
-            weakref.finalize(s, self.known.pop, id(s), None).atexit = False
-        return found
 
     def rows(self, states: tuple[str, ...]) -> Array:
         """Return the gains for a model with these states: an effect's own position or velocity moves with the
@@ -174,8 +115,7 @@ class Problem:
     ``base``: the model as given (a motor whose position is measured has it as a state). ``noise`` (ny): standard
     deviation of white noise on each channel, from fourth differences. ``levels``: gains from high to low.
     ``x_scale``: size of every state by name. ``units``: of what is measured, as the records have them. ``quanta``
-    (ny): the steps in which it is shown, 0 for none. ``driven``: the gains are those of noise in the inputs, see
-    `driven_by_inputs`.
+    (ny): the steps in which it is shown, 0 for none.
     """
 
     base: Model
@@ -189,7 +129,6 @@ class Problem:
     units: dict[str, str] = field(default_factory=dict)
     quanta: Array = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
-    driven: bool = False
 
     @functools.cached_property
     def short(self) -> Problem:
@@ -203,12 +142,6 @@ class Problem:
     def led(self) -> Problem:
         """The same, where effects remember what was before each stretch: half as much again takes it."""
         return _shortened(self)
-
-    def white(self, gains: Gains) -> Array:
-        """Return the standard deviation (ny) of the white noise that a right model leaves at a gain: that of the
-        sensors, with what noise in the inputs adds within a step where the gains are made for that.
-        """
-        return gains.expected if self.driven else self.noise
 
     def observer(self, tau: float, noise: Array | None = None) -> Gains:
         """Return the gains of an observer with time constant tau (s), in a noise (ny) other than its own if given."""
@@ -242,12 +175,6 @@ class Problem:
     def shown(self, unit: str) -> str:
         """Return a unit of the model as the records have it."""
         return rotary_unit(unit) if self.rotary else unit
-
-    @functools.cached_property
-    def input_noise(self) -> Array:
-        """Standard deviation (m) of white noise on every recorded input, steps left out."""
-        levels = [[noise_level(s.t, column).sigma for column in s.u.T] for s in self.segments]
-        return np.asarray(np.sqrt(np.average(np.square(levels), axis=0, weights=[s.t.size for s in self.segments])))
 
     @property
     def samples(self) -> int:
@@ -441,11 +368,6 @@ def pieces(data: ModelData, channels: tuple[str, ...]) -> tuple[list[ModelData],
     return parts or [data], [*notes, *late]
 
 
-def added_keys(problem: Problem, model: Model, effect: str) -> list[str]:
-    """Return the keys in a model under which an effect was added to the base."""
-    return [key for key, use in model.effects.items() if use.type == effect and key not in problem.base.effects]
-
-
 def bare(model: Model) -> Model:
     """Return the plant without any effect."""
     for key in list(model.effects):
@@ -529,79 +451,7 @@ def _kalman(states: tuple[str, ...], Ad: Array, C: Array, Q: Array, noise: Array
     used = kalman_gains(Ad, np.ravel(C), Q, noise**2, P0, values, variances)
     spread = np.array([np.diag(Q), np.diag(P0)])
     last = variances[used - 1]
-    return Gains(tau, states, values[:used].copy(), np.sqrt(last / variances[:used]), spread, np.sqrt(last))
-
-
-def driven_by_inputs(problem: Problem) -> Problem | None:
-    """Return a problem with the gains of Kalman filters for which noise in the inputs, as the records show it and up to
-    `TIMES` as much, is what moves the state at random; None where an input is not noisy enough to matter.
-
-    A loop that is faster than its log acts between the samples as the log does not tell; and where the position is
-    known finely, that is more than its noise within a sample or two.
-    """
-    sigma = problem.input_noise
-    if problem.scale.imposed or not sigma.any():
-        return None
-    how = _moved_by(problem, sigma)
-    levels = tuple(_at_random(problem, how, times * sigma) for times in TIMES)
-    matters = bool((levels[-1].expected > MATTERS * problem.noise).any())
-    return replace(problem, levels=levels, driven=True) if matters else None
-
-
-def driven_by_changes(problem: Problem) -> Problem | None:
-    """Return a problem with the gains of Kalman filters for which an input is uncertain by `CHANGES` times what it
-    changes by from sample to sample: it may act sooner or later than the log tells, by another part of a step each
-    time. None where motion is imposed, or nothing changes.
-    """
-    usual = _usual_change(problem)
-    if problem.scale.imposed or not usual.any():
-        return None
-    how = _moved_by(problem, problem.input_noise)
-    levels = tuple(
-        _uncertain(problem, replace(how, floor=times * how.floor, share=share), usual) for share, times in CHANGES
-    )
-    return replace(problem, levels=levels, driven=True)
-
-
-def as_uncertain_throughout(problem: Problem) -> tuple[Gains, ...]:
-    """Return the gains of Kalman filters whose inputs are as uncertain where they stay as where they change: what the
-    gains of `driven_by_changes` have to be better than, of any size.
-    """
-    usual, noise = _usual_change(problem), problem.input_noise
-    how, sizes = _moved_by(problem, noise), []
-    if noise.any():
-        sizes += [times * noise for times in (*TIMES, 2 * TIMES[0])]
-    if usual.any():
-        sizes += [np.hypot(noise, share * usual) for share in (3.0, *(share for share, _ in CHANGES))]
-    return tuple(_uncertain(problem, replace(how, floor=size), usual) for size in sizes)
-
-
-def _usual_change(problem: Problem) -> Array:
-    """Return the root mean square (m) of what the inputs change by from sample to sample."""
-    return np.asarray(np.sqrt(np.mean(np.concatenate([changes(s.u) for s in problem.segments]) ** 2, axis=0)))
-
-
-def _moved_by(problem: Problem, floor: Array) -> Moved:
-    """Return how inputs that are uncertain by standard deviations (m) throughout move the linear base model."""
-    _, A, B, C = linear_base(problem.base, problem.channels)
-    onward, moved = stepped(A, B, problem.scale.step)
-    return Moved(onward, moved, C, problem.noise, np.diag(problem.levels[0].spread[1]), floor)
-
-
-def _at_random(problem: Problem, how: Moved, sigma: Array) -> Gains:
-    """Return the gains for inputs that are uncertain by standard deviations (m) at every sample."""
-    moved = how.B * sigma
-    return _kalman(problem.levels[0].names, how.A, how.C, moved @ moved.T, how.noise, how.first, problem.scale.step)
-
-
-def _uncertain(problem: Problem, how: Moved, usual: Array) -> Gains:
-    """Return the gains for inputs that are uncertain by more where they change, by ``usual`` (m).
-
-    Weights have a geometric mean of 1, so that -2 log likelihoods compare.
-    """
-    gains = _at_random(problem, how, np.hypot(how.floor, how.share * usual))
-    deviations = np.concatenate([how.along(s.u)[1] for s in problem.segments])
-    return replace(gains, expected=np.exp(np.mean(np.log(deviations), axis=0)), moved=how)
+    return Gains(tau, states, values[:used].copy(), np.sqrt(last / variances[:used]), spread)
 
 
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:
@@ -757,7 +607,6 @@ __all__ = [
     "Segment",
     "check_moving",
     "constant_inputs",
-    "driven_by_inputs",
     "moves",
     "prepare",
 ]

@@ -41,8 +41,12 @@ def score(measured: Array, predicted: Array, noise: float = 0.0) -> Score | None
     both = np.isfinite(measured) & np.isfinite(predicted)
     if not both.any():
         return None
-    y, error = measured[both], measured[both] - predicted[both]
-    rmse, spread = float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean((y - y.mean()) ** 2)))
+    error = measured[both] - predicted[both]
+    return rated(float(np.sqrt(np.mean(error**2))), float(np.std(measured[both])), noise)
+
+
+def rated(rmse: float, spread: float, noise: float) -> Score:
+    """Return the score of an error, of a measurement with that standard deviation and that noise."""
     fit = 100.0 * (1.0 - rmse / spread) if spread > 0 else None
     told = noise > 0 and (fit is None or fit >= FLOOR or rmse > SURELY * noise)
     return Score(rmse, fit, rmse / noise if told else None)
@@ -60,4 +64,4 @@ def follows_nothing(names: Sequence[str]) -> str:
     return f"{what} (less than {FLOOR:g} % of fit): {why}. `signlin check` may tell."
 
 
-__all__ = ["FLOOR", "Score", "follows_nothing", "score", "unfollowed"]
+__all__ = ["FLOOR", "Score", "follows_nothing", "rated", "score", "unfollowed"]

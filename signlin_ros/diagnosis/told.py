@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,7 +19,6 @@ from signlin_ros.diagnosis.motion.score import windowed
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
-from signlin_ros.diagnosis.scores import Score
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import SignlinError
 
@@ -54,22 +54,22 @@ class Findings:
 
 def told(j: Judgement, asked: str = "") -> Diagnosis:
     """Return the diagnosis that a judgement amounts to; ``asked``: the effect that `add` was asked for."""
-    found, motion = Findings(j), j.agreed.motion
+    found, motion, ranking = Findings(j), j.agreed.motion, _ranking(j, asked)
     ladder = tuple(_rung(j, f) for f in j.steps)
     model = rounded(j.final.model, j.final.parameters)
     sentence = words.sentence(j) if not asked else _added(j, asked)
     return Diagnosis(
-        verdict=j.verdict,
+        verdict=_verdict(j, asked),
         sentence=sentence,
         base=j.agreed.base.parameters,
         base_validation=ladder[0].validation,
         parameters=j.final.parameters,
-        ranking=_ranking(j, asked),
+        ranking=ranking,
         ladder=ladder,
         model=model,
         range=dict(motion.problem.ranges),
         noise=dict(zip(motion.problem.channels, motion.unseen.noise.tolist(), strict=True)),
-        experiments=_experiments(j),
+        experiments=_experiments(j, ranking),
         notes=(*motion.problem.notes, *motion.unseen.notes),
         yaml=yaml_of(model, found),
         given=_given(j),
@@ -79,9 +79,22 @@ def told(j: Judgement, asked: str = "") -> Diagnosis:
     )
 
 
+def _refused(j: Judgement, asked: str) -> str:
+    """Return why the records do not ask for what `add` was asked for; empty where they do."""
+    return j.agreed.motion.refused(j.agreed.base, j.final) if asked else ""
+
+
+def _verdict(j: Judgement, asked: str) -> str:
+    """Return the verdict; that on the model as it is where what was asked for is worth nothing."""
+    if not _refused(j, asked):
+        return j.verdict
+    base = j.agreed.base
+    return replace(j, agreed=replace(j.agreed, final=base), final=base, steps=(base,)).verdict
+
+
 def _added(j: Judgement, effect: str) -> str:
     """Return what adding an effect is worth."""
-    name, why = effect.replace("_", " "), j.agreed.motion.refused(j.agreed.base, j.final)
+    name, why = effect.replace("_", " "), _refused(j, effect)
     what = words.falls(j, j.agreed.base, j.final)
     if why:
         return f"The record does not ask for {name}: {why}."
@@ -104,19 +117,8 @@ def _given(j: Judgement) -> Rung:
 
 
 def _both(j: Judgement, known: Array, unseen: Array) -> tuple[Scores, Scores]:
-    motion = j.agreed.motion
-    return _scores(motion.problem, known), _scores(motion.unseen, unseen)
-
-
-def _scores(problem: Problem, squares: Array) -> Scores:
-    """Return squares (blocks, channels) as scores."""
-    rmse = np.sqrt(np.nanmean(squares, axis=0))
-    spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
-    fit = np.where(spread > 0, 100.0 * (1.0 - rmse / np.maximum(spread, 1e-300)), np.nan)
-    rows = zip(problem.channels, rmse.tolist(), fit.tolist(), problem.noise.tolist(), strict=True)
-    return Scores(
-        "windowed", {n: Score(e, f if np.isfinite(f) else None, e / s if s > 0 else None) for n, e, f, s in rows}
-    )
+    first, second = j.scores(known, unseen)
+    return Scores("windowed", first), Scores("windowed", second)
 
 
 # -------------------------------------------------------------------- ranking
@@ -168,8 +170,7 @@ def _named(j: Judgement, effect: str, ties: tuple[str, ...], asked: str) -> Entr
     own = {n.partition(".")[2]: p for n, p in j.final.parameters.items() if words.belongs(j.final, n, effect)}
     plain = [t for t in ties if not _richer(t, effect)]
     status = "ambiguous" if plain else "confirmed"
-    refused = bool(asked) and j.agreed.motion.refused(j.agreed.base, j.final) != ""
-    if j.unexplained in ("conflict", "worse", "far", "reversed") or refused:
+    if j.unexplained in ("conflict", "worse", "far", "reversed") or _refused(j, asked):
         status = "rejected"
     before = j.without(effect)
     g = j.agreed.motion.gain(before, j.final)
@@ -207,11 +208,29 @@ def _by_force(j: Judgement, name: str, tie: tuple[str, ...]) -> Entry:
     a, b = j.agreed.percent(j.agreed.base) or force.percent(force.search.base), force.percent(fit)
     why = f"alone it leaves {b:.3g} % of the effort on unseen data, the model without it {a:.3g} %"
     effect = find_effect(name, "effects")
-    status = "not_excited" if effect.only_beyond and b >= a else "rejected"
-    return Entry(name, status, {}, None, tie, why, float("inf") if not tie else 0.0)
+    unseen = effect.only_beyond and b > a - 100.0 * j.criteria.visible
+    return Entry(
+        name,
+        "not_excited" if unseen else "rejected",
+        {},
+        None,
+        tie,
+        f"{why}{_beyond(j) if unseen else ''}",
+        float("inf") if not tie else 0.0,
+    )
 
 
-def _experiments(j: Judgement) -> tuple[str, ...]:
+def _beyond(j: Judgement) -> str:
+    """Return between which positions the records tell of what shows only beyond them."""
+    problem, name = j.agreed.motion.problem, j.agreed.motion.problem.base.plant.position
+    if name not in problem.ranges:
+        return ""
+    unit = problem.shown(problem.units.get(name, problem.base.plant.position_unit))
+    low, high = problem.ranges[name]
+    return f"; the records move from {low:.3g} to {high:.3g} {unit}: it may act beyond"
+
+
+def _experiments(j: Judgement, ranking: Sequence[Entry]) -> tuple[str, ...]:
     """Return what to record to decide between what ties, and to see what this record cannot show."""
     found: dict[str, Any] = {}
     for effect in j.names:
@@ -219,6 +238,10 @@ def _experiments(j: Judgement) -> tuple[str, ...]:
             what = find_effect(tie, "effects").experiment
             if what:
                 found[tie] = f"to decide on {tie.replace('_', ' ')}: {what}"
+    for name in (e.effect for e in ranking if e.status == "not_excited"):
+        what = find_effect(name, "effects").experiment
+        if what:
+            found.setdefault(name, f"to see {name.replace('_', ' ')}: {what}")
     return tuple(found.values())
 
 

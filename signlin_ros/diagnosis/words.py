@@ -9,6 +9,7 @@ import numpy as np
 
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.scores import follows_nothing
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
@@ -49,6 +50,10 @@ def _unexplained(j: Judgement) -> str:
     why = j.unexplained
     if why == "conflict":
         return f"The two witnesses differ: {j.agreed.conflict}. Nothing is confirmed.{remainder(j)}"
+    if why == "lost":
+        return follows_nothing(j.lost)
+    if why == "elsewhere":
+        return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(j)}: what differs?"
     known = f"{listed(j.names).capitalize()} {'explains' if len(j.names) == 1 else 'explain'} a part"
     if why == "worse":
         return f"{known} of what is missing, but the error of {j.worse} rises on unseen data: nothing is confirmed."

@@ -31,7 +31,7 @@ def compare_report(comparison: Comparison, path: str | Path, command: str = "", 
         Section("Where it fails", where(c)),
         Section("What is missing", _missing(c)),
         Section("What is left in the residual", [_tests(c), *_spectrum(c)]),
-        Section("Notes", notes(c.notes)),
+        Section("Notes", notes(c.notes, record)),
         Section("To reproduce", reproduce(command)),
     ]
     title = f"Comparison of {name_of(c.model.source)} with {names_of(c.sources)}"
@@ -185,9 +185,11 @@ def _spectrum(c: Comparison) -> list[Block]:
     return drawing("spectrum", pictures.spectrum, caption, c)
 
 
-def notes(texts: Sequence[str]) -> list[Block]:
-    """Return notes as a list."""
-    return [Items([("", text) for text in texts])] if texts else []
+def notes(texts: Sequence[str], record: Sequence[Finding] = ()) -> list[Block]:
+    """Return notes as a list, without what was told of the records already (``record``)."""
+    told = {f"{f.source}: {f.said}" for f in record}
+    items = [("", text) for text in texts if text not in told]
+    return [Items(items)] if items else []
 
 
 def findings(record: Sequence[Finding]) -> list[Block]:

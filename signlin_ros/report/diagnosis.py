@@ -70,7 +70,7 @@ def diagnosis_report(
         Section("Parameters", _parameters(d, base)),
         Section("What else was tried", _others(d)),
         Section("What this record cannot tell", _unknown(d)),
-        Section("Notes", notes(remarks)),
+        Section("Notes", notes(remarks, record)),
         Section("To reproduce", _reproduce(d, command)),
     ]
     title = f"Diagnosis of {name_of((base or d.model).source)}" + _with(d)

@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.motion.score import gain
 
-BLOCKS, NOISE, EFFORT = 40, 0.1, 10.0
+BLOCKS, NOISE, EFFORT, SPREAD = 40, 0.1, 10.0, 9.0
 
 
 def around(level: float, seed: int) -> np.ndarray:
@@ -35,6 +35,10 @@ class Fit:
     away: dict[str, float] = field(default_factory=dict)
     fit: Any = None
     sensors: float = 0.1
+
+    @property
+    def known_squares(self) -> np.ndarray:
+        return self.unseen_squares
 
     @property
     def unseen_squares(self) -> np.ndarray:
@@ -61,7 +65,10 @@ class Motion:
             shown=lambda unit: unit,
             base=SimpleNamespace(update_period=0.2),
             scale=SimpleNamespace(step=0.01),
+            segments=(SimpleNamespace(y=np.outer((-SPREAD, SPREAD), np.ones(len(channels)))),),
+            noise=np.full(len(channels), NOISE),
         )
+        self.unseen = self.problem
 
     def best(self, f: Fit) -> Fit:
         return f
@@ -241,6 +248,14 @@ def test_noise_is_adequate_whoever_sees_it():
     for force in (None, force_witness(*LAWS)):
         found = judged(noise, noise, force)
         assert found.verdict == "adequate"
+
+
+def test_what_follows_nothing_is_not_adequate_however_noisy_its_channel():
+    """Two publishers in one channel: what they leave is as white as noise, and as large as the motion."""
+    nothing = Fit((), (0.7 * SPREAD,), 0.005, white=True)
+    found = judged(nothing, nothing, force_witness(*LAWS))
+    assert found.verdict == "unexplained"
+    assert words.sentence(found).startswith("The speed fits no model")
 
 
 def test_a_large_force_that_nothing_takes_away_is_not_adequate():

@@ -62,21 +62,3 @@ def test_what_does_not_ring_is_left_alone():
 def test_nothing_is_missing_where_nothing_is():
     found = diagnose(nominal(), record(BASE, 1), record(BASE, 2))
     assert found.verdict == "adequate"
-
-
-@pytest.mark.parametrize(
-    ("effect", "values"),
-    [
-        ("cubic_stiffness", {"k3": 0.03 * 2.0 * OWN**2 / 1e-3**2}),
-        ("quadratic_drag", {"c2": 40.0}),
-    ],
-)
-def test_the_effect_alone_is_named(effect, values):
-    truth = BASE.with_effect(effect, **values)
-    found = diagnose(nominal(), record(truth, 3), record(truth, 4))
-    assert found.verdict == "missing"
-    assert found.ladder[-1].effects == (effect,)
-    assert found.ladder[-1].validation.over_noise < 1.1
-    for name, value in values.items():
-        assert found.parameters[f"{effect}.{name}"].value == pytest.approx(value, rel=0.05)
-    assert found.parameters["c"].value == pytest.approx(BASE.parameters["c"], rel=0.01)

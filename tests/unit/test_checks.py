@@ -530,6 +530,20 @@ def test_faults_that_the_reader_put_right_are_told() -> None:
     assert finding.sentence.startswith("the clock jumps back")
 
 
+def test_what_is_told_about_the_record_is_no_note_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _, data = motor()
+    kept = np.delete(np.arange(SAMPLES), slice(700, 750))
+    columns = np.column_stack([data.t, data.u, data.measured["current"], data.measured["speed"]])[kept]
+    file, page = tmp_path / "run.csv", tmp_path / "report.html"
+    np.savetxt(file, columns, delimiter=",", header="t,voltage,current,speed", comments="")
+    assert main(["compare", "dc_motor", str(file), "--report", str(page)]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("1 gap in the time stamps") == 1
+    assert "note: gap: 1 gap in the time stamps" in shown
+    assert "every run starts anew after the gap" in shown
+    assert page.read_text(encoding="utf-8").count("1 gap in the time stamps") == 1
+
+
 def test_what_the_reader_asks_must_be_answered() -> None:
     model, data = motor()
     notes = (said("is the time in ms?", "unit_of_time"),)

@@ -240,7 +240,8 @@ def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) 
         free = ~held
         rest = y - X[:, held] @ theta[held]
         Z = X[:, free] / scale[free]
-        precision = np.where(np.isfinite(spread[free]), (size / (spread[free] * scale[free] + TINY)) ** 2, 1e-9 * n)
+        known = np.minimum(size / (spread[free] * scale[free] + TINY), 1e9)  # a column may be nothing but zeros
+        precision = np.where(np.isfinite(spread[free]), known**2, 1e-9 * n)
         A = Z.T @ Z + np.diag(np.minimum(precision, 1e12 * n))
         theta[free] = np.linalg.solve(A, Z.T @ rest) / scale[free]
         left = y - X @ theta
@@ -257,7 +258,8 @@ def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) 
     covariance = inverse @ (scores.T @ scores + prior) @ inverse
     every = np.zeros((X.shape[1], X.shape[1]))
     every[held, held] = np.inf
-    every[np.ix_(free, free)] = covariance / scale[free] / scale[free, None]
+    with np.errstate(over="ignore"):  # nothing is known of what moves nothing
+        every[np.ix_(free, free)] = covariance / scale[free] / scale[free, None]
     return theta, every, left
 
 

@@ -126,7 +126,7 @@ def _errors(
         return None
     p, found = c.p(theta), []
     for s, e, X, at in zip(problem.segments, run[0], run[2], cuts, strict=True):
-        known = X if c.filtered else _corrected(gains.along(s), c, X, e)
+        known = X if c.filtered else _corrected(gains, c, X, e)
         free = _restarted(problem, c, p, s, known, list(at[:-1]))
         if free is None:
             return None

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.data import unit_asked
 from signlin_ros.diagnosis.fit import Candidate, Fit, candidate, tidied
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
 from signlin_ros.diagnosis.motion.fitting import NEXT, Found, bred, climbed, settled, solved
@@ -89,7 +90,9 @@ class Motion:
         self.say("base model")
         found = settled(self.short, candidate(self.problem, self.problem.base, ()), [None], self.check)
         if found is None:
-            raise SimulationError(f"{self.problem.base.source}: the model diverges on these records")
+            step = self.problem.scale.step
+            apart = f"the model diverges on these records: the samples are {step:.3g} s apart{unit_asked(step)}"
+            raise SimulationError(f"{self.problem.base.source}: {apart}")
         self._keep(found)
 
     def _keep(self, found: Found) -> Fitted:
