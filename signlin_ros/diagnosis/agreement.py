@@ -7,9 +7,10 @@ witness confirms by simulation, tells richer laws of a family from simpler ones,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +91,7 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     left: dict[int, Array] = {}
     tried: list[Fitted] = []
     final, conflict, found = _stood_for(motion, force, criteria, depth, tried, left)
+    final = _as_one(motion, final, criteria, tried)
     proposed, final = force.effects if force else (), written(motion, force, final, criteria)
     return Agreed(motion, force, motion.base, final, conflict, tuple(tried), proposed, found, left)
 
@@ -187,6 +189,35 @@ def _both(force: Testimony, second: Fitted) -> str:
     told = f"by the force {laws} would leave {after:.3g} % of the effort in place of {before:.3g} %, but the motion"
     other = f"; {_words(second)} would follow it better" if second.effects else ""
     return f"{told} that they make is not the one that was measured{other}"
+
+
+def _as_one(motion: Motion, final: Fitted, criteria: Criteria, tried: list[Fitted]) -> Fitted:
+    """Return a model with one effect in place of two that it is about the same as, where that is as good."""
+    uses = {use.type: use.parameters for key, use in final.model.effects.items() if key in final.fit.candidate.label}
+    for pair in combinations(final.effects, 2):
+        others = {name: uses.get(name, {}) for name in pair}
+        for name, effect in EFFECTS.items():
+            values = effect.instead(others) if all(others.values()) and name not in final.effects else {}
+            if not values:
+                continue
+            model = final.model
+            for key in [k for k, use in model.effects.items() if use.type in pair]:
+                model = model.without_effect(key)
+            try:
+                one = motion.fitted((*(n for n in final.effects if n not in pair), name), _with(model, name, values))
+            except SignlinError:
+                continue
+            tried.append(one)
+            if not one.vague(criteria) and one in motion.alike(motion.base, [final, one]):
+                return one
+    return final
+
+
+def _with(model: Model, name: str, values: Mapping[str, float]) -> Model:
+    """Return a model with an effect, of its parameters those that it has there."""
+    model = model.with_effect(name, None)
+    key = next(k for k, use in reversed(model.effects.items()) if use.type == name)
+    return model.with_parameters({f"{key}.{n}": v for n, v in values.items() if n in model.effects[key].parameters})
 
 
 def _beyond(

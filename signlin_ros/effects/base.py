@@ -106,6 +106,8 @@ class Effect(HasPars):
     """Whether it starts from resonances all over the band, of which none leads to another."""
     essential: ClassVar[tuple[str, ...]] = ()
     """Parameters that make it what it is: a fit without one of them must be clearly worse."""
+    neutral: ClassVar[Mapping[str, float]] = {}
+    """Values of parameters at which the effect does nothing, where these are not 0."""
     telling: ClassVar[tuple[str, ...]] = ()
     """Parameters that tell it from simpler effects: each must be known to better than its own size."""
     single_channel_twins: ClassVar[tuple[str, ...]] = ()
@@ -145,6 +147,13 @@ class Effect(HasPars):
     def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
         """Return more points to start from, given the parameters that a simpler effect was fitted with."""
         return []
+
+    @classmethod
+    def instead(cls, others: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+        """Return with which parameters this effect alone is about what several others are together, by their names and
+        parameters; nothing if it is not.
+        """
+        return {}
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:

@@ -38,6 +38,7 @@ class BoucWenHysteresis(Effect):
     gamma = Par("-", nominal=0.5, low=-1e6, high=1e6, doc="shape of the loop")
     n = Par("-", nominal=1.0, low=1.0, high=50.0, structural=True, doc="sharpness of yielding")
     k = Par("F/Q", nominal=1.0, free_standing=True, doc="stiffness, where the plant has no spring of its own")
+    neutral = {"alpha": 1.0}
     held = {"lambda": 1.0, "D": None}
     graded = {"n": (1.0, 3.0)}
     within = {"beta": (0.0, 1e6)}  # a loop takes energy, and does not give any
@@ -62,6 +63,19 @@ class BoucWenHysteresis(Effect):
         return [
             {**loop, "n": n, "alpha": alpha, "k": p["sigma"] / (1 - alpha)} for n in (1.0, 2.0) for alpha in (0.1, 0.6)
         ]
+
+    @classmethod
+    def instead(cls, others: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+        if set(others) != {"dahl_presliding", "linear_stiffness"}:
+            return {}
+        (F_c, sigma), elastic = (
+            (others["dahl_presliding"][n] for n in ("F_c", "sigma")),
+            others["linear_stiffness"]["k"],
+        )
+        if min(F_c, sigma, elastic) <= 0:
+            return {}
+        k, D = elastic + sigma, F_c / sigma
+        return {"alpha": elastic / k, "k": k, "D": D, "lambda": 1.0, "beta": 1.0, "gamma": 0.0, "n": 1.0}
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:

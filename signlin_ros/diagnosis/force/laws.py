@@ -92,12 +92,8 @@ def parts_of(structure: Structure, key: str) -> Parts:
         group = []
     shape = [n for n in names if n not in levels and n not in group]
     shape += group[1:]
-    return Parts(tuple(levels), tuple(group), turning, _neutral(levels, effect), tuple(shape))  # type: ignore[arg-type]
-
-
-def _neutral(levels: list[str], effect: type[Effect]) -> float:
-    """Return the value at which the level of a law that changes a spring does nothing."""
-    return 1.0 if effect.spring is not Effect.spring and levels == ["alpha"] else 0.0
+    neutral = effect.neutral.get(levels[0], 0.0) if len(levels) == 1 else 0.0
+    return Parts(tuple(levels), tuple(group), turning, neutral, tuple(shape))  # type: ignore[arg-type]
 
 
 @symbolic

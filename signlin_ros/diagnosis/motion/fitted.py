@@ -111,8 +111,8 @@ class Fitted:
                 continue
             if k.name in self.at_bound and name in telling:
                 return f"{k.name} is at its bound"
-            if not k.log or kind == "sensor_gain":
-                sizes[name] = abs(x) / max(std, 1e-300)
+            if not k.log or name in effect.neutral or kind == "sensor_gain":
+                sizes[name] = abs(x - k.theta(effect.neutral.get(name, 0.0))) / max(std, 1e-300)
             elif std > criteria.known and (not telling or name in telling):
                 return f"{k.name} is not known to better than half"
         needed = min((sizes[n] for n in effect.telling if n in sizes), default=self._together(key, list(sizes)))
@@ -127,7 +127,10 @@ class Fitted:
         index = [i for i, n in enumerate(every) if n in {f"{key}.{name}" for name in names} | {key}]
         if not index:
             return float(np.inf)
-        theta = self.fit.theta[index]
+        uses, own = self.model.effects, key.partition(".")[0]
+        neutral = EFFECTS[uses[own].type if own in uses else own].neutral
+        nothing = [(k, neutral.get(k.name.rpartition(".")[2], 0.0)) for k in self.fit.candidate.coordinates]
+        theta = self.fit.theta[index] - [k.theta(x) if x else 0.0 for k, x in (nothing[i] for i in index)]
         inverses = (np.linalg.pinv(c[np.ix_(index, index)], hermitian=True) for c in self.covariances)
         return float(np.sqrt(min(max(float(theta @ i @ theta), 0.0) for i in inverses)))
 

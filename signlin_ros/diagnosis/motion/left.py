@@ -32,6 +32,8 @@ MOST, ENOUGH, RIDGE = 30_000, 10, 1e-5
 """Samples that are looked at; samples for each function, below which nothing is said; ridge of the regression."""
 SLOW = (0.1, 0.03)
 """Velocities, as shares of the largest, within which friction may fade."""
+ABOUT = 0.9
+"""Part of the sensor's variance from which on a residual is about as large: far less, and that noise is overrated."""
 ALL = 0.99
 """Part of a response that counts as nearly all of it."""
 
@@ -66,8 +68,8 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
     for channel, one, share, noise in zip(
         problem.channels, found, shares.tolist(), problem.noise.tolist(), strict=True
     ):
-        beyond = one.variance > (1.0 + criteria.dependent) * noise**2
-        structured = lost or (beyond and (one.structured or share > criteria.dependent))
+        noisy = ABOUT < one.variance / noise**2 < 1.0 + criteria.dependent
+        structured = lost or (not noisy and (one.structured or share > criteria.dependent))
         result.append(
             Left(
                 channel, float(np.sqrt(one.variance) / noise), one.slow, share, one.rho, bool(structured), one.together

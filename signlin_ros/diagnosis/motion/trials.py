@@ -14,6 +14,8 @@ from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model
 from signlin_ros.par import nominal_values
 
+ARC = 0.25
+"""Least way in rad over which one sine of the position is more than a load and a spring."""
 LATE = (1.5, 5.0)
 """Delays of a sensor that a fit starts from, in samples."""
 
@@ -55,7 +57,8 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
     effect = find_effect(name, "effect")
     if any(use.type == name for use in problem.base.effects.values()) and not effect.periodic:
         return []
-    if not (asked or effect.proposed):
+    flat = effect.angular and not effect.periodic and problem.stretch[1] - problem.stretch[0] < ARC
+    if not (asked or (effect.proposed and not flat)):
         return []
     if issubclass(effect, SensorEffect):
         return _of_sensors(problem, name)

@@ -358,11 +358,12 @@ class Motion:
             return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
         if g.worsens(c.worse, c.alike):
             return "the error of a channel rises"
-        return after.vague(c) or ("" if after.white else self._too_slow(after))
+        known = after.white and self.problem.turns
+        return after.vague(c) or ("" if known else self._too_slow(after))
 
     def _too_slow(self, f: Fitted) -> str:
-        """Return which periodic force has too few waves along the way to be known as one, if it leaves more than noise:
-        what leaves nothing else is known by its order.
+        """Return which periodic force has too few waves along the way to be known as one. Where the axis turns its
+        order is a whole number, which is as good if nothing else is left.
         """
         low, high = self.problem.stretch
         for key in (k for k in f.fit.candidate.label if k in f.model.effects):
