@@ -193,8 +193,8 @@ def _both(force: Testimony, second: Fitted) -> str:
 
 def _as_one(motion: Motion, final: Fitted, criteria: Criteria, tried: list[Fitted]) -> Fitted:
     """Return a model with one effect in place of two that it is about the same as, where that is as good."""
-    uses = {use.type: use.parameters for key, use in final.model.effects.items() if key in final.fit.candidate.label}
     for pair in combinations(final.effects, 2):
+        uses = {use.type: use.parameters for use in final.model.effects.values()}
         others = {name: uses.get(name, {}) for name in pair}
         for name, effect in EFFECTS.items():
             values = effect.instead(others) if all(others.values()) and name not in final.effects else {}

@@ -144,7 +144,14 @@ class Judgement:
             if self.structure[0] or (more and not self.final.white):
                 return "structure"
             return "elsewhere" if large and self.elsewhere else ""
-        return "" if leaves_noise(self.final, self.criteria) else "structure"
+        return "" if leaves_noise(self.final, self.criteria) or self.within_noise else "structure"
+
+    @property
+    def within_noise(self) -> bool:
+        """Whether all that is shown is within the sensors' noise: the force, and the motion over the horizon. What is
+        slower than that, as what noise in the input makes, is in neither.
+        """
+        return self.percent is not None and self.percent <= self.noise_percent and near_noise(self.final, self.criteria)
 
     @property
     def little(self) -> bool:
