@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from signlin_ros.console import AS_GIVEN, ERRORS, REFITTED, error_rows, ladder_rows
 from signlin_ros.workbench import commands
 
 if TYPE_CHECKING:
@@ -266,18 +267,28 @@ def _compare(s: Session) -> dict[str, Any]:
     if found is None:
         return _block("compare", "", False, "Model and measurement, on top of each other.", command)
     key = s.project.key("compare", asked)
-    return _block("compare", "", True, _compared(found["json"]), command, result=found, key=key)
+    first = found["json"].get("first_rows")
+    rows = error_rows([(AS_GIVEN, first["given"]), (REFITTED, first["refitted"])]) if first else []
+    return _block("compare", "", True, _compared(found["json"]), command, result=found, key=key, errors=_errors(rows))
+
+
+def _errors(rows: list[list[str]]) -> list[list[str]]:
+    """Return the rows by which models are told apart, below their head."""
+    return [["model", "channel", *ERRORS[2:]], *rows] if rows else []
 
 
 def _compared(content: dict[str, Any]) -> str:
     names = ", ".join(dict.fromkeys(Path(d).name for d in content["data"]))
+    first = content.get("first_rows")
     scored = {n: c["windowed"] or c["free_run"] for n, c in content["channels"].items()}
+    if first:
+        scored = {n: s for n, s in first["given"]["validation"].items() if n != "score"}
     scored = {n: x for n, x in scored.items() if x and x["rmse_over_noise"] is not None}
     if not scored:
         return f"On {names} nothing can be scored: see the notes."
     worst = max(scored, key=lambda n: scored[n]["rmse_over_noise"])
     ratio = scored[worst]["rmse_over_noise"]
-    ahead = f"over the next {content['horizon']:g} s"
+    ahead = f"over the next {(first or content)['horizon']:g} s" + (", on unseen data," if first else "")
     if ratio < 1.1:
         return f"On {names} every prediction {ahead} is no further off than the noise."
     where = f" Most of the error: {content['where'][0]['region']}." if content["where"] else ""
@@ -298,7 +309,7 @@ def _diagnose(s: Session) -> dict[str, Any]:
         return _block("diagnose", "", False, text, command)
     content = found["json"]
     text = f"{content['verdict'].capitalize()}: {content['sentence']}"
-    return _block("diagnose", "", True, text, command, result=found)
+    return _block("diagnose", "", True, text, command, result=found, errors=_errors(ladder_rows(content)))
 
 
 def _add(s: Session) -> dict[str, Any]:
@@ -364,15 +375,22 @@ def _others(s: Session, diagnosis: Any) -> list[str]:
 
 
 def _ladder(added: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the error on unseen data before and after every addition."""
+    """Return what is left on unseen data before and after every addition: of the motion, and of the force."""
     rungs = []
     for k, one in enumerate(added):
-        ladder = one["json"]["ladder"]
+        given, ladder = one["json"]["given"], one["json"]["ladder"]
         if k == 0:
-            rungs.append({"label": "the model as given", "validation": ladder[0]["validation"]})
-        effect = one["step"]["effect"].replace("_", " ")
-        rungs.append({"label": f"+ {effect}", "validation": ladder[-1]["validation"]})
+            rungs += [_shown(AS_GIVEN, given)] if given else []
+            rungs.append(_shown(REFITTED if given else AS_GIVEN, ladder[0]))
+        rungs.append(_shown(f"+ {one['step']['effect'].replace('_', ' ')}", ladder[-1]))
     return rungs
+
+
+def _shown(label: str, rung: dict[str, Any]) -> dict[str, Any]:
+    """Return a rung as the page draws it."""
+    left, over = rung["missing_force_percent"], rung.get("missing_force_over_noise")
+    force = None if left is None else {"rmse": left, "rmse_over_noise": over}
+    return {"label": label, "validation": rung["validation"], "force": force}
 
 
 def _use(s: Session) -> dict[str, Any]:
