@@ -138,7 +138,7 @@ class Comparison:
         if self.asked is None or self.asked.ready is None:
             return None, self.asked.why if self.asked else ""
         try:
-            return self.asked.ready.rows(self.asked.tell, self.asked.cancelled), ""
+            return self.asked.ready.rows(self.asked.tell, self.asked.cancelled).first(), ""
         except InputError as error:
             return None, f"the model was not refitted: {error}"
 

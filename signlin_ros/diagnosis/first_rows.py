@@ -61,24 +61,15 @@ class Ready:
     unseen: Problem
 
     @property
-    def horizon(self) -> float:
-        """Seconds over which the motion is predicted."""
-        return float(max(self.problem.base.update_period, 2 * self.problem.scale.step))
-
-    @property
     def noise(self) -> dict[str, float]:
         """Standard deviation of every channel's noise."""
         return noise_of(self.problem, self.unseen)
 
-    def rows(self, tell: Tell | None = None, cancelled: Cancelled | None = None) -> FirstRows:
-        """Return the first rows; ``tell`` of what is done, ``cancelled`` asks whether to stop."""
+    def rows(self, tell: Tell | None = None, cancelled: Cancelled | None = None) -> Rows:
+        """Refit the base and return what makes rows; ``tell`` of what is done, ``cancelled`` asks whether to stop."""
         tell = tell or (lambda what: None)
         motion = Motion(self.problem, self.unseen, DEFAULT, 1, tell, cancelled)
-        force = force_witness(self.case, DEFAULT, tell, None)
-        left = force_left(force, motion.base, {})
-        share = None if left is None or force is None else percent(force, left)
-        rows = Rows(motion, force)
-        return FirstRows(rows.given(), rows.of(motion.base, share), self.horizon)
+        return Rows(motion, force_witness(self.case, DEFAULT, tell, None))
 
 
 def ready(model: Model, data: Records, validation: Records | None = None) -> Ready:
@@ -136,15 +127,28 @@ class Rows:
 
     def given(self) -> Rung:
         """Return the row of the model as given, before anything was fitted."""
+        return self.as_it_is(self.motion.problem.base, ())
+
+    def first(self) -> FirstRows:
+        """Return the first rows."""
         motion, force = self.motion, self.force
-        c = candidate(motion.problem, motion.problem.base, ())
+        left = force_left(force, motion.base, {})
+        share = None if left is None or force is None else percent(force, left)
+        horizon = float(max(motion.problem.base.update_period, 2 * motion.problem.scale.step))
+        return FirstRows(self.given(), self.of(motion.base, share), horizon)
+
+    def as_it_is(self, model: Model, effects: tuple[str, ...]) -> Rung:
+        """Return the row of a model with the values that it has, and with the same states as the one given."""
+        force = self.force
+        known, unseen = (replace(p, base=model) for p in (self.motion.problem, self.motion.unseen))
+        c = candidate(known, model, ())
         theta = np.array([k.prior for k in c.coordinates])
-        tried = [(windowed(motion.problem, c, theta, gains), gains) for gains in motion.problem.levels]
-        known, gains = min(tried, key=lambda one: level(one[0], motion.problem.noise))
-        as_given, share = replace(motion.base, model=motion.problem.base), None
-        if force is not None and comparable(force, as_given):
-            share = percent(force, written_left(force, as_given))
-        return self._row((), known, windowed(motion.unseen, c, theta, gains), share)
+        tried = [(windowed(known, c, theta, gains), gains) for gains in known.levels]
+        squares, gains = min(tried, key=lambda one: level(one[0], known.noise))
+        written, share = replace(self.motion.base, effects=effects, model=model), None
+        if force is not None and comparable(force, written):
+            share = percent(force, written_left(force, written))
+        return self._row(effects, squares, windowed(unseen, c, theta, gains), share)
 
     def of(self, f: Fitted, share: float | None) -> Rung:
         """Return the row of a fit; ``share``: the force that it leaves of unseen data, in per cent of the effort."""
