@@ -28,8 +28,7 @@ def compare_report(comparison: Comparison, path: str | Path, command: str = "", 
     c = comparison
     sections = [
         Section("The record", findings(record)),
-        Section("The model as given, and its base refitted", _first_rows(c)),
-        Section("Scores", [scores_table(c), Text(_HOW, "note"), *_effort(c)]),
+        Section("Scores", [*_first_rows(c), scores_table(c), Text(_HOW, "note"), *_effort(c)]),
         Section("Measured and predicted", _traces(c)),
         Section("Where it fails", where(c)),
         Section("What is missing", _missing(c)),
