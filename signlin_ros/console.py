@@ -226,10 +226,8 @@ def _ladder(content: dict[str, Any]) -> str:
 
 
 def _first_rows(content: dict[str, Any]) -> str:
-    found = content.get("first_rows")
-    if not found:
-        return ""
-    return _errors(error_rows([(AS_GIVEN, found["given"]), (REFITTED, found["refitted"])]), found["horizon"])
+    rows = first_rows(content)
+    return _errors(rows, content["first_rows"]["horizon"]) if rows else ""
 
 
 def _errors(rows: list[list[str]], horizon: float) -> str:
@@ -238,6 +236,12 @@ def _errors(rows: list[list[str]], horizon: float) -> str:
 
 AS_GIVEN, REFITTED, SENSORS, FORCE = "model as given", "refitted", "noise of the sensors", "missing force"
 """The first rows, the same in every verb, and the last; and what stands in every group beside the channels."""
+
+
+def first_rows(content: dict[str, Any]) -> list[list[str]]:
+    """Return the first rows of a comparison, none where it has none."""
+    found = content.get("first_rows")
+    return error_rows([(AS_GIVEN, found["given"]), (REFITTED, found["refitted"])]) if found else []
 
 
 def ladder_rows(content: dict[str, Any]) -> list[list[str]]:

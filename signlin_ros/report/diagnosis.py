@@ -238,7 +238,7 @@ def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
     if d.findings:
         rest = held(d.findings.problem, d.model, {*d.parameters, *d.base})
         rows += [[name, *[str(e)] * 3, e.note] for name, e in rest.items()]
-    head = ["parameter", "as given", "base model, refitted", "proposal", ""]
+    head = ["parameter", "as given", "refitted", "proposal", ""]
     text = "± is one standard error; it allows for what correlation is left in the residual."
     return [Table(head, rows), Text(text, "note")]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signlin_ros.console import AS_GIVEN, ERRORS, REFITTED, error_rows, ladder_rows
 from signlin_ros.workbench import commands
 
 if TYPE_CHECKING:
@@ -21,6 +20,8 @@ TITLES = {
 }
 AS_THEY_ARE = "none"
 """The cure that takes records as they are."""
+AS_GIVEN, REFITTED = "model as given", "refitted"
+"""The first rows, as every verb shows them."""
 ADVICE = {
     "record": "Drop another file, or correct the mapping below.",
     "check": "Correct the mapping in Record, or drop another record.",
@@ -267,14 +268,7 @@ def _compare(s: Session) -> dict[str, Any]:
     if found is None:
         return _block("compare", "", False, "Model and measurement, on top of each other.", command)
     key = s.project.key("compare", asked)
-    first = found["json"].get("first_rows")
-    rows = error_rows([(AS_GIVEN, first["given"]), (REFITTED, first["refitted"])]) if first else []
-    return _block("compare", "", True, _compared(found["json"]), command, result=found, key=key, errors=_errors(rows))
-
-
-def _errors(rows: list[list[str]]) -> list[list[str]]:
-    """Return the rows by which models are told apart, below their head."""
-    return [["model", "channel", *ERRORS[2:]], *rows] if rows else []
+    return _block("compare", "", True, _compared(found["json"]), command, result=found, key=key)
 
 
 def _compared(content: dict[str, Any]) -> str:
@@ -309,7 +303,7 @@ def _diagnose(s: Session) -> dict[str, Any]:
         return _block("diagnose", "", False, text, command)
     content = found["json"]
     text = f"{content['verdict'].capitalize()}: {content['sentence']}"
-    return _block("diagnose", "", True, text, command, result=found, errors=_errors(ladder_rows(content)))
+    return _block("diagnose", "", True, text, command, result=found)
 
 
 def _add(s: Session) -> dict[str, Any]:

@@ -177,7 +177,7 @@ let how = "windowed";
 
 function compare(block, state, go) {
   if (!block.result) return [];
-  const { json, stretches, regions, channels } = block.result;
+  const { json, errors: rows, stretches, regions, channels } = block.result;
   shownStretch = Math.min(shownStretch, stretches.length - 1);
   const draw = () => plots("compare", `${block.key} ${shownStretch} ${how}`, (span) => api.show("compare", { ...span, stretch: shownStretch, how }), PAIR);
   const holder = h("div", {}, draw());
@@ -203,7 +203,7 @@ function compare(block, state, go) {
     h("p", { class: "quiet" }, "Drag to zoom, double-click to see all; with the keyboard: plus, minus, arrows, 0."),
     modes, legend(["measured", "simulated", "residual"]), holder,
     where.length ? [h("h3", {}, "Where it fails"), h("ul", { class: "regions" }, where)] : null,
-    h("details", { id: "scores" }, h("summary", {}, "Scores"), errors(block.errors), scores(json, channels)),
+    h("details", { id: "scores" }, h("summary", {}, "Scores"), errors(rows), scores(json, channels)),
     json.notes.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
   ];
 }
@@ -228,14 +228,14 @@ function diagnose(block, state, go) {
   const busy = state.busy?.stage === "diagnose" ? state.busy.found : null;
   if (busy?.tried?.length) return [h("h3", {}, `Tried so far: ${busy.count}, best first`), tried(busy.tried)];
   if (!block.result) return [];
-  const { json, evidence: seen } = block.result;
+  const { json, errors: rows, evidence: seen } = block.result;
   const pictures = Object.entries(seen).map(([name, e]) => [
     h("h3", {}, `${words(name)}: what unseen data show`),
     h("div", { class: "pair" }, evidence(e, "named", "curve"), e.rival && evidence(e, "rival", "rival")),
   ]);
   return [
     pictures,
-    block.errors?.length > 0 && h("details", { id: "errors" }, h("summary", {}, "The error, step by step"), errors(block.errors)),
+    rows?.length > 0 && h("details", { id: "errors" }, h("summary", {}, "The error, step by step"), errors(rows)),
     h("details", { id: "ranking" }, h("summary", {}, "All effects that competed, best first"), ranking(json.ranking)),
     json.experiments?.length > 0 && h("details", {}, h("summary", {}, "What to record to find out more"), h("ul", {}, json.experiments.map((n) => h("li", {}, n)))),
     json.notes?.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
