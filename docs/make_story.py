@@ -51,11 +51,11 @@ MY_MOTOR = """\
 RECORDS = {"monday": (1, 16.0), "tuesday": (2, 8.0)}
 """Seed and seconds."""
 COMMANDS = {
-    "compare": "signlin compare my_motor.yaml tuesday.csv --report compare.html",
+    "compare": "signlin compare my_motor.yaml monday.csv --validation tuesday.csv --report compare.html",
     "diagnose": "signlin diagnose my_motor.yaml monday.csv --validation tuesday.csv --report diagnosis.html",
     "add": "signlin add coulomb_friction my_motor.yaml monday.csv --validation tuesday.csv -o one_effect.yaml",
     "refine": "signlin refine my_motor.yaml monday.csv --validation tuesday.csv -o my_motor_2.yaml",
-    "again": "signlin compare my_motor_2.yaml tuesday.csv",
+    "again": "signlin compare my_motor_2.yaml monday.csv --validation tuesday.csv",
 }
 PICTURES = {
     "compare_files/missing_force.png": "story_missing.png",
@@ -64,10 +64,10 @@ PICTURES = {
     "diagnosis_files/ladder.png": "story_ladder.png",
 }
 SHORT = {
-    "compare": r"^ +unit|  speed +rad/s|  speed > 0",
+    "compare": r"fitted to|  model as given|  refitted|  speed > 0",
     "diagnose": r"MISSING|coulomb_friction: |constant_load: ",
-    "add": r"fitted to|  the model as it is|  coulomb_friction +current",
-    "refine": r"fitted to|  constant_load \+|note: stopped",
+    "add": r"fitted to|  refitted|  coulomb_friction +current",
+    "refine": r"fitted to|  refitted|  coulomb_friction \+|note: stopped",
 }
 """The lines that the README shows of each command."""
 

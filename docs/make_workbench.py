@@ -55,9 +55,9 @@ def walk(tour: Tour) -> tuple[Path, Path]:
     tour.click("do-diagnose")
     tour.done("diagnose")
     evidence = tour.picture("diagnose", "diagnose")
-    for bars in (2, 3):
+    for bars in (3, 4):
         tour.click("do-add")
-        until(lambda: len(tour.driver.find_elements("css selector", "#ladder rect")) >= 2 * bars, 600.0)  # noqa: B023
+        until(lambda: len(tour.driver.find_elements("css selector", "#ladder rect")) >= 3 * bars, 600.0)  # noqa: B023
         tour.done("add")
     tour.driver.execute_script("document.getElementById('tuner').open = true")
     shown(tour.driver, "#plots-tune[data-drawn]")

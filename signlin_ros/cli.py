@@ -116,6 +116,12 @@ def _mapping(signals: Sequence[str]) -> dict[str, str]:
     return {**found, "t": repr(step)}
 
 
+_validation_option = click.option(
+    "--validation",
+    multiple=True,
+    metavar="DATA2",
+    help="A record that no fit sees. Repeatable; without it the last third of every DATA is held out.",
+)
 _cure_option = click.option(
     "--cure",
     "cures",
@@ -316,6 +322,7 @@ signlin compare my_servo.yaml monday.csv tuesday.csv --signal displacement=q_mea
 )
 @click.argument("model")
 @click.argument("data", nargs=-1, required=True, metavar="DATA...")
+@_validation_option
 @click.option("--horizon", type=float, help="How far ahead to predict, in s; default: MODEL's update_period.")
 @click.option("--cutoff", type=float, help="Low-pass of the effort computed from the motion, in Hz.")
 @click.option("--report", metavar="OUT.html", help="Write a report with pictures.")
@@ -325,6 +332,7 @@ signlin compare my_servo.yaml monday.csv tuesday.csv --signal displacement=q_mea
 def compare(
     model: str,
     data: tuple[str, ...],
+    validation: tuple[str, ...],
     horizon: float | None,
     cutoff: float | None,
     report: str | None,
@@ -333,29 +341,32 @@ def compare(
 ) -> Report:
     """Compare MODEL with the measurements in DATA: how good it is, and where it fails.
 
-    Three scores, kept apart: the free run (simulated from an estimated start), the prediction over windows of
-    the horizon, each from what was measured before it, and the effort computed from the measured motion. Then
-    what is missing from the equations, and the situations that hold more of the error than of the time.
+    First what diagnose, add and refine show of the same files too: the prediction over windows of update_period,
+    each from what was measured before it, and the force that is missing, of MODEL as given and with its base
+    parameters refitted. Then, of DATA, the free run (simulated from an estimated start), the effort computed from
+    the measured motion, what is missing from the equations, and the situations that hold more of the error than
+    of the time. --horizon adds the prediction over other windows.
     """
     mapping = _mapping(signals)
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis.comparison import compare as run
-    from signlin_ros.diagnosis.data import load_records
-    from signlin_ros.guard import check_files, check_records
+    from signlin_ros.diagnosis.data import load_sides
+    from signlin_ros.guard import check_files, check_sides
     from signlin_ros.model import Model
 
     original = Model.load(model)
-    check_files(original, data, report=report)
-    loaded, records = load_records(original, data, mapping)
-    records, findings = check_records(loaded, records, cures)
+    check_files(original, data, validation, report=report)
+    loaded, first, second = load_sides(original, data, validation, mapping)
+    first, second, findings = check_sides(loaded, first, second, cures)
+    records = [*first, *(second or ())]
     _progress(f"comparing {sum(map(len, records))} samples (the first run compiles for some seconds) ...")
-    result = run(loaded, records, horizon, cutoff)
+    result = run(loaded, first, horizon, cutoff, second, progress=lambda what: _progress(f"  {what}"))
     if report is not None:
         from signlin_ros.report import compare_report
 
         given = ("compare", model, *data)
-        command = _command(given, horizon=horizon, cutoff=cutoff, signal=signals, cure=cures)
+        command = _command(given, horizon=horizon, cutoff=cutoff, validation=validation, signal=signals, cure=cures)
         compare_report(result, report, command, findings)
     return {**result.to_json(), "record": to_json(findings)}, console.compare_text
 
@@ -417,12 +428,7 @@ def _diagnosis_options(function: Callable[..., Report]) -> Callable[..., None]:
         _signal_option,
         click.option("--jobs", type=click.IntRange(1, 256), help="Fits side by side; default: one per processor."),
         click.option("--report", metavar="OUT.html", help="Write a report with pictures."),
-        click.option(
-            "--validation",
-            multiple=True,
-            metavar="DATA2",
-            help="A record that no fit sees. Repeatable; without it the last third of every DATA is held out.",
-        ),
+        _validation_option,
         click.argument("data", nargs=-1, required=True, metavar="DATA..."),
         click.argument("model"),
     ):

@@ -183,13 +183,6 @@ def _record(content: dict[str, Any] | None) -> str:
     return "\n".join(lines)
 
 
-def _notes(content: dict[str, Any]) -> str:
-    """Return notes as lines, without what is told about the record already."""
-    record = content.get("record")
-    told = {f"{f['record']}: {f['sentence']}" for f in record["findings"]} if record else set()
-    return "\n".join(f"note: {note}" for note in content["notes"] if note not in told)
-
-
 def _said(f: dict[str, Any]) -> str:
     cure = f" [--cure {f['cure']}{': applied' if f['applied'] else ''}]" if f["cure"] else ""
     return f"{f['severity']}: {f['check']}: {f['sentence']}{cure}"
@@ -203,7 +196,7 @@ def compare_text(content: dict[str, Any]) -> str:
     data = content["data"]
     records = data[0] if len(data) == 1 else f"{len(data)} records"
     parts = [f"{content['model']} against {records}, {content['samples']} samples", _record(content.get("record"))]
-    parts += [_scores(content)]
+    parts += [_first_rows(content), _scores(content)]
     parts += [_inverse(content["inverse"]), _missing(content["missing"]), _where(content["where"])]
     parts += [_residuals(content["residual_tests"]), _notes(content)]
     return "\n\n".join(part for part in parts if part)
@@ -217,17 +210,75 @@ def diagnosis_text(content: dict[str, Any]) -> str:
     return "\n\n".join(part for part in parts if part)
 
 
+def _notes(content: dict[str, Any]) -> str:
+    """Return the notes as lines, without those that are among the findings about the record."""
+    record = content.get("record") or {"findings": []}
+    told = {f"{f['record']}: {f['sentence']}" for f in record["findings"]}
+    return "\n".join(f"note: {note}" for note in dict.fromkeys(content["notes"]) if note not in told)
+
+
+ERRORS = ("", "", "fitted to", "/ noise", "unseen", "fit", "/ noise")
+"""Columns of the rows by which models are told apart."""
+
+
 def _ladder(content: dict[str, Any]) -> str:
-    kind = content["ladder"][0]["validation"]["score"].replace("_", " ")
-    rows = [["", "channel", "fitted to", "/ noise", "unseen", "fit", "/ noise"]]
-    for rung in content["ladder"]:
-        name = " + ".join(rung["effects"]) or "the model as it is"
-        for channel, s in rung["validation"].items():
-            if channel != "score":
-                before = _score(rung["estimation"][channel])
-                rows.append([name, channel, before[0], before[2], *_score(s)])
-                name = ""
-    return f"Error ({kind}, RMS)\n" + table(rows, right=range(2, 7))
+    return _errors(ladder_rows(content), content["horizon"])
+
+
+def _first_rows(content: dict[str, Any]) -> str:
+    rows = first_rows(content)
+    return _errors(rows, content["first_rows"]["horizon"]) if rows else ""
+
+
+def _errors(rows: list[list[str]], horizon: float) -> str:
+    return f"Error over the next {horizon:g} s (RMS)\n" + table([ERRORS, *rows], right=range(2, 7))
+
+
+AS_GIVEN, REFITTED, SENSORS, FORCE = "model as given", "refitted", "noise of the sensors", "missing force"
+"""The first rows, the same in every verb, and the last; and what stands in every group beside the channels."""
+
+
+def first_rows(content: dict[str, Any]) -> list[list[str]]:
+    """Return the first rows of a comparison, none where it has none."""
+    found = content.get("first_rows")
+    return error_rows([(AS_GIVEN, found["given"]), (REFITTED, found["refitted"])]) if found else []
+
+
+def ladder_rows(content: dict[str, Any]) -> list[list[str]]:
+    """Return the rows of a diagnosis: the model as given, refitted, then with one effect more in each group."""
+    given, ladder = content["given"], content["ladder"]
+    first = [(AS_GIVEN, given), (REFITTED, ladder[0])] if given else [(AS_GIVEN, ladder[0])]
+    return error_rows([*first, *((" + ".join(rung["effects"]), rung) for rung in ladder[1:])])
+
+
+def error_rows(groups: Sequence[tuple[str, dict[str, Any]]]) -> list[list[str]]:
+    """Return rows of `ERRORS`, a group for each name and rung: a row for each channel and one for the force that is
+    missing, in per cent of the effort. The noise of the sensors is the last group.
+    """
+    rows = []
+    for name, rung in groups:
+        own = [_error_row(c, rung["estimation"][c], s) for c, s in rung["validation"].items() if c != "score"]
+        if rung["missing_force_percent"] is not None:
+            over = rung.get("missing_force_over_noise")
+            left = f"{_short(rung['missing_force_percent'])} %"
+            own.append([FORCE, "-", "-", left, "-", "-" if over is None else _short(over)])
+        rows += [[name if k == 0 else "", *row] for k, row in enumerate(own)]
+    floor: dict[str, str] = {}
+    for _, rung in groups:
+        floor = _floor(rung) | floor
+    return rows + [[SENSORS if k == 0 else "", c, "", "", x, "", ""] for k, (c, x) in enumerate(floor.items())]
+
+
+def _error_row(channel: str, fitted: dict[str, Any], unseen: dict[str, Any]) -> list[str]:
+    before = _score(fitted)
+    return [channel, before[0], before[2], *_score(unseen)]
+
+
+def _floor(rung: dict[str, Any]) -> dict[str, str]:
+    """Return the noise of the sensors by channel and of the force, as far as a rung tells of it."""
+    scores = [(c, s["rmse"], s["rmse_over_noise"], "") for c, s in rung["validation"].items() if c != "score"]
+    scores.append((FORCE, rung["missing_force_percent"], rung.get("missing_force_over_noise"), " %"))
+    return {c: f"{_short(x / over)}{unit}" for c, x, over, unit in scores if x is not None and over}
 
 
 def _named(content: dict[str, Any]) -> str:
@@ -253,11 +304,14 @@ def _fitted(parameters: dict[str, Any]) -> str:
 
 
 def _scores(content: dict[str, Any]) -> str:
-    ahead = f"next {content['horizon']:g} s"
-    rows = [["", "unit", "noise", "free run", "fit", "/ noise", ahead, "fit", "/ noise"]]
+    """Return scores of all records together; over windows only where the first rows do not show that."""
+    first = content.get("first_rows")
+    ahead = "" if first and first["horizon"] == content["horizon"] else f"next {content['horizon']:g} s"
+    rows = [["", "unit", "noise", "free run", "fit", "/ noise", *([ahead, "fit", "/ noise"] if ahead else [])]]
     for name, c in content["channels"].items():
-        rows.append([name, c["unit"], _short(c["noise"]), *_score(c["free_run"]), *_score(c["windowed"])])
-    return "RMS errors\n" + table(rows, right=range(2, 9))
+        windowed = _score(c["windowed"]) if ahead else []
+        rows.append([name, c["unit"], _short(c["noise"]), *_score(c["free_run"]), *windowed])
+    return "RMS errors, all samples\n" + table(rows, right=range(2, 9))
 
 
 def _score(score: dict[str, Any] | None) -> list[str]:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.comparison import compare, compare_efforts
+from signlin_ros.diagnosis.comparison import compare_efforts
 from signlin_ros.diagnosis.data import as_list
+from signlin_ros.diagnosis.first_rows import ready
 from signlin_ros.diagnosis.inverse import Efforts
 from signlin_ros.diagnosis.motion.prepare import held_out
 from signlin_ros.effects.learned_force import OVER
@@ -90,38 +91,33 @@ def add_learned(
 ) -> tuple[Model, dict[str, Any]]:
     """Return the model with a learned force, and before and after in the form of ``schemas/diagnose.json``.
 
-    Without validation the last third of every record is held out. The base parameters stay as they are.
+    Without validation the last third of every record is held out. The base parameters stay as they are; the first rows
+    are those of every verb all the same.
     """
     known, unseen = (as_list(data), as_list(validation)) if validation is not None else held_out(as_list(data))
     learned = learn_missing(model, known, over)
     new = with_learned(model, learned)
-    runs = [[compare(one, part).to_json() for part in (known, unseen)] for one in (model, new)]
-    rungs: list[dict[str, Any]] = [
-        {"effects": effects, "estimation": _scores(seen), "validation": _scores(other), **_force_left(other)}
-        for effects, (seen, other) in zip(([], ["learned_force"]), runs, strict=True)
-    ]
-    entry = _entry(new, learned, *(rung["validation"] for rung in rungs))
+    made = ready(model, known, unseen)
+    notes = dict.fromkeys(f"{record.source}: {note}" for record in (*known, *unseen) for note in record.notes)
+    rows = made.rows()
+    first, last = rows.first(), rows.as_it_is(new, ("learned_force",)).to_json()
+    given, refitted = first.given.to_json(), first.refitted.to_json()
+    entry = _entry(new, learned, given["validation"], last["validation"])
     return new, {
         "verdict": "missing" if entry["status"] == "confirmed" else "unexplained",
         "sentence": f"Learned: {entry['why']}. Beyond what the records visited it goes straight on.",
-        "given": None,
-        "base": {"parameters": {}, "validation": rungs[0]["validation"]},
+        "given": given,
+        "base": {"parameters": {}, "validation": refitted["validation"]},
         "ranking": [entry],
-        "ladder": rungs,
+        "ladder": [refitted, last],
         "parameters": {f"learned_force.{n}": p for n, p in entry["parameters"].items()},
         "model": new.to_yaml(),
         "range": _range(learned),
-        "noise": {n: c["noise"] for n, c in runs[0][0]["channels"].items()},
+        "noise": rows.noise,
         "experiments": [],
-        "notes": list(dict.fromkeys(note for run in runs[0] for note in run["notes"])),
-        "horizon": runs[0][1]["horizon"],
+        "notes": [*notes, *made.problem.notes, *made.unseen.notes],
+        "horizon": first.horizon,
     }
-
-
-def _force_left(comparison: dict[str, Any]) -> dict[str, Any]:
-    """Return the force that is left in per cent of what is measured, None where the motion does not tell it."""
-    left = [c["relative_error_percent"] for c in (comparison["inverse"] or {}).values()]
-    return {"missing_force_percent": left[0] if left else None}
 
 
 def _entry(new: Model, learned: Learned, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
@@ -140,12 +136,6 @@ def _entry(new: Model, learned: Learned, before: dict[str, Any], after: dict[str
         "indistinguishable_from": [],
         "why": told if better else f"{told}, and the motion on unseen data is not predicted better",
     }
-
-
-def _scores(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the windowed scores of a comparison as the contract's SCORES."""
-    scores = {name: channel["windowed"] for name, channel in content["channels"].items() if channel["windowed"]}
-    return {**scores, "score": "windowed"}
 
 
 def _error(score: Mapping[str, Any]) -> float:

@@ -33,6 +33,12 @@ GOOD_FIT = 0.1
 COARSE = 10
 ROUNDING = 1e-15
 _RHO = np.arange(0.0, 0.985, 0.01)
+LOOKED = 100_000
+"""Samples of a stretch that its noise is taken from, at most."""
+STILL = 1e-9
+"""Part of its largest value within which a channel stands still."""
+LEAST = 1e-6
+"""Least noise of a channel, as a part of what it does."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +86,41 @@ def noise_level(t: Array, y: Array, residual: Array | Sequence[Array] | None = N
     rho = round(rho, 2) if rho >= LEAST_CORRELATION else 0.0
     coarse = quantum if floor > 0.01 * variance else 0.0
     return Noise(float(np.sqrt(variance / fourth_difference_share(np.array(rho)))), rho, coarse, even)
+
+
+def sensor_noise(parts: Sequence[tuple[Array, Array]]) -> Array:
+    """Return the standard deviation (ny,) of white noise on channels: t (T,) in s and y (T, ny) of every stretch
+    without a gap. Of the sensors alone, no model in it. Jumps of what is measured are left out.
+    """
+    weights, white = [t.size for t, _ in parts], white_noise([y for _, y in parts])
+    levels = [[noise_level(t[:LOOKED], column[:LOOKED]).sigma for column in y.T] for t, y in parts]
+    found = np.sqrt(np.average(np.square(levels), axis=0, weights=weights))
+    return np.asarray(np.where(found > 0.0, np.minimum(white, found), white))
+
+
+def white_noise(parts: Sequence[Array]) -> Array:
+    """Return the standard deviation (ny,) of white noise on channels y (T, ny), at least a millionth of their own.
+
+    A channel that never moves has one of a millionth of its value, or of its unit.
+    """
+    everything = np.concatenate(parts)
+    noise = np.array([fourth_difference_noise(*pieces) for pieces in zip(*(y.T for y in parts), strict=True)])
+    own, value = np.nanstd(everything, axis=0), np.nanmax(np.abs(everything), axis=0)
+    least = np.where(moving(everything), own, np.where(value > 0, value, 1.0))
+    return np.asarray(np.maximum(noise, LEAST * least))
+
+
+def fourth_difference_noise(*pieces: Array) -> float:
+    """Return the standard deviation of white noise on pieces (T,) of a smooth signal: sqrt(mean of (4th difference)^2
+    / 70). Where one piece ends and another begins, nothing is smooth.
+    """
+    differences = np.concatenate([np.diff(values[np.isfinite(values)], 4) for values in pieces])
+    return float(np.sqrt(np.mean(differences**2) / 70)) if differences.size else 0.0
+
+
+def moving(values: Array) -> NDArray[np.bool_]:
+    """Return which columns of values (T, ny) ever move."""
+    return np.asarray(np.nanstd(values, axis=0) > STILL * np.nanmax(np.abs(values), axis=0))
 
 
 def quantum_of(y: Array) -> float:
@@ -152,4 +193,13 @@ def _correlation(residual: Array, variance: float) -> float | None:
     return float(_RHO[best]) if misfit[best] < GOOD_FIT else None
 
 
-__all__ = ["Noise", "fourth_difference_share", "noise_level", "quantum_of"]
+__all__ = [
+    "Noise",
+    "fourth_difference_noise",
+    "fourth_difference_share",
+    "moving",
+    "noise_level",
+    "quantum_of",
+    "sensor_noise",
+    "white_noise",
+]

@@ -64,9 +64,9 @@ class Agreed:
 
     def left(self, f: Fitted) -> Array | None:
         """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell: of
-        what is stood for as it is written, of others at their best.
+        the effects that are stood for as they are written, of others at their best.
         """
-        if f is self.final and self.force is not None and comparable(self.force, f):
+        if f is self.final and f.effects and self.force is not None and comparable(self.force, f):
             return self._written
         return force_left(self.force, f, self._left)
 

@@ -8,8 +8,9 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import chain
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import Stretch, as_list, measured_channels, stretches, unit_asked
+from signlin_ros.diagnosis.first_rows import FirstRows, Ready, ready
 from signlin_ros.diagnosis.freerun import FreeRun, free_run
 from signlin_ros.diagnosis.inverse import Efforts, Inverse, inverse
 from signlin_ros.diagnosis.locate import Region, by_direction, locate
@@ -28,7 +30,7 @@ from signlin_ros.diagnosis.tracking import mean_square
 from signlin_ros.diagnosis.whiteness import ResidualTest, residual_test
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
-from signlin_ros.noise import Noise, noise_level
+from signlin_ros.noise import Noise, noise_level, sensor_noise
 from signlin_ros.predict import windows
 from signlin_ros.records import ModelData
 
@@ -43,9 +45,14 @@ NOWHERE = "no situation that was looked at holds significantly more of the error
 
 @dataclass(frozen=True)
 class Channel:
-    """A measured channel: unit, noise, and what the model's predictions of it are worth (None: see the notes)."""
+    """A measured channel: unit, noise, and what the model's predictions of it are worth (None: see the notes).
+
+    ``sigma``: standard deviation of its sensor's noise, by which errors are told in every verb. ``noise``: what what
+    the model leaves tells of it, colour included; observers are designed with that.
+    """
 
     unit: str
+    sigma: float
     noise: Noise
     free_run: Score | None
     windowed: Score | None
@@ -55,7 +62,7 @@ class Channel:
         scores = {"free_run": self.free_run, "windowed": self.windowed}
         return {
             "unit": self.unit,
-            "noise": self.noise.sigma,
+            "noise": self.sigma,
             "noise_correlation": self.noise.rho,
             "quantum": self.noise.quantum,
             **{name: s.to_json() if s else None for name, s in scores.items()},
@@ -77,6 +84,16 @@ class Traces:
     windowed: Array
     states: Array
     residual: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What the first rows of a comparison are found from; ``why`` there are none where ``ready`` is None."""
+
+    ready: Ready | None
+    why: str
+    tell: Callable[[str], None] | None
+    cancelled: Callable[[], bool] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +119,28 @@ class Comparison:
     units: dict[str, str] = field(default_factory=dict)
     traces: tuple[Traces, ...] = field(default=(), repr=False)
     missing: tuple[Missing, ...] = field(default=(), repr=False)
+    asked: Asked | None = field(default=None, repr=False)
+
+    @cached_property
+    def first_rows(self) -> FirstRows | None:
+        """The model as given and its base refitted, as `diagnose` shows them of the same records: fitted when they are
+        first asked for. None where `without_rows` says why.
+        """
+        return self._first_rows[0]
+
+    @property
+    def without_rows(self) -> str:
+        """Why there are no first rows; empty where there are."""
+        return self._first_rows[1]
+
+    @cached_property
+    def _first_rows(self) -> tuple[FirstRows | None, str]:
+        if self.asked is None or self.asked.ready is None:
+            return None, self.asked.why if self.asked else ""
+        try:
+            return self.asked.ready.rows(self.asked.tell, self.asked.cancelled).first(), ""
+        except InputError as error:
+            return None, f"the model was not refitted: {error}"
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON object of schemas/compare.json."""
@@ -115,7 +154,8 @@ class Comparison:
             "model": self.model.source,
             "data": list(self.sources),
             "samples": self.samples,
-            "notes": list(self.notes),
+            "notes": [*self.notes, *([self.without_rows] if self.without_rows else [])],
+            "first_rows": self.first_rows.to_json() if self.first_rows else None,
         }
 
     def _repr_html_(self) -> str:
@@ -138,9 +178,16 @@ def compare(
     data: ModelData | Sequence[ModelData],
     horizon: float | None = None,
     cutoff: float | None = None,
+    validation: ModelData | Sequence[ModelData] | None = None,
+    *,
+    progress: Callable[[str], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
 ) -> Comparison:
     """Hold a model against one record or several.
 
+    The first rows are those of `diagnose` with the same ``data`` and ``validation`` (without it the last third of every
+    record is held out); they are found when they are asked for, which takes seconds: ``progress`` is told of it,
+    ``cancelled`` asked whether to stop. All else is told of ``data``.
     ``horizon`` of the windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse
     model's low-pass in Hz, by default a tenth of the sampling rate or less. Raises `RecordError` where nothing that
     the model predicts is measured, `InputError` for a horizon or a cut-off that the sampling cannot serve.
@@ -153,7 +200,8 @@ def compare(
     horizon = _horizon(model, horizon, observer.step)
     free, window = _free(observer, notes), _windowed(observer, horizon, notes)
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
-    scored = _scored(observer, units, free, window)
+    asked = _asked(model, records, validation, progress, cancelled)
+    scored = _scored(observer, units, free, window, asked.ready.noise if asked.ready else {})
     effort, where = inverse(model, parts, channels, observer.noise, units, cutoff), locate(observer, lacking, units)
     return Comparison(
         model=model,
@@ -169,7 +217,22 @@ def compare(
         units=units,
         traces=tuple(_traces(observer, k, free, window, residuals) for k in range(len(parts))),
         missing=lacking,
+        asked=asked,
     )
+
+
+def _asked(
+    model: Model,
+    data: Sequence[ModelData],
+    validation: ModelData | Sequence[ModelData] | None,
+    progress: Callable[[str], None] | None,
+    cancelled: Callable[[], bool] | None,
+) -> Asked:
+    """Return what the first rows are found from, or why records cannot be used as `diagnose` uses them."""
+    try:
+        return Asked(ready(model, data, validation), "", progress, cancelled)
+    except InputError as error:
+        return Asked(None, f"the model was not refitted: {error}", progress, cancelled)
 
 
 def _horizon(model: Model, given: float | None, step: float) -> float:
@@ -262,16 +325,22 @@ def _shown_in_windows(observer: Observer, states: list[Array], starts: list[list
     return shown
 
 
-def _scored(observer: Observer, units: dict[str, str], free: list[FreeRun], window: list[Array]) -> dict[str, Channel]:
+def _scored(
+    observer: Observer, units: dict[str, str], free: list[FreeRun], window: list[Array], sigmas: Mapping[str, float]
+) -> dict[str, Channel]:
+    """Return the channels with their scores; ``sigmas``: noise of their sensors, where that is known by now."""
+    own = dict(zip(observer.channels, sensor_noise([(s.t, s.y) for s in observer.stretches]).tolist(), strict=True))
+    sigmas = {**own, **sigmas}
     y = np.concatenate([s.y for s in observer.stretches])
     runs, windowed = np.concatenate([run.shown for run in free]), np.concatenate(window)
     failed = any(run.why for run in free)
     return {
         name: Channel(
             units[name],
+            sigmas[name],
             noise,
-            None if failed else score(y[:, j], runs[:, j], noise.sigma),
-            score(y[:, j], windowed[:, j], noise.sigma),
+            None if failed else score(y[:, j], runs[:, j], sigmas[name]),
+            score(y[:, j], windowed[:, j], sigmas[name]),
         )
         for j, (name, noise) in enumerate(zip(observer.channels, observer.noise, strict=True))
     }

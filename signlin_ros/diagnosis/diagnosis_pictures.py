@@ -39,16 +39,17 @@ def words(effects: Sequence[str]) -> str:
 
 
 def ladder(d: Diagnosis) -> Any:
-    """The error of every channel on unseen data, from the base model to the proposal, and the noise floor below."""
-    channels = list(d.base_validation.channels)
+    """The error of every channel on unseen data, from the model as given to the proposal, and the noise floor below."""
+    channels, rungs = list(d.base_validation.channels), [*([d.given] if d.given else []), *d.ladder]
     labels = [
-        "base model, refitted",
+        *(["model as given"] if d.given else []),
+        "refitted",
         *(f"+ {words(_added(a, b))}" for a, b in zip(d.ladder, d.ladder[1:], strict=False)),
     ]
     with styled(9.5, 1.25 + 0.42 * (len(labels) + 1)) as figure:
         grid = figure.subplots(1, len(channels), sharey=True, squeeze=False)[0]
         for ax, name in zip(grid, channels, strict=True):
-            _rungs(ax, d.ladder, name, d.findings.problem.shown(d.model.units[name]))
+            _rungs(ax, rungs, name, d.findings.problem.shown(d.model.units[name]))
         rows = np.arange(len(labels) + 1)[::-1]
         grid[0].set_yticks(rows, [*labels, "noise of the sensors"])
         kind = "free run" if d.base_validation.kind == "free_run" else f"over windows of {d.model.update_period:g} s"
@@ -98,7 +99,7 @@ def before_and_after(before: Comparison, after: Comparison, free_run: bool, stre
             t, y, lines = _lines(before, after, k, j, free_run)
             for ax, part in zip(axes, (slice(None), slice(low, high)), strict=False):
                 _signals(ax, t[part], y[part], [line[part] for line in lines])
-            _leftovers(axes[2], t, [y - line for line in lines], before.channels[name].noise.sigma)
+            _leftovers(axes[2], t, [y - line for line in lines], before.channels[name].sigma)
             axes[0].set_ylabel(f"{name} [{before.channels[name].unit}]")
         for ax, title in zip(grid[0], ("whole record", "enlarged", "measured minus predicted"), strict=True):
             ax.set_title(title)
@@ -115,7 +116,7 @@ def _predicted(trace: Traces, free_run: bool) -> Array:
 def _relative(c: Comparison, k: int, free_run: bool) -> Array:
     """Return the squared error (T,) over all channels, each in units of its noise."""
     trace = c.traces[k]
-    sizes = np.array([max(channel.noise.sigma, 1e-300) for channel in c.channels.values()])
+    sizes = np.array([max(channel.sigma, 1e-300) for channel in c.channels.values()])
     return np.asarray(np.sum(np.nan_to_num((trace.measured - _predicted(trace, free_run)) / sizes) ** 2, axis=1))
 
 

@@ -18,7 +18,7 @@ from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.errors import RecordError, joined
 from signlin_ros.model import Model
-from signlin_ros.noise import noise_level
+from signlin_ros.noise import STILL, fourth_difference_noise, moving, noise_level, white_noise
 from signlin_ros.plants.dc_motor import quasi_static_current
 from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
@@ -29,8 +29,6 @@ Array = NDArray[np.float64]
 SETTLED = 25.0
 """Variance of the initial state in variances of the measurement noise."""
 LEAST_SAMPLES = 100
-STILL = 1e-9
-"""A channel whose deviation is a smaller share of its value never moves."""
 LOST, RARE = 3.0, 0.05
 """Standard deviations of the noise below which a velocity is not known, and up to which share of the samples those
 where an imposed one is not are left out."""
@@ -182,31 +180,6 @@ class Problem:
         return sum(s.t.size for s in self.segments)
 
 
-def fourth_difference_noise(*pieces: Array) -> float:
-    """Return the standard deviation of white noise on pieces (T,) of a smooth signal: sqrt(mean of (4th difference)^2
-    / 70). Where one piece ends and another begins, nothing is smooth.
-    """
-    differences = np.concatenate([np.diff(values[np.isfinite(values)], 4) for values in pieces])
-    return float(np.sqrt(np.mean(differences**2) / 70)) if differences.size else 0.0
-
-
-def white_noise(segments: Sequence[Segment]) -> Array:
-    """Return the standard deviation (ny) of white noise on every channel, at least a millionth of its own.
-
-    A channel that never moves has one of a millionth of its value, or of its unit.
-    """
-    everything = np.concatenate([s.y for s in segments])
-    noise = np.array([fourth_difference_noise(*pieces) for pieces in zip(*(s.y.T for s in segments), strict=True)])
-    own, value = np.nanstd(everything, axis=0), np.nanmax(np.abs(everything), axis=0)
-    least = np.where(_moving(everything), own, np.where(value > 0, value, 1.0))
-    return np.asarray(np.maximum(noise, 1e-6 * least))
-
-
-def _moving(values: Array) -> NDArray[np.bool_]:
-    """Return which columns of values (T, ny) ever move."""
-    return np.asarray(np.nanstd(values, axis=0) > STILL * np.nanmax(np.abs(values), axis=0))
-
-
 def _still(channels: Sequence[str]) -> str:
     stay = "stays" if len(channels) == 1 else "stay"
     return f"nothing moves: nothing can be told from a record in which {joined(channels)} {stay} the same"
@@ -215,7 +188,7 @@ def _still(channels: Sequence[str]) -> str:
 def moves(data: ModelData, channels: Sequence[str]) -> bool:
     """Tell whether any of the channels of a record ever moves."""
     measured = [data.measured[c][np.isfinite(data.measured[c])] for c in channels]
-    return any(values.size and _moving(values[:, None])[0] for values in measured)
+    return any(values.size and moving(values[:, None])[0] for values in measured)
 
 
 def check_moving(data: Sequence[ModelData], channels: Sequence[str]) -> None:
@@ -484,8 +457,8 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     segments = tuple(_of_known_direction(model, segment(model, channels, d)) for d in data)
     dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
     duration = max(float(s.t[-1] - s.t[0]) for s in segments)
-    everything, noise = np.concatenate([s.y for s in segments]), white_noise(segments)
-    if not _moving(everything).any():
+    everything, noise = np.concatenate([s.y for s in segments]), white_noise([s.y for s in segments])
+    if not moving(everything).any():
         raise RecordError(f"{segments[0].source}: {_still(channels)}")
     sizes = {c: float(max(v, 1e-12)) for c, v in zip(channels, np.nanmax(np.abs(everything), axis=0), strict=True)}
     sizes = _guess_velocity(model, segments, channels, sizes)

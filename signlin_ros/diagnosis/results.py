@@ -90,17 +90,28 @@ class Entry:
 
 @dataclass(frozen=True)
 class Rung:
-    """One step of the ladder from the base model to the proposal."""
+    """One step of the ladder from the base model to the proposal.
+
+    ``force``: what is left of it on unseen data, ``force_noise``: what the sensors' noise makes of one, both in per
+    cent of the effort (RMS); None where forces do not tell.
+    """
 
     effects: tuple[str, ...]
     estimation: Scores
     validation: Scores
     force: float | None = None
+    force_noise: float | None = None
+
+    @property
+    def force_over_noise(self) -> float | None:
+        """What is left of the force over what the sensors' noise makes of it."""
+        return self.force / self.force_noise if self.force is not None and self.force_noise else None
 
     def to_json(self) -> dict[str, Any]:
-        """Return one entry of ``ladder``; ``force``: what is left of it on unseen data, in per cent of the effort."""
+        """Return one entry of ``ladder``."""
         both = {"validation": self.validation.to_json(), "estimation": self.estimation.to_json()}
-        return {"effects": list(self.effects), **both, "missing_force_percent": _finite(self.force)}
+        force = {"missing_force_percent": self.force, "missing_force_over_noise": self.force_over_noise}
+        return {"effects": list(self.effects), **both, **{name: _finite(x) for name, x in force.items()}}
 
 
 @dataclass(frozen=True)
@@ -157,9 +168,12 @@ class Diagnosis:
         }
 
     def _repr_html_(self) -> str:
+        from signlin_ros.console import ERRORS, ladder_rows
+
         shown = [e for e in self.ranking if e.status in ("confirmed", "ambiguous", "not_excited")]
         table = html_table(["effect", "status", "why"], [[e.effect, e.status, e.why] for e in shown]) if shown else ""
-        return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{table}"
+        errors = html_table(ERRORS, ladder_rows(self.to_json()), f"Error over the next {self.horizon:g} s (RMS)")
+        return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{errors}{table}"
 
 
 __all__ = ["STATUSES", "VERDICTS", "Diagnosis", "Entry", "Estimate", "Rung", "Scores"]

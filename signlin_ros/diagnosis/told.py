@@ -7,22 +7,17 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from signlin_ros.diagnosis import words
 from signlin_ros.diagnosis.agreement import Agreed
+from signlin_ros.diagnosis.first_rows import Rows
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.motion.score import windowed
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
-from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Rung, Scores
+from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import SignlinError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +49,8 @@ class Findings:
 
 def told(j: Judgement, asked: str = "") -> Diagnosis:
     """Return the diagnosis that a judgement amounts to; ``asked``: the effect that `add` was asked for."""
-    found, motion, ranking = Findings(j), j.agreed.motion, _ranking(j, asked)
-    ladder = tuple(_rung(j, f) for f in j.steps)
+    found, motion, rows = Findings(j), j.agreed.motion, Rows(j.agreed.motion, j.agreed.force)
+    ladder, ranking = tuple(rows.of(f, j.agreed.percent(f)) for f in j.steps), _ranking(j, asked, rows)
     model = rounded(j.final.model, j.final.parameters)
     sentence = words.sentence(j) if not asked else _added(j, asked)
     return Diagnosis(
@@ -68,11 +63,11 @@ def told(j: Judgement, asked: str = "") -> Diagnosis:
         ladder=ladder,
         model=model,
         range=dict(motion.problem.ranges),
-        noise=dict(zip(motion.problem.channels, motion.unseen.noise.tolist(), strict=True)),
+        noise=rows.noise,
         experiments=_experiments(j, ranking),
         notes=(*motion.problem.notes, *motion.unseen.notes),
         yaml=yaml_of(model, found),
-        given=_given(j),
+        given=rows.given(),
         horizon=j.horizon,
         remainder=words.remainder(j).strip(),
         findings=found,
@@ -101,37 +96,17 @@ def _added(j: Judgement, effect: str) -> str:
     return f"With {name}, {what}.{words.remainder(j)}"
 
 
-# -------------------------------------------------------------------- scores
-
-
-def _rung(j: Judgement, f: Fitted) -> Rung:
-    return Rung(f.effects, *_both(j, f.known_squares, f.unseen_squares), j.agreed.percent(f))
-
-
-def _given(j: Judgement) -> Rung:
-    """Return the scores of the model as given, before anything was fitted."""
-    motion, fit = j.agreed.motion, j.agreed.base.fit
-    theta = np.array([k.prior for k in fit.candidate.coordinates])
-    squares = (windowed(p, fit.candidate, theta, fit.gains) for p in (motion.problem, motion.unseen))
-    return Rung((), *_both(j, *squares))
-
-
-def _both(j: Judgement, known: Array, unseen: Array) -> tuple[Scores, Scores]:
-    first, second = j.scores(known, unseen)
-    return Scores("windowed", first), Scores("windowed", second)
-
-
 # -------------------------------------------------------------------- ranking
 
 
-def _ranking(j: Judgement, asked: str) -> tuple[Entry, ...]:
+def _ranking(j: Judgement, asked: str, rows: Rows) -> tuple[Entry, ...]:
     """Return every effect that competed, what is proposed first, with its status and why; then what does not apply."""
     single = {f.effects[0]: f for f in j.agreed.tried if len(f.effects) == 1}
     ties = {e: _ties(j, e) for e in j.names}
-    entries = [_named(j, e, ties[e], asked) for e in j.names]
+    entries = [_named(j, e, ties[e], asked, rows) for e in j.names]
     tied = {t: e for e, names in ties.items() for t in names}
     rest = [n for n in EFFECTS if n not in j.names and (n in single or n in _forces(j))]
-    others = [_other(j, n, single.get(n), tied.get(n, "")) for n in rest]
+    others = [_other(j, n, single.get(n), tied.get(n, ""), rows) for n in rest]
     others.sort(key=lambda e: (e.status != "ambiguous", e.evidence))
     absent = [Entry(n, "not_applicable", {}, None, (), f"does not apply to {j.case.model.plant.name}")
               for n in EFFECTS if n not in j.names and n not in rest and not _applies(j, n)]  # fmt: skip
@@ -166,7 +141,7 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
     return tuple(sorted(found - set(j.names)))
 
 
-def _named(j: Judgement, effect: str, ties: tuple[str, ...], asked: str) -> Entry:
+def _named(j: Judgement, effect: str, ties: tuple[str, ...], asked: str, rows: Rows) -> Entry:
     own = {n.partition(".")[2]: p for n, p in j.final.parameters.items() if words.belongs(j.final, n, effect)}
     plain = [t for t in ties if not _richer(t, effect)]
     status = "ambiguous" if plain else "confirmed"
@@ -174,7 +149,7 @@ def _named(j: Judgement, effect: str, ties: tuple[str, ...], asked: str) -> Entr
         status = "rejected"
     before = j.without(effect)
     g = j.agreed.motion.gain(before, j.final)
-    scores = _both(j, j.final.known_squares, j.final.unseen_squares)[1]
+    scores = rows.of(j.final, None).validation
     return Entry(effect, status, own, scores, ties, words.why_named(j, effect), j.final.level, g.certainty)
 
 
@@ -184,12 +159,12 @@ def _richer(a: str, b: str) -> bool:
     return bool(first.family) and first.family == second.family
 
 
-def _other(j: Judgement, name: str, f: Fitted | None, tied: str) -> Entry:
+def _other(j: Judgement, name: str, f: Fitted | None, tied: str, rows: Rows) -> Entry:
     effect, tie = find_effect(name, "effects"), (tied,) if tied else ()
     if f is None:
         return _by_force(j, name, tie)
     own = {n.partition(".")[2]: p for n, p in f.parameters.items() if words.belongs(f, n, name)}
-    scores = _both(j, f.known_squares, f.unseen_squares)[1]
+    scores = rows.of(f, None).validation
     if tied and not _richer(name, tied):
         return Entry(
             name, "ambiguous", own, scores, tie, f"as good on unseen data as {tied.replace('_', ' ')}", f.level

@@ -7,23 +7,20 @@ from dataclasses import replace
 from itertools import count
 
 from signlin_ros.diagnosis.agreement import Agreed, agree
-from signlin_ros.diagnosis.case import Case, case
+from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.force.record import depends_on_place
-from signlin_ros.diagnosis.force.witness import Testimony, hear
+from signlin_ros.diagnosis.first_rows import Records, Seen, force_witness, motion_witness
+from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.judgement import judge
 from signlin_ros.diagnosis.measures import with_laws
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.told import told
-from signlin_ros.effects import EFFECTS, find_effect, load_entry_points
+from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError, SignlinError
 from signlin_ros.model import Model
-from signlin_ros.records import ModelData
 
-Records = ModelData | Sequence[ModelData]
 Progress = Callable[[str, float], None]
-Seen = Callable[[Fitted | Testimony], None]
 MOST = 6
 """Most effects that `refine` adds."""
 
@@ -48,8 +45,8 @@ def diagnose(
     """
     prepared = case(model, data, validation)
     tell = _stages(progress)
-    motion = _motion(prepared, jobs, tell, cancelled, criteria, seen)
-    force = _force(prepared, criteria, tell, seen)
+    motion = motion_witness(prepared, jobs, tell, cancelled, criteria, seen)
+    force = force_witness(prepared, criteria, tell, seen)
     tell("motion with what the force shows" if force and force.effects else "motion")
     agreed = agree(motion, force, criteria, criteria.most)
     return told(judge(prepared, agreed, criteria))
@@ -106,52 +103,18 @@ def add(
     prepared = case(model, data, validation)
     _check_addable(prepared.model, effect)
     tell = _stages(progress)
-    motion = _motion(prepared, jobs, tell, cancelled, criteria, seen)
-    force = _force(prepared, criteria, tell, seen)
+    motion = motion_witness(prepared, jobs, tell, cancelled, criteria, seen)
+    force = force_witness(prepared, criteria, tell, seen)
     tell(f"motion with {effect.replace('_', ' ')}")
     final = _asked(motion, force, effect)
     agreed = Agreed(motion, force, motion.base, final, "", (final,), (effect,), (effect,))
     return told(judge(prepared, agreed, criteria), asked=effect)
 
 
-def _motion(
-    prepared: Case,
-    jobs: int | None,
-    tell: Callable[[str], None],
-    cancelled: Callable[[], bool] | None,
-    criteria: Criteria,
-    seen: Seen | None,
-) -> Motion:
-    """Return the motion witness, the base model fitted."""
-    load_entry_points()
-    unseen = list(prepared.unseen)
-    return Motion.of(prepared.model, list(prepared.known), unseen, criteria, jobs, tell, cancelled, seen)
-
-
 def _stages(progress: Progress | None) -> Callable[[str], None]:
     """Return what tells of stages: how many there are shows on the way, so each is a fifth of what is left."""
     shares = (1.0 - 0.8**n for n in count())
     return (lambda what: progress(what, next(shares))) if progress else (lambda what: None)
-
-
-def _force(prepared: Case, criteria: Criteria, tell: Callable[[str], None], seen: Seen | None) -> Testimony | None:
-    """Return the force witness; None where effort or motion are not known."""
-    tell("missing force")
-    if not all(prepared.parts) or not _seen(prepared):
-        return None
-    found = hear(prepared.model, *prepared.parts, prepared.rotary, criteria)
-    if seen is not None:
-        seen(found)
-    return found
-
-
-def _seen(prepared: Case) -> bool:
-    """Tell whether what the model's forces depend on is recorded."""
-    model, plant, first = prepared.model, prepared.model.plant, prepared.known[0]
-    recorded = {*first.measured, *model.inputs}
-    if plant.position not in recorded and depends_on_place(model.structure):
-        return False
-    return bool({plant.position, plant.velocity} & recorded)
 
 
 def _check_addable(model: Model, effect: str) -> None:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from signlin_ros import __version__
 from signlin_ros.checks.finding import Finding
+from signlin_ros.console import AS_GIVEN, REFITTED, error_rows
 from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import NOWHERE, Comparison
+from signlin_ros.diagnosis.results import Rung
 from signlin_ros.diagnosis.scores import Score
 from signlin_ros.errors import SignlinError
 from signlin_ros.report.files import write_report
@@ -26,12 +28,12 @@ def compare_report(comparison: Comparison, path: str | Path, command: str = "", 
     c = comparison
     sections = [
         Section("The record", findings(record)),
-        Section("Scores", [scores_table(c), Text(_HOW, "note"), *_effort(c)]),
+        Section("Scores", [*_first_rows(c), scores_table(c), Text(_HOW, "note"), *_effort(c)]),
         Section("Measured and predicted", _traces(c)),
         Section("Where it fails", where(c)),
         Section("What is missing", _missing(c)),
         Section("What is left in the residual", [_tests(c), *_spectrum(c)]),
-        Section("Notes", notes(c.notes, record)),
+        Section("Notes", notes([*c.notes, *([c.without_rows] if c.without_rows else [])], record)),
         Section("To reproduce", reproduce(command)),
     ]
     title = f"Comparison of {name_of(c.model.source)} with {names_of(c.sources)}"
@@ -65,8 +67,10 @@ def percent(value: float | None) -> str:
 
 
 def _lead(c: Comparison) -> str:
-    worst = max(c.channels, key=lambda n: _over(c.channels[n].windowed))
-    score = c.channels[worst].windowed
+    rows = c.first_rows
+    shown = rows.given.validation.channels if rows else {n: channel.windowed for n, channel in c.channels.items()}
+    worst = max(shown, key=lambda n: _over(shown[n]))
+    score = shown[worst]
     if score is None or score.rmse_over_noise is None:
         return f"{c.samples} samples."
     noise = (
@@ -74,27 +78,54 @@ def _lead(c: Comparison) -> str:
     )
     which = "Every prediction" if score.rmse_over_noise < 1.1 else f"The prediction of the {worst}"
     where = f"; most of the error: {c.where[0].name}" if c.where else ""
-    return f"{which} over the next {c.horizon:g} s is {noise}{where}."
+    unseen = f"over the next {rows.horizon:g} s, on unseen data," if rows else f"over the next {c.horizon:g} s"
+    return f"{which} {unseen} is {noise}{where}."
 
 
 def _over(score: Score | None) -> float:
     return score.rmse_over_noise or 0.0 if score else 0.0
 
 
+def _first_rows(c: Comparison) -> list[Block]:
+    """Return the rows that a diagnosis of the same records begins with."""
+    rows = c.first_rows
+    if rows is None:
+        return []
+    units = {name: channel.unit for name, channel in c.channels.items()}
+    table = rows_table([(AS_GIVEN, rows.given), (REFITTED, rows.refitted)], lambda name: units.get(name, ""))
+    return [table, Text(_AHEAD.format(f"{rows.horizon:g}"), "note")]
+
+
+def rows_table(named: Sequence[tuple[str, Rung]], unit: Callable[[str], str]) -> Table:
+    """Return the rows by which models are told apart: a group for each, the noise of the sensors last."""
+    head = ["model", "channel", "unit", "data of the fit", "over noise", "unseen data", "fit", "over noise"]
+    units = {name: unit(name) for _, rung in named for name in rung.validation.channels}
+    found = error_rows([(name, rung.to_json()) for name, rung in named])
+    rows = [[name, channel, units.get(channel, "of the effort"), *cells] for name, channel, *cells in found]
+    return Table(head, rows, right=range(3, 8))
+
+
+_AHEAD = (
+    "RMS errors over windows of {} s, each from what was measured before it. Refitted: the base parameters moved within"
+    " their tolerances. Missing force: what the measured motion takes beyond the model, on unseen data, in per cent of"
+    " the effort. Noise: of the sensors alone."
+)
+
+
 def scores_table(c: Comparison) -> Table:
-    """Return the scores of every channel."""
-    ahead = f"next {c.horizon:g} s"
-    head = ["", "unit", "noise", "free run", "fit", "over noise", ahead, "fit", "over noise"]
+    """Return the scores of every channel; over windows only where the first rows do not show that."""
+    ahead = [] if c.first_rows and c.first_rows.horizon == c.horizon else [f"next {c.horizon:g} s", "fit", "over noise"]
+    head = ["", "unit", "noise", "free run", "fit", "over noise", *ahead]
     rows = [
-        [name, channel.unit, number(channel.noise.sigma), *_score(channel.free_run), *_score(channel.windowed)]
-        for name, channel in c.channels.items()
+        [name, one.unit, number(one.sigma), *_score(one.free_run), *(_score(one.windowed) if ahead else [])]
+        for name, one in c.channels.items()
     ]
     return Table(head, rows, right=range(2, 9))
 
 
 _HOW = (
-    "RMS errors. Free run: simulated from an estimated start. The other: over windows, each from what was measured"
-    " before it. Fit: 100 % less the error over the spread of what was measured."
+    "RMS errors over all samples. Free run: simulated from an estimated start. Over windows, where shown: each from"
+    " what was measured before it. Fit: 100 % less the error over the spread of what was measured."
 )
 
 
@@ -186,10 +217,10 @@ def _spectrum(c: Comparison) -> list[Block]:
 
 
 def notes(texts: Sequence[str], record: Sequence[Finding] = ()) -> list[Block]:
-    """Return notes as a list, without what was told of the records already (``record``)."""
+    """Return notes as a list, without what is among the findings about the record."""
     told = {f"{f.source}: {f.said}" for f in record}
-    items = [("", text) for text in texts if text not in told]
-    return [Items(items)] if items else []
+    rest = [text for text in dict.fromkeys(texts) if text not in told]
+    return [Items([("", text) for text in rest])] if rest else []
 
 
 def findings(record: Sequence[Finding]) -> list[Block]:

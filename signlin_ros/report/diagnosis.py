@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from signlin_ros.checks.finding import Finding
+from signlin_ros.console import AS_GIVEN, REFITTED
 from signlin_ros.diagnosis import diagnosis_pictures as drawn
 from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import Comparison, compare
@@ -14,7 +15,7 @@ from signlin_ros.diagnosis.evidence import Evidence, evidence, nearest
 from signlin_ros.diagnosis.motion.fitted import held
 from signlin_ros.diagnosis.motion.prepare import held_out
 from signlin_ros.diagnosis.proposal import given
-from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, Scores
+from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -27,8 +28,8 @@ from signlin_ros.report.comparison import (
     names_of,
     notes,
     number,
-    percent,
     reproduce,
+    rows_table,
     where,
 )
 from signlin_ros.report.files import write_report
@@ -169,27 +170,12 @@ def _fits(e: Evidence) -> str:
 
 def _ladder(d: Diagnosis) -> list[Block]:
     caption = (
-        "RMS error of every channel on data that the fit never saw, in brackets over the noise. The dashed line is the"
-        " noise: no model can be better."
+        "RMS error of every channel on data that the fit never saw, in brackets over the noise of its sensor. The"
+        " dashed line is that noise: no model can be better. Refitted: base parameters moved within their tolerances."
     )
-    rows = []
-    named = [(drawn.words(rung.effects) or "base model, refitted", rung) for rung in d.ladder]
-    for name, rung in [*([("model as given", d.given)] if d.given else []), *named]:
-        own = _rows(d, rung.estimation, rung.validation)
-        labels = [name, *[""] * (len(own) - 1)]
-        rows += [[label, *row] for label, row in zip(labels, own, strict=True)]
-    head = ["model", "channel", "unit", "data of the fit", "unseen data", "over noise", "fit"]
-    table = Table(head, rows, right=(3, 4, 5, 6))
+    named = [(drawn.words(rung.effects) or REFITTED, rung) for rung in d.ladder]
+    table = rows_table([*([(AS_GIVEN, d.given)] if d.given else []), *named], lambda name: _unit(d, name))
     return [Picture("ladder", drawn.ladder(d), caption, "bars of the error from the base model to the noise"), table]
-
-
-def _rows(d: Diagnosis, estimation: Scores, validation: Scores) -> list[list[str]]:
-    rows = []
-    for name, score in validation.channels.items():
-        seen = estimation.channels[name]
-        numbers = [number(seen.rmse), number(score.rmse), number(score.rmse_over_noise), percent(score.fit_percent)]
-        rows.append([name, _unit(d, name), *numbers])
-    return rows
 
 
 def _before_and_after(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> list[Block]:
@@ -252,7 +238,7 @@ def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
     if d.findings:
         rest = held(d.findings.problem, d.model, {*d.parameters, *d.base})
         rows += [[name, *[str(e)] * 3, e.note] for name, e in rest.items()]
-    head = ["parameter", "as given", "base model, refitted", "proposal", ""]
+    head = ["parameter", "as given", "refitted", "proposal", ""]
     text = "± is one standard error; it allows for what correlation is left in the residual."
     return [Table(head, rows), Text(text, "note")]
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros import console
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model, shipped_models
 from signlin_ros.records import ModelData, Record, read_record
@@ -179,14 +180,21 @@ def compare(args: Args, say: Say) -> Answer:
     result = run(model, records)
     parts = [_kept(trace) for trace in result.traces]
     np.savez(args["store"], **{f"{k}/{name}": v for k, part in enumerate(parts) for name, v in part.items()})
+    content = result.to_json()
     return {
-        "json": result.to_json(),
+        "json": content,
+        "errors": _errors(console.first_rows(content)),
         "channels": {name: channel.unit for name, channel in result.channels.items()},
         "stretches": [
             {"source": trace.source, "span": [float(trace.t[0]), float(trace.t[-1])]} for trace in result.traces
         ],
         "regions": [_intervals(result, region) for region in result.where],
     }
+
+
+def _errors(rows: list[list[str]]) -> list[list[str]]:
+    """Return the rows by which models are told apart, below their head."""
+    return [["model", "channel", *console.ERRORS[2:]], *rows] if rows else []
 
 
 def _kept(trace: Any) -> dict[str, Any]:
@@ -227,7 +235,8 @@ def diagnose(args: Args, say: Say) -> Answer:
     from signlin_ros.workbench import evidence
 
     result = _diagnosed("diagnose", args, say)
-    return {"json": result.to_json(), "evidence": evidence.pictures(result)}
+    content = result.to_json()
+    return {"json": content, "errors": _errors(console.ladder_rows(content)), "evidence": evidence.pictures(result)}
 
 
 def add(args: Args, say: Say) -> Answer:

@@ -20,6 +20,8 @@ TITLES = {
 }
 AS_THEY_ARE = "none"
 """The cure that takes records as they are."""
+AS_GIVEN, REFITTED = "model as given", "refitted"
+"""The first rows, as every verb shows them."""
 ADVICE = {
     "record": "Drop another file, or correct the mapping below.",
     "check": "Correct the mapping in Record, or drop another record.",
@@ -271,13 +273,16 @@ def _compare(s: Session) -> dict[str, Any]:
 
 def _compared(content: dict[str, Any]) -> str:
     names = ", ".join(dict.fromkeys(Path(d).name for d in content["data"]))
+    first = content.get("first_rows")
     scored = {n: c["windowed"] or c["free_run"] for n, c in content["channels"].items()}
+    if first:
+        scored = {n: s for n, s in first["given"]["validation"].items() if n != "score"}
     scored = {n: x for n, x in scored.items() if x and x["rmse_over_noise"] is not None}
     if not scored:
         return f"On {names} nothing can be scored: see the notes."
     worst = max(scored, key=lambda n: scored[n]["rmse_over_noise"])
     ratio = scored[worst]["rmse_over_noise"]
-    ahead = f"over the next {content['horizon']:g} s"
+    ahead = f"over the next {(first or content)['horizon']:g} s" + (", on unseen data," if first else "")
     if ratio < 1.1:
         return f"On {names} every prediction {ahead} is no further off than the noise."
     where = f" Most of the error: {content['where'][0]['region']}." if content["where"] else ""
@@ -364,15 +369,22 @@ def _others(s: Session, diagnosis: Any) -> list[str]:
 
 
 def _ladder(added: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the error on unseen data before and after every addition."""
+    """Return what is left on unseen data before and after every addition: of the motion, and of the force."""
     rungs = []
     for k, one in enumerate(added):
-        ladder = one["json"]["ladder"]
+        given, ladder = one["json"]["given"], one["json"]["ladder"]
         if k == 0:
-            rungs.append({"label": "the model as given", "validation": ladder[0]["validation"]})
-        effect = one["step"]["effect"].replace("_", " ")
-        rungs.append({"label": f"+ {effect}", "validation": ladder[-1]["validation"]})
+            rungs += [_shown(AS_GIVEN, given)] if given else []
+            rungs.append(_shown(REFITTED if given else AS_GIVEN, ladder[0]))
+        rungs.append(_shown(f"+ {one['step']['effect'].replace('_', ' ')}", ladder[-1]))
     return rungs
+
+
+def _shown(label: str, rung: dict[str, Any]) -> dict[str, Any]:
+    """Return a rung as the page draws it."""
+    left, over = rung["missing_force_percent"], rung.get("missing_force_over_noise")
+    force = None if left is None else {"rmse": left, "rmse_over_noise": over}
+    return {"label": label, "validation": rung["validation"], "force": force}
 
 
 def _use(s: Session) -> dict[str, Any]:

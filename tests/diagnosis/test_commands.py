@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.cli import main, signlin
-from signlin_ros.console import diagnosis_text
+from signlin_ros.console import compare_text, diagnosis_text
 from signlin_ros.effects import EFFECTS
 from signlin_ros.model import Model
 
@@ -46,6 +46,40 @@ def test_text_says_verdict_and_reason(record):
     assert result.exit_code == 0
     assert result.stdout.split(":")[0] in ("MISSING", "ADEQUATE", "UNEXPLAINED")
     assert "/ noise" in result.stdout
+    for row in ("model as given", "refitted", "missing force", "noise of the sensors"):
+        assert row in result.stdout
+
+
+def test_the_first_rows_and_the_noise_are_the_same_in_every_verb(record, tmp_path):
+    data = (record / "model.yaml", record / "estimation.csv")
+    runs = [("compare", *data), ("diagnose", *data), ("add", "viscous_friction", *data, "-o", tmp_path / "new.yaml")]
+    compared, *others = (json.loads(call(*run, "--json").stdout) for run in runs)
+    first = compared["first_rows"]
+    assert first["given"]["missing_force_percent"] > first["refitted"]["missing_force_percent"] > 0
+    for found in others:
+        assert first == {"given": found["given"], "refitted": found["ladder"][0], "horizon": found["horizon"]}
+        assert found["noise"] == {n: c["noise"] for n, c in compared["channels"].items()}
+        assert diagnosis_text(found).splitlines()[2:11] == compare_text(compared).splitlines()[2:11]
+
+
+def test_a_finding_about_the_record_is_said_once(record, tmp_path):
+    rows = (record / "estimation.csv").read_text().splitlines()
+    file = tmp_path / "gap.csv"
+    file.write_text("\n".join([*rows[:700], *rows[760:]]) + "\n")
+    for verb in ("compare", "diagnose"):
+        text = call(verb, record / "model.yaml", file).stdout
+        assert "about the record" in text
+        assert text.count("gap in the time stamps") == 1
+
+
+def test_a_record_that_is_too_short_to_refit_is_compared_all_the_same(record, tmp_path):
+    file = tmp_path / "short.csv"
+    file.write_text("\n".join((record / "estimation.csv").read_text().splitlines()[:200]) + "\n")
+    content = json.loads(call("compare", record / "model.yaml", file, "--json").stdout)
+    assert content["first_rows"] is None
+    assert [note for note in content["notes"] if "not refitted" in note and "at least 100" in note]
+    assert "fitted to" not in compare_text(content)
+    assert "next 0.2 s" in compare_text(content)
 
 
 FAN = '''

@@ -136,3 +136,21 @@ def test_a_damper_with_play_in_series_with_its_friction():
     assert "play_friction" in proposed(found)
     left = 100.0 - found["ladder"][-1]["validation"]["force"]["fit_percent"]
     assert left < 20.0
+
+
+# ---------------------------------------------------------------- the same first rows in every verb
+
+
+@pytest.mark.parametrize("which", ["null", "cogging"])
+def test_compare_shows_the_first_rows_and_the_noise_of_diagnose(which):
+    """Speed of "null": noise was 0.427 rad/s in compare, 0.162 in diagnose, and each had windows of its own."""
+    folder, known, unseen = RECORDS[which]
+    place, found = DATA / folder, answer(which)
+    arguments = ["compare", place / "nominal.yaml", place / known, "--validation", place / unseen, "--json"]
+    result = CliRunner().invoke(signlin, [str(a) for a in arguments], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.stdout)
+    jsonschema.validate(content, json.loads((SCHEMA.parent / "compare.json").read_text(encoding="utf-8")))
+    assert content["first_rows"] == {"given": found["given"], "refitted": found["ladder"][0],
+                                     "horizon": found["horizon"]}  # fmt: skip
+    assert {n: content["channels"][n]["noise"] for n in found["noise"]} == found["noise"]

@@ -268,6 +268,29 @@ def test_a_force_element():
     assert_allclose([sides["forward"]["mean"], sides["backward"]["mean"]], [-20.0, 20.0], rtol=0.05)
 
 
+# -------------------------------------------------------------------- first rows
+
+
+def test_the_noise_of_a_channel_is_that_of_its_sensor_whatever_the_model():
+    data = recorded(MOTOR)
+    right, wrong = (compare(model, data) for model in (MOTOR, BARE))
+    for name, channel in right.channels.items():
+        assert channel.sigma == wrong.channels[name].sigma > 0
+        assert channel.to_json()["noise"] == channel.sigma
+        assert channel.windowed.rmse == pytest.approx(channel.sigma, rel=0.15)
+
+
+def test_first_rows_are_of_the_data_that_the_fit_did_not_see():
+    data, other = recorded(MOTOR), recorded(MOTOR, noise=0.02)
+    rows, own = (compare(BARE, data, validation=v).first_rows for v in (other, None))
+    assert rows.horizon == own.horizon == BARE.update_period
+    assert rows.given.estimation.channels["speed"].rmse != own.given.estimation.channels["speed"].rmse
+    for found in (rows, own):
+        assert found.refitted.estimation.channels["speed"].rmse < found.given.estimation.channels["speed"].rmse
+        assert found.refitted.force < 1.01 * found.given.force
+        assert found.refitted.force_over_noise == found.refitted.force / found.refitted.force_noise
+
+
 # -------------------------------------------------------------------- output
 
 

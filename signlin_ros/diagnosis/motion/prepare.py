@@ -22,19 +22,16 @@ from signlin_ros.diagnosis.problem import (
     pieces,
     prepare,
     segment,
-    white_noise,
     with_measured_position,
 )
 from signlin_ros.diagnosis.tracking import Tracker
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
-from signlin_ros.noise import noise_level
+from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-LOOKED = 100_000
-"""Samples of a record that its noise is taken from, at most."""
 MOST, PARTS = 20_000, 10
 """Samples that are fitted to at most, in so many stretches: more only make standard errors smaller than the model is
 true."""
@@ -63,16 +60,8 @@ def prepared(model: Model, data: Sequence[ModelData], unseen: Sequence[ModelData
     notes += constant_inputs(model, [*data, *(unseen or ())])
     problem = replace(prepare(model, known, own), notes=notes)
     segments = tuple(segment(problem.base, problem.channels, part) for part in left)
-    unseen_noise, noise = sensor_noise(segments), sensor_noise(problem.segments)
+    unseen_noise, noise = (sensor_noise([(s.t, s.y) for s in one]) for one in (segments, problem.segments))
     return replace(problem, noise=noise), replace(problem, segments=segments, noise=unseen_noise, notes=more)
-
-
-def sensor_noise(segments: Sequence[Segment]) -> Array:
-    """Return the standard deviation (ny) of white noise on every channel, jumps of what is measured left out."""
-    weights, white = [s.t.size for s in segments], white_noise(segments)
-    levels = [[noise_level(s.t[:LOOKED], y[:LOOKED]).sigma for y in s.y.T] for s in segments]
-    found = np.sqrt(np.average(np.square(levels), axis=0, weights=weights))
-    return np.asarray(np.where(found > 0.0, np.minimum(white, found), white))
 
 
 def _check_held_out(data: Sequence[ModelData], last: Sequence[ModelData], channels: tuple[str, ...]) -> None:

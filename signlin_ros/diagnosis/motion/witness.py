@@ -247,7 +247,7 @@ class Motion:
             return
         theta = c.start({n: v for n, v in found.fit.parameters().items() if n in {k.name for k in c.coordinates}})
         middle = self.problem.levels[1]
-        here, there = (solved(self.short, c, middle, x, n) for x, n in ((before.fit.theta, 0), (theta, 3)))
+        here, there = (solved(self.short, c, middle, x, n) for x, n in ((before.fit.theta, 3), (theta, 3)))
         if here and there and there.cost < here.cost - 1.0:
             again = settled(self.short, c, [there.theta], self.check)
             if again:

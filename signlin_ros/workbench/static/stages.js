@@ -177,7 +177,7 @@ let how = "windowed";
 
 function compare(block, state, go) {
   if (!block.result) return [];
-  const { json, stretches, regions, channels } = block.result;
+  const { json, errors: rows, stretches, regions, channels } = block.result;
   shownStretch = Math.min(shownStretch, stretches.length - 1);
   const draw = () => plots("compare", `${block.key} ${shownStretch} ${how}`, (span) => api.show("compare", { ...span, stretch: shownStretch, how }), PAIR);
   const holder = h("div", {}, draw());
@@ -203,9 +203,16 @@ function compare(block, state, go) {
     h("p", { class: "quiet" }, "Drag to zoom, double-click to see all; with the keyboard: plus, minus, arrows, 0."),
     modes, legend(["measured", "simulated", "residual"]), holder,
     where.length ? [h("h3", {}, "Where it fails"), h("ul", { class: "regions" }, where)] : null,
-    h("details", {}, h("summary", {}, "Scores"), scores(json, channels)),
+    h("details", { id: "scores" }, h("summary", {}, "Scores"), errors(rows), scores(json, channels)),
     json.notes.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
   ];
+}
+
+// The rows by which models are told apart, as the command line prints them; the first row is the head.
+function errors(rows) {
+  if (!rows?.length) return null;
+  const cells = (tag, row) => row.map((t, k) => h(tag, { class: k > 1 ? "number" : "", ...(tag === "th" ? { scope: "col" } : {}) }, t));
+  return h("table", { class: "errors" }, h("thead", {}, h("tr", {}, cells("th", rows[0]))), h("tbody", {}, rows.slice(1).map((r) => h("tr", {}, cells("td", r)))));
 }
 
 export function scores(json, channels) {
@@ -221,13 +228,14 @@ function diagnose(block, state, go) {
   const busy = state.busy?.stage === "diagnose" ? state.busy.found : null;
   if (busy?.tried?.length) return [h("h3", {}, `Tried so far: ${busy.count}, best first`), tried(busy.tried)];
   if (!block.result) return [];
-  const { json, evidence: seen } = block.result;
+  const { json, errors: rows, evidence: seen } = block.result;
   const pictures = Object.entries(seen).map(([name, e]) => [
     h("h3", {}, `${words(name)}: what unseen data show`),
     h("div", { class: "pair" }, evidence(e, "named", "curve"), e.rival && evidence(e, "rival", "rival")),
   ]);
   return [
     pictures,
+    rows?.length > 0 && h("details", { id: "errors" }, h("summary", {}, "The error, step by step"), errors(rows)),
     h("details", { id: "ranking" }, h("summary", {}, "All effects that competed, best first"), ranking(json.ranking)),
     json.experiments?.length > 0 && h("details", {}, h("summary", {}, "What to record to find out more"), h("ul", {}, json.experiments.map((n) => h("li", {}, n)))),
     json.notes?.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
@@ -263,10 +271,12 @@ function add(block, state, go) {
   const other = block.others?.length > 0 && h("select", { id: "add-other", "aria-label": "Add another effect", disabled: busy, onchange: (e) => e.target.value && go("add", { effect: e.target.value }) },
     h("option", { value: "" }, "add another one ..."), block.others.map((e) => h("option", { value: e }, words(e))));
   const channels = block.ladder?.length ? Object.keys(block.ladder[0].validation).filter((c) => c !== "score") : [];
+  const forces = (block.ladder ?? []).map((r) => ({ label: r.label, validation: { force: r.force } }));
   if (!tuner || tuner.model !== state.model?.name) tuner = state.model ? new Tuner(state, block.std ?? {}, (values) => go("keep", { values })) : null;
   return [
     h("div", { class: "row" }, buttons, other, !buttons.length && block.others?.length > 0 && h("span", { class: "quiet" }, "Nothing that was named is left to add.")),
-    block.ladder?.length > 0 && h("div", { class: "pair", id: "ladder" }, channels.map((c) => ladder(block.ladder, c, state.model?.signals[c] ?? ""))),
+    block.ladder?.length > 0 && h("div", { class: "pair", id: "ladder" }, channels.map((c) => ladder(block.ladder, c, state.model?.signals[c] ?? "")),
+      forces.some((r) => r.validation.force) && ladder(forces, "force", "% of the effort", "missing on unseen data")),
     tuner && h("details", { id: "tuner", ontoggle: (e) => e.target.open && tuner.start() }, h("summary", {}, "Parameters by hand: drag, and see curve, A", h("sub", {}, "k"), " and poles move"), tuner.element),
   ];
 }

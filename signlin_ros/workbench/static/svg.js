@@ -95,13 +95,13 @@ export function evidence(e, which, cls) {
 }
 
 // The error on unseen data, a bar for each step, and the noise below which nothing can fall.
-export function ladder(rungs, channel, unitText) {
+export function ladder(rungs, channel, unitText, what = "RMS error on unseen data") {
   const scores = rungs.map((r) => r.validation[channel]).filter(Boolean);
   const top = Math.max(...scores.map((s) => s.rmse ?? 0), 1e-300);
   const noise = scores.find((s) => s.rmse_over_noise)?.rmse / scores.find((s) => s.rmse_over_noise)?.rmse_over_noise;
   const width = 620, left = 190, full = 280, step = 34;
-  const svg = h("svg", { viewBox: `0 0 ${width} ${rungs.length * step + 40}`, width: "100%", role: "img" }, h("title", {}, `RMS error of ${channel} on unseen data, step by step`));
-  svg.append(h("text", { x: 0, y: 14, "font-weight": 600 }, `${channel}${unit(unitText)}: RMS error on unseen data`));
+  const svg = h("svg", { viewBox: `0 0 ${width} ${rungs.length * step + 40}`, width: "100%", role: "img" }, h("title", {}, `${channel}: ${what}, step by step`));
+  svg.append(h("text", { x: 0, y: 14, "font-weight": 600 }, `${channel}${unit(unitText)}: ${what}`));
   rungs.forEach((r, k) => {
     const s = r.validation[channel];
     const y = 26 + k * step, size = Math.max((full * (s?.rmse ?? 0)) / top, 1);

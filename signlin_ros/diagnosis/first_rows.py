@@ -1,0 +1,177 @@
+"""What the tables of `compare`, `diagnose`, `add` and `refine` show of a model, a row each: errors of the motion over
+the horizon, missing force in per cent of the effort, over noise that is the sensors' alone. The first rows are the same
+in all four for the same files: the model as given, and its base parameters moved within their tolerances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.case import Case, case
+from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
+from signlin_ros.diagnosis.fit import candidate
+from signlin_ros.diagnosis.force.record import depends_on_place
+from signlin_ros.diagnosis.force.witness import Testimony, hear
+from signlin_ros.diagnosis.measures import comparable, force_left, noise_percent, percent, written_left
+from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.motion.prepare import prepared
+from signlin_ros.diagnosis.motion.score import level, windowed
+from signlin_ros.diagnosis.problem import Problem
+from signlin_ros.diagnosis.results import Rung, Scores
+from signlin_ros.diagnosis.scores import rated
+from signlin_ros.effects import load_entry_points
+from signlin_ros.model import Model
+from signlin_ros.noise import sensor_noise
+from signlin_ros.records import ModelData
+
+Array = NDArray[np.float64]
+Records = ModelData | Sequence[ModelData]
+Tell = Callable[[str], None]
+Cancelled = Callable[[], bool]
+Seen = Callable[[Fitted | Testimony], None]
+
+
+@dataclass(frozen=True)
+class FirstRows:
+    """``given``: the model as it is in its file; ``refitted``: its base parameters moved within their tolerances;
+    ``horizon``: s over which motion is predicted.
+    """
+
+    given: Rung
+    refitted: Rung
+    horizon: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `signlin compare --json` prints of them."""
+        return {"given": self.given.to_json(), "refitted": self.refitted.to_json(), "horizon": self.horizon}
+
+
+@dataclass(frozen=True, eq=False)
+class Ready:
+    """Records made ready: the ``case``, what is fitted to (``problem``) and what is not (``unseen``)."""
+
+    case: Case
+    problem: Problem
+    unseen: Problem
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Standard deviation of every channel's noise."""
+        return noise_of(self.problem, self.unseen)
+
+    def rows(self, tell: Tell | None = None, cancelled: Cancelled | None = None) -> Rows:
+        """Refit the base and return what makes rows; ``tell`` of what is done, ``cancelled`` asks whether to stop."""
+        tell = tell or (lambda what: None)
+        motion = Motion(self.problem, self.unseen, DEFAULT, 1, tell, cancelled)
+        return Rows(motion, force_witness(self.case, DEFAULT, tell, None))
+
+
+def ready(model: Model, data: Records, validation: Records | None = None) -> Ready:
+    """Make records ready as `diagnose` does; raises `RecordError` where they are too short or nothing moves."""
+    load_entry_points()
+    found = case(model, data, validation)
+    return Ready(found, *prepared(found.model, list(found.known), list(found.unseen)))
+
+
+# -------------------------------------------------------------------- the witnesses
+
+
+def motion_witness(
+    c: Case, jobs: int | None, tell: Tell, cancelled: Cancelled | None, criteria: Criteria, seen: Seen | None
+) -> Motion:
+    """Return the motion witness, the base model fitted."""
+    load_entry_points()
+    return Motion.of(c.model, list(c.known), list(c.unseen), criteria, jobs, tell, cancelled, seen)
+
+
+def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None) -> Testimony | None:
+    """Return the force witness; None where effort or motion are not known."""
+    tell("missing force")
+    if not all(c.parts) or not _recorded(c):
+        return None
+    found = hear(c.model, *c.parts, c.rotary, criteria)
+    if seen is not None:
+        seen(found)
+    return found
+
+
+def _recorded(c: Case) -> bool:
+    """Tell whether what the model's forces depend on is recorded."""
+    model, plant, first = c.model, c.model.plant, c.known[0]
+    recorded = {*first.measured, *model.inputs}
+    if plant.position not in recorded and depends_on_place(model.structure):
+        return False
+    return bool({plant.position, plant.velocity} & recorded)
+
+
+# -------------------------------------------------------------------- rows
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Makes the rows of models that were fitted to the same records."""
+
+    motion: Motion
+    force: Testimony | None
+
+    @cached_property
+    def noise(self) -> dict[str, float]:
+        """Standard deviation of every channel's noise."""
+        return noise_of(self.motion.problem, self.motion.unseen)
+
+    def given(self) -> Rung:
+        """Return the row of the model as given, before anything was fitted."""
+        return self.as_it_is(self.motion.problem.base, ())
+
+    def first(self) -> FirstRows:
+        """Return the first rows."""
+        motion, force = self.motion, self.force
+        left = force_left(force, motion.base, {})
+        share = None if left is None or force is None else percent(force, left)
+        horizon = float(max(motion.problem.base.update_period, 2 * motion.problem.scale.step))
+        return FirstRows(self.given(), self.of(motion.base, share), horizon)
+
+    def as_it_is(self, model: Model, effects: tuple[str, ...]) -> Rung:
+        """Return the row of a model with the values that it has, and with the same states as the one given."""
+        force = self.force
+        known, unseen = (replace(p, base=model) for p in (self.motion.problem, self.motion.unseen))
+        c = candidate(known, model, ())
+        theta = np.array([k.prior for k in c.coordinates])
+        tried = [(windowed(known, c, theta, gains), gains) for gains in known.levels]
+        squares, gains = min(tried, key=lambda one: level(one[0], known.noise))
+        written, share = replace(self.motion.base, effects=effects, model=model), None
+        if force is not None and comparable(force, written):
+            share = percent(force, written_left(force, written))
+        return self._row(effects, squares, windowed(unseen, c, theta, gains), share)
+
+    def of(self, f: Fitted, share: float | None) -> Rung:
+        """Return the row of a fit; ``share``: the force that it leaves of unseen data, in per cent of the effort."""
+        return self._row(f.effects, f.known_squares, f.unseen_squares, share)
+
+    def _row(self, effects: tuple[str, ...], known: Array, unseen: Array, share: float | None) -> Rung:
+        floor = None if self.force is None else noise_percent(self.force)
+        first, second = _scores(self.motion.problem, known, self.noise), _scores(self.motion.unseen, unseen, self.noise)
+        return Rung(effects, first, second, share, floor)
+
+
+def _scores(problem: Problem, squares: Array, noise: Mapping[str, float]) -> Scores:
+    """Return squares (blocks, channels) as scores over the noise of every channel."""
+    rmse = np.sqrt(np.nanmean(squares, axis=0))
+    spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
+    rows = zip(problem.channels, rmse.tolist(), spread.tolist(), strict=True)
+    return Scores("windowed", {name: rated(error, size, noise[name]) for name, error, size in rows})
+
+
+def noise_of(problem: Problem, unseen: Problem) -> dict[str, float]:
+    """Return the standard deviation of every channel's noise, from all records: of the sensors alone."""
+    parts = [(s.t, s.y) for s in (*problem.segments, *unseen.segments)]
+    return dict(zip(problem.channels, sensor_noise(parts).tolist(), strict=True))
+
+
+__all__ = ["FirstRows", "Ready", "Rows", "force_witness", "motion_witness", "ready"]
