@@ -127,17 +127,20 @@ def _applies(j: Judgement, name: str) -> bool:
 
 
 def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
-    """Return what could as well stand in the place of an effect: by the force, and by the motion."""
-    force, rest = j.agreed.force, set(j.names) - {effect}
+    """Return what could as well stand in the place of an effect, by the force or by the motion, and is refused by
+    neither: a richer law whose own parameter is unknown is none.
+    """
+    force, rest, motion = j.agreed.force, set(j.names) - {effect}, j.agreed.motion
     found = set()
     if force and set(force.effects) == set(j.names):
         found |= set(force.search.ties(force.fit, effect))
-    motion = j.agreed.motion
     for f in j.agreed.tried:
-        if rest < set(f.effects) and len(f.effects) == len(j.names) and effect not in f.effects:
-            g = motion.gain(f, j.final)
-            if g.certainty < j.criteria.tie and not motion.refused(j.agreed.base, f):
-                found |= set(f.effects) - rest
+        if not (rest < set(f.effects) and len(f.effects) == len(j.names) and effect not in f.effects):
+            continue
+        if motion.refused(j.agreed.base, f):
+            found -= set(f.effects)
+        elif motion.gain(f, j.final).certainty < j.criteria.tie:
+            found |= set(f.effects) - rest
     return tuple(sorted(found - set(j.names)))
 
 
