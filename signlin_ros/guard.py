@@ -36,12 +36,12 @@ def check_files(
 
 
 def check_records(
-    model: Model, records: Sequence[ModelData], cures: Sequence[str] = ()
+    model: Model, records: Sequence[ModelData], cures: Sequence[str] = (), *, validated: bool = False
 ) -> tuple[list[ModelData], list[Finding]]:
     """Return records with cures applied, and what was found in them; raise `RecordError` where nothing may be concluded
     from them as they are. See `signlin_ros.checks`.
     """
-    sound, findings = check(model, records, cures)
+    sound, findings = check(model, records, cures, validated=validated)
     require_sound(findings, cures)
     return sound, findings
 
@@ -50,7 +50,7 @@ def check_sides(
     model: Model, known: Sequence[ModelData], unseen: Sequence[ModelData] | None, cures: Sequence[str] = ()
 ) -> tuple[list[ModelData], list[ModelData] | None, list[Finding]]:
     """Return the records of a fit and those for validation (None: there are none), see `check_records`."""
-    records, findings = check_records(model, [*known, *(unseen or ())], cures)
+    records, findings = check_records(model, [*known, *(unseen or ())], cures, validated=bool(unseen))
     return records[: len(known)], records[len(known) :] or None, findings
 
 

@@ -27,6 +27,8 @@ class Check(ABC):
     name: ClassVar[str]
     needs_time: ClassVar[bool] = False
     """Whether it means nothing where the time is in doubt, or nothing moves."""
+    holding_out: ClassVar[bool] = False
+    """Whether it only means something where a part of the record itself is held out."""
     exclusive: ClassVar[bool] = False
     """Whether its findings are alternatives: where one is applied, the others are none."""
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import LEAST, Look
 from signlin_ros.checks.no_motion import NoMotion
@@ -18,14 +19,16 @@ NONE = "none"
 
 
 def check(
-    model: Model, records: Sequence[ModelData], cures: Collection[str] = ()
+    model: Model, records: Sequence[ModelData], cures: Collection[str] = (), *, validated: bool = False
 ) -> tuple[list[ModelData], list[Finding]]:
     """Look for what may be wrong with records; return them with cures applied, and what was found.
 
     Cures that can do no harm are applied; others if their names are among ``cures``; none at all with `NONE` there.
+    ``validated``: whether some of the records are for validation, so that no part of one is held out.
     Raises `InputError` for a cure that nothing here offers.
     """
-    pairs = [_checked(model, record, frozenset(cures)) for record in records]
+    kinds = [kind for kind in CHECKS if not (validated and kind.holding_out)]
+    pairs = [_checked(model, record, frozenset(cures), kinds) for record in records]
     findings = [finding for _, found in pairs for finding in found]
     _check_names(cures, findings)
     return [record for record, _ in pairs], findings
@@ -40,12 +43,14 @@ def require_sound(findings: Sequence[Finding], cures: Collection[str] = ()) -> N
         raise RecordError(f"{finding.source}: {finding.sentence}; {ways}{more}")
 
 
-def _checked(model: Model, record: ModelData, cures: frozenset[str]) -> tuple[ModelData, list[Finding]]:
+def _checked(
+    model: Model, record: ModelData, cures: frozenset[str], kinds: Sequence[type[Check]]
+) -> tuple[ModelData, list[Finding]]:
     found: list[Finding] = []
     look = Look(model, record)
     if not look.channels or look.t.size < LEAST:  # nothing to look at: what comes next says so
         return record, found
-    for kind in CHECKS:
+    for kind in kinds:
         if kind.needs_time and ("t" in look.told or any(f.check == NoMotion.name for f in found)):
             continue
         told = []

@@ -28,6 +28,7 @@ class ShortRecord(Check):
 
     name = "short_record"
     needs_time = True
+    holding_out = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield one note for the record."""

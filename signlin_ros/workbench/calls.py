@@ -140,7 +140,8 @@ def _loaded(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData], l
     from signlin_ros.guard import check_records
 
     model, records = _as_read(args, files)
-    return model, *check_records(model, records, _cures(args))
+    validated = any(file in files for file in args.get("validation") or ())
+    return model, *check_records(model, records, _cures(args), validated=validated)
 
 
 def _as_read(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData]]:
@@ -168,7 +169,7 @@ def check(args: Args, say: Say) -> Answer:
     from signlin_ros import checks
 
     model, records = _as_read(args, [*args["data"], *args["validation"]])
-    _, findings = checks.check(model, records, _cures(args))
+    _, findings = checks.check(model, records, _cures(args), validated=bool(args["validation"]))
     return {"json": checks.to_json(findings)}
 
 

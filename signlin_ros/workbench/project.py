@@ -92,6 +92,12 @@ class Project:
         self.state["future"] = []
         self.amend(**{"exported": False, **choices})
 
+    @property
+    def step(self) -> tuple[int, str]:
+        """How many steps can be taken back, and what the last one was."""
+        past = self.state["past"]
+        return len(past), past[-1]["label"] if past else ""
+
     def amend(self, **choices: Any) -> None:
         """Change what is chosen as a part of the step before."""
         self.state["choices"] = copy.deepcopy({**self.state["choices"], **choices})

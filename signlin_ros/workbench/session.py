@@ -102,10 +102,13 @@ class Session:
             self.busy = busy
             self.errors.pop(stage, None)
             self.tell()
+            before = self.project.step
             try:
                 await job()
             except CancelledError:
-                self.errors[stage] = {"what": "Cancelled.", "do": "Nothing was changed; start it again when you like."}
+                now = self.project.step
+                kept = "Nothing was changed" if now == before else f'"{now[1]}" was done before; undo takes it back'
+                self.errors[stage] = {"what": "Cancelled.", "do": f"{kept}; start it again when you like."}
             except (RefusedError, InputError) as error:
                 self.errors[stage] = stages.advice(stage, str(error))
             except OSError as error:

@@ -397,6 +397,8 @@ def test_slow_samples_are_noted_and_impossible_ones_refused() -> None:
 def test_a_short_record_is_noted() -> None:
     model, data = motor()
     assert "short_record" in found(model, data.part(0, 150))[1]
+    both = [data.part(0, 150), data.part(150, 300)]
+    assert "short_record" not in {finding.check for finding in check(model, both, validated=True)[1]}
 
 
 # ------------------------------------------------------------------ motion

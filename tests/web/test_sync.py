@@ -147,6 +147,16 @@ def test_a_job_is_cancelled_between_its_requests(tmp_path: Path) -> None:
         while session.busy is not None:
             await asyncio.sleep(0.01)
         assert session.errors["compare"]["what"] == "Cancelled."
+        assert "Nothing was changed" in session.errors["compare"]["do"]
+
+        async def changed() -> None:
+            session.project.change("add something")
+            await job()
+
+        session.start("add", "adding", changed)
+        while session.busy is not None:
+            await asyncio.sleep(0.01)
+        assert '"add something" was done' in session.errors["add"]["do"]
         await session.close()
 
     asyncio.run(run())
