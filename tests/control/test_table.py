@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
-from benchmarks.control import search, table, trial
-from benchmarks.control.plants import corner, mismatched, rigs
+from benchmarks.controllers import search, table, trial
+from benchmarks.controllers.plants import corner, mismatched, rigs
 
 sys.path.pop(0)
 

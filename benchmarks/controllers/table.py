@@ -1,8 +1,8 @@
 """Controllers beside one another: error, effort, chatter and limit cycles on twenty simulated plants.
 
-    python -m benchmarks.control.table [--rigs NAME ...] [--seeds 3] [--jobs 2] [--output DIR] [--only-print]
-    python -m benchmarks.control.table --standing      who oscillates in a stop of 30 s, with the tunings found
-    python -m benchmarks.control.table --diagnosis     what a diagnosis is worth, beside it
+    python -m benchmarks.controllers.table [--rigs NAME ...] [--seeds 3] [--jobs 2] [--output DIR] [--only-print]
+    python -m benchmarks.controllers.table --standing      who oscillates in a stop of 30 s, with the tunings found
+    python -m benchmarks.controllers.table --diagnosis     what a diagnosis is worth, beside it
 
 Every trial (rig, what is tracked, period, seed) goes into a file of its own; what is there is not done again.
 """
@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.control.plants import rigs
-from benchmarks.control.trial import Trial, all_designs, standing, untuned
+from benchmarks.controllers.plants import rigs
+from benchmarks.controllers.trial import Trial, all_designs, standing, untuned
 from signlin_ros.control.designs import DEFAULT, DESIGNS
 
 PERIODS = (0.02, 0.2)
@@ -180,7 +180,7 @@ def main() -> None:
     parser.add_argument("--diagnosis", action="store_true", help="what a diagnosis is worth, with the default design")
     options = parser.parse_args()
     if options.diagnosis:
-        from benchmarks.control.diagnosis import main_diagnosis
+        from benchmarks.controllers.diagnosis import main_diagnosis
 
         main_diagnosis(options)
         return

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.control.plants import Rig
-from benchmarks.control.table import read, report, trials, work
-from benchmarks.control.trial import Trial, tuned
+from benchmarks.controllers.plants import Rig
+from benchmarks.controllers.table import read, report, trials, work
+from benchmarks.controllers.trial import Trial, tuned
 from signlin_ros.control.designs import DEFAULT, DESIGNS
 from signlin_ros.control.drive import friction_free
 from signlin_ros.model import Model

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.control.plants import Rig, corner, mismatched
-from benchmarks.control.search import ALWAYS, search
+from benchmarks.controllers.plants import Rig, corner, mismatched
+from benchmarks.controllers.search import ALWAYS, search
 from signlin_ros.control.designs import DEFAULT, DESIGNS, Design, Task, Tuning, default_tuning, feed_along
 from signlin_ros.control.drive import Drive
 from signlin_ros.control.lqr import Weights

@@ -1,4 +1,4 @@
-"""Controllers beside one another on simulated plants: ``python -m benchmarks.control.table``."""
+"""Controllers beside one another on simulated plants: ``python -m benchmarks.controllers.table``."""
 
 import os
 
