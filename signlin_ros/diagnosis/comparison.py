@@ -33,6 +33,7 @@ from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, sensor_noise
 from signlin_ros.predict import windows
 from signlin_ros.records import ModelData
+from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
 
@@ -173,6 +174,7 @@ def compare_efforts(model: Model, data: ModelData | Sequence[ModelData], cutoff:
     return Efforts.of(model, parts, channels, _observer(model, parts, channels).noise, cutoff)
 
 
+@one_thread
 def compare(
     model: Model,
     data: ModelData | Sequence[ModelData],

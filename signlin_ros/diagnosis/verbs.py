@@ -19,12 +19,14 @@ from signlin_ros.diagnosis.told import told
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError, SignlinError
 from signlin_ros.model import Model
+from signlin_ros.threads import one_thread
 
 Progress = Callable[[str, float], None]
 MOST = 6
 """Most effects that `refine` adds."""
 
 
+@one_thread
 def diagnose(
     model: Model,
     data: Records,
@@ -81,6 +83,7 @@ def refine(
     return replace(found, notes=(*found.notes, note))
 
 
+@one_thread
 def add(
     effect: str,
     model: Model,
