@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.force import witness
+from signlin_ros.diagnosis.force.flexible import changing
 from signlin_ros.diagnosis.force.laws import Ripple, Shape, laws
 from signlin_ros.diagnosis.force.record import Piece, missing_force, piece, sensor_noise
 from signlin_ros.model import Model
@@ -267,3 +270,36 @@ def test_a_force_of_no_listed_shape_is_told_as_structure():
     found = heard(lambda q, v: -2.0 * (1.0 + 0.8 * np.tanh(q)) * v, seconds=30.0)
     assert found.structure
     assert found.flexible < 0.5 * found.percent()
+
+
+# ---------------------------------------------------------------- what changes along the record
+
+
+def along(left_of, noise: float = 0.01):
+    """Return a regression's unseen side of a minute at 20 Hz, and what is left of its force."""
+    rng, t = np.random.default_rng(8), np.arange(0.0, 60.0, 0.05)
+    v = np.sin(2 * np.pi * 0.7 * t) + 0.4 * np.sin(2 * np.pi * 0.23 * t)
+    blocks = (t // 1.0).astype(int)
+    piece = SimpleNamespace(
+        t=t, sign=np.sign(v), values={"v": v}, noise=noise, blocks=blocks, kept=np.arange(t.size), seen=lambda x: x
+    )
+    unseen = SimpleNamespace(pieces=(piece,), blocks=blocks)
+    plant = SimpleNamespace(velocity="v")
+    r = SimpleNamespace(unseen=unseen, model=SimpleNamespace(plant=plant), criteria=DEFAULT)
+    return r, left_of(t, v) + noise * rng.normal(size=t.size)
+
+
+@pytest.mark.parametrize(
+    ("left_of", "told"),
+    [
+        (lambda t, v: 0.1 * np.sin(2 * np.pi * t / 30) * np.sign(v), "dry friction"),
+        (lambda t, v: 0.1 * (t / 60) * v - 0.05 * v, "viscous friction"),
+        (lambda t, v: 0.1 * np.cos(2 * np.pi * t / 20), "load"),
+        (lambda t, v: 0.1 + 0 * t, ""),
+        (lambda t, v: 0.1 * v**3, ""),
+        (lambda t, v: 0 * t, ""),
+    ],
+    ids=["friction", "viscosity", "load", "a steady load", "a curve of the velocity", "noise"],
+)
+def test_a_force_that_changes_slowly_is_told_and_a_steady_one_is_not(left_of, told):
+    assert changing(*along(left_of)) == told

@@ -118,22 +118,24 @@ def structured(r: Regression, fit: Fit, base: Fit) -> tuple[bool, float]:
 
 
 def changing(r: Regression, left: Array) -> str:
-    """Return which force changes slowly along the unseen records, and by that is most of what is left (K,) beyond the
-    sensors' noise; empty if none does. Each block of time is predicted from those around it.
+    """Return which force changes slowly along the unseen records, and by its change is most of what is left (K,) beyond
+    the sensors' noise; empty if none does. Each block of time is predicted from those around it.
     """
-    sums = np.bincount(r.unseen.blocks)
     blocks = r.unseen.blocks
+    sums = np.bincount(blocks)
 
     def by_block(e: Array) -> Array:
         return np.asarray(np.bincount(blocks, e**2)[sums > 0] / sums[sums > 0])
 
-    beyond = float(np.mean(left**2)) - float(np.mean([p.noise**2 for p in r.unseen.pieces]))
+    noise = float(np.mean([p.noise**2 for p in r.unseen.pieces]))
     for name, kind in (("load", _one), ("dry friction", _direction), ("viscous friction", _velocity)):
-        after = np.concatenate(
-            [_along(p, e, kind(r, p)) for p, e in zip(r.unseen.pieces, _parts(r, left), strict=True)]
-        )
-        gone = float(np.mean(left**2) - np.mean(after**2))
-        if gone > HALF * beyond and mean_certainty(by_block(left), by_block(after)) > r.criteria.flexible:
+        forces = [kind(r, p) for p in r.unseen.pieces]
+        whole = np.concatenate([p.seen(f) for p, f in zip(r.unseen.pieces, forces, strict=True)])
+        steady = left - whole * float(whole @ left) / max(float(whole @ whole), 1e-300)
+        pairs = zip(r.unseen.pieces, _parts(r, steady), forces, strict=True)
+        after = np.concatenate([_along(*pair) for pair in pairs])
+        before, gone = float(np.mean(left**2)), float(np.mean(steady**2) - np.mean(after**2))
+        if gone > HALF * (before - noise) and mean_certainty(by_block(steady), by_block(after)) > r.criteria.flexible:
             return name
     return ""
 
