@@ -275,7 +275,7 @@ def test_a_force_of_no_listed_shape_is_told_as_structure():
 # ---------------------------------------------------------------- what changes along the record
 
 
-def along(left_of, noise: float = 0.01):
+def over_a_minute(left_of, noise: float = 0.01):
     """Return a regression's unseen side of a minute at 20 Hz, and what is left of its force."""
     rng, t = np.random.default_rng(8), np.arange(0.0, 60.0, 0.05)
     v = np.sin(2 * np.pi * 0.7 * t) + 0.4 * np.sin(2 * np.pi * 0.23 * t)
@@ -302,4 +302,4 @@ def along(left_of, noise: float = 0.01):
     ids=["friction", "viscosity", "load", "a steady load", "a curve of the velocity", "noise"],
 )
 def test_a_force_that_changes_slowly_is_told_and_a_steady_one_is_not(left_of, told):
-    assert changing(*along(left_of)) == told
+    assert changing(*over_a_minute(left_of)) == told

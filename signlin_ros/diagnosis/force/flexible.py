@@ -127,7 +127,7 @@ def changing(r: Regression, left: Array) -> str:
     def by_block(e: Array) -> Array:
         return np.asarray(np.bincount(blocks, e**2)[sums > 0] / sums[sums > 0])
 
-    noise = float(np.mean([p.noise**2 for p in r.unseen.pieces]))
+    noise, found = float(np.mean([p.noise**2 for p in r.unseen.pieces])), dict[float, str]()
     for name, kind in (("load", _one), ("dry friction", _direction), ("viscous friction", _velocity)):
         forces = [kind(r, p) for p in r.unseen.pieces]
         whole = np.concatenate([p.seen(f) for p, f in zip(r.unseen.pieces, forces, strict=True)])
@@ -136,8 +136,8 @@ def changing(r: Regression, left: Array) -> str:
         after = np.concatenate([_along(*pair) for pair in pairs])
         before, gone = float(np.mean(left**2)), float(np.mean(steady**2) - np.mean(after**2))
         if gone > HALF * (before - noise) and mean_certainty(by_block(steady), by_block(after)) > r.criteria.flexible:
-            return name
-    return ""
+            found[gone] = name
+    return found[max(found)] if found else ""
 
 
 def _one(r: Regression, piece: Piece) -> Array:
