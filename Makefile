@@ -12,7 +12,7 @@ SHARED := pyproject.toml constraints.txt package.xml $(wildcard config/* config/
 export PIP_NO_INPUT = 1
 export FASTRTPS_DEFAULT_PROFILES_FILE = $(abspath config/fastdds_profile.xml)
 
-.PHONY: help install test quick check format demo demo-live soak workbench bench clean
+.PHONY: help install test test-all quick check format demo demo-live soak workbench bench clean
 .DEFAULT_GOAL := help
 
 help:            ## this list
@@ -42,10 +42,13 @@ $(PEERS): $(STAMP)
 
 # Tests run side by side, on as many processors as there are: `make test WORKERS=0` runs them one after the other.
 WORKERS ?= logical
-test quick: export OPENBLAS_NUM_THREADS ?= 1
+test test-all quick: export OPENBLAS_NUM_THREADS ?= 1
 PYTEST := $(BIN)/python -m pytest -q -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
 
-test: check      ## lint, types, import rules and the whole test suite
+test: check      ## lint, types, import rules and the tests, but for those that take long
+	$(PYTEST) -m 'not long' $(PYTEST_ARGS)
+
+test-all: check  ## the same with the tests that take long
 	$(PYTEST) $(PYTEST_ARGS)
 
 quick: install   ## lint, and the tests that take neither long nor ROS: under 90 s

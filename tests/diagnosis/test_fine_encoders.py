@@ -36,6 +36,11 @@ def bristle(q: float, v: float, free: float, z: float, h: float) -> tuple[float,
     return free - h * (LAW["sigma0"] * after + LAW["sigma1"] * (after - z) / h) / M, after
 
 
+def dry(level: Callable[[float], float]) -> Friction:
+    """Return dry friction by position, clipped at standstill."""
+    return lambda q, v, free, z, h: (float(np.copysign(max(abs(free) - h * level(q) / M, 0.0), free)), z)
+
+
 def moved(seed: int, friction: Friction, amplitude: float, speed: float) -> ModelData:
     """Return a record of an axis that follows a slow sine, which grows, in a loop with a restless force."""
     rng = np.random.default_rng(seed)
@@ -77,3 +82,11 @@ def test_what_is_added_by_name_is_fitted_in_the_same_way(sticking):
     assert found.parameters["lugre_friction.F_s"].value == pytest.approx(LAW["F_s"], rel=0.05)
     windowed = [compare(m, sticking[1]).channels["displacement"].windowed for m in (Model.from_dict(AXIS), found.model)]
     assert windowed[1].rmse < 0.7 * windowed[0].rmse
+
+
+@pytest.mark.long
+def test_friction_that_changes_along_the_way_is_not_given_a_name():
+    known = Model.from_dict(AXIS | {"effects": {"coulomb_friction": {"mu": 21.0}}})
+    uneven = dry(lambda q: 20.0 + 12.0 * np.sin(2 * np.pi * q / 0.04) * (q > 0))
+    found = diagnose(known, *(moved(seed, uneven, 0.05, 0.5) for seed in (5, 6)))
+    assert found.verdict == "unexplained"

@@ -47,7 +47,7 @@ def record(seed: int, zero: float = 0.0, seconds: float = 20.0) -> ModelData:
         pytest.param(
             130.0,
             id="sensor with one",
-            marks=pytest.mark.xfail(strict=False, run=False, reason="Coulomb friction is named in place of Dahl's"),
+            marks=pytest.mark.xfail(strict=False, reason="Coulomb friction is named in place of Dahl's"),
         ),
     ],
 )
@@ -214,7 +214,9 @@ def test_coulomb_friction_is_among_the_ties_where_the_motion_is_known_no_better(
     assert "coulomb_friction" in (proposed, *entry.indistinguishable_from)
 
 
-@pytest.mark.xfail(strict=False, run=False, reason="unexplained: samples of unknown direction are taken for structure")
+@pytest.mark.xfail(
+    strict=False, run=False, reason="unexplained: samples of unknown direction are taken for structure; 10 s"
+)
 def test_a_direction_that_is_lost_in_noise_is_no_structure():
     known = Model.from_dict(MOUNT).with_effect("coulomb_friction", mu=30.0)
     found = diagnose(known, sheared(1), sheared(2))

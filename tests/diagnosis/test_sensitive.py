@@ -53,7 +53,7 @@ def test_a_load_that_floats_in_its_play_is_followed(tmp_path):
     assert rms[1].max() > 1.3
 
 
-@pytest.mark.xfail(strict=False, run=False, reason="unexplained: a play that is open when the record starts")
+@pytest.mark.xfail(strict=False, reason="unexplained: a play that is open when the record starts")
 def test_play_is_named_on_a_record_that_starts_in_motion(tmp_path):
     found = diagnose(*recorded(tmp_path, BENCH, PLAY, skip=300))
     assert found.verdict == "missing"
@@ -87,10 +87,27 @@ def test_a_play_that_a_filter_nearly_makes_good_is_named(tmp_path):
         assert fitted[name].value == pytest.approx(truth["values"]["backlash"][name], rel=0.05)
 
 
+@pytest.mark.long
+def test_what_a_law_outside_the_list_leaves_is_not_put_down_to_noise_in_the_input(tmp_path):
+    given, truth = drawn(tmp_path, "outside", 24, 23)
+    assert truth["laws"] == ["root_friction"]
+    found = diagnose(*given)
+    assert found.verdict == "unexplained"
+
+
 def test_the_uncertainty_of_parameters_is_no_missing_effect(tmp_path):
     given, _ = drawn(tmp_path, "none", 29, 20)  # slow motion hardly shows the mass, a binary input does
     found = diagnose(*given)
     assert found.verdict == "adequate"
+
+
+@pytest.mark.long
+def test_a_sensor_that_is_wrong_is_named_in_a_model_that_has_a_play(tmp_path):
+    model, *parts = recorded(tmp_path, BENCH, PLAY, off=1.0)
+    shown = [[d.measured | {"displacement": 1.1 * d.measured["displacement"]} for d in part] for part in parts]
+    wrong = [[replace(d, measured=m) for d, m in zip(*pair, strict=True)] for pair in zip(parts, shown, strict=True)]
+    found = diagnose(model.with_effect("backlash", **PLAY["backlash"]), *wrong)
+    assert proposed(found) == {"sensor_gain"}
 
 
 EARLIER = pytest.mark.xfail(strict=False, run=False, reason="a late input is named in place of a late sensor; 19 s")
