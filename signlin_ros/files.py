@@ -10,6 +10,12 @@ from pathlib import Path
 
 from signlin_ros.errors import InputError
 
+TEXT = (".csv", ".txt", ".tsv", ".dat", ".log")
+PACKED = (".gz", ".zip", ".bz2", ".xz")
+BAGS = (".mcap", ".db3")
+TABLES = (".mat", ".parquet", ".mf4", ".mdf", ".tdms")
+"""Suffixes of records: text, packed text, the files of bags, and what has a library of its own."""
+
 
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from signlin_ros.errors import RecordError, suggest
+from signlin_ros.files import BAGS, PACKED, TABLES, TEXT
 
 from .clean import keeper, records_of
 from .header import TIME_KEYS
@@ -19,10 +20,6 @@ from .table import Record
 if TYPE_CHECKING:
     from signlin_ros.model import Model
 
-TEXT = (".csv", ".txt", ".tsv", ".dat", ".log")
-PACKED = (".gz", ".zip", ".bz2", ".xz")
-BAGS = (".mcap", ".db3")
-TABLES = (".mat", ".parquet", ".mf4", ".mdf", ".tdms")
 SHORTEST = 20
 """Runs of fewer rows are left out beside longer ones."""
 

@@ -24,7 +24,7 @@ def read_table(path: Path, source: str) -> Table:
     """Read all columns of numbers; raise `RecordError` where the file is damaged, `MissingExtraError` where its reader
     is not installed.
     """
-    reader = {".parquet": _parquet, ".tdms": _tdms}.get(path.suffix.lower(), _mdf)
+    reader = {".parquet": _parquet, ".tdms": _tdms, ".mf4": _mdf, ".mdf": _mdf}[path.suffix.lower()]
     try:
         columns = list(reader(path))
     except ImportError:

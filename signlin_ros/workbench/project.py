@@ -20,12 +20,12 @@ from pathlib import Path
 from typing import Any
 
 from signlin_ros.errors import InputError
-from signlin_ros.files import write_text
+from signlin_ros.files import BAGS, PACKED, TABLES, TEXT, write_text
 
 STORE = ".signlin"
 VERSION = 1
 MODELS = (".yaml", ".yml")
-RECORDS = (".csv", ".txt", ".tsv", ".dat", ".mat", ".mcap", ".db3", ".gz", ".zip", ".parquet", ".mf4", ".tdms")
+RECORDS = (*TEXT, *TABLES, *BAGS, *PACKED)
 """Suffixes of what may be dropped; what this version's readers cannot read they refuse with the reason."""
 LONGEST = 80
 """Characters of a file's name."""

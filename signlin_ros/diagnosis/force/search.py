@@ -127,6 +127,8 @@ class Search:
 
     def _gain(self, law: Law, shape: Shape, f: Fit, Q: Array) -> float:
         C = self.r.known.columns(law, shape)
+        if not (np.isfinite(C).all() and np.isfinite(self.r.unseen.columns(law, shape)).all()):
+            return 0.0  # a law of somebody's own, with a root or a power of what crosses zero
         rows = np.vstack([np.column_stack([C, f.left]), np.zeros((Q.shape[0] - len(C), C.shape[1] + 1))])
         rows = rows - Q @ (Q.T @ rows)
         Z, y = rows[:, :-1], rows[:, -1]
