@@ -14,10 +14,11 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import changing, structured
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.measures import leaves_much, leaves_noise, near_noise, noise_percent, sees
-from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.scores import Score, rated, unfollowed
 from signlin_ros.diagnosis.signs import reversed_signal
+from signlin_ros.errors import SignlinError
 
 Array = NDArray[np.float64]
 
@@ -49,6 +50,23 @@ class Judgement:
     def far(self) -> dict[str, float]:
         """Base parameters that end far from nominal, and by how many tolerances."""
         return self.final.far(self.criteria)
+
+    @cached_property
+    def same_at_nominal(self) -> bool:
+        """Whether the proposal is confirmed with the parameters that are far held at nominal too, and then leaves a
+        small part of what the base model leaves at its best.
+        """
+        case, given = self.case, self.case.model
+        held = given.with_options(frozen=(*given.frozen, *self.far))
+        try:
+            motion = Motion.of(held, list(case.known), list(case.unseen), self.criteria)
+            found = motion.fitted(self.names)
+        except SignlinError:
+            return False
+        noise = self.final.noise**2
+        before, after = (np.nanmean(f.unseen_squares, axis=0) - noise for f in (self.agreed.base, found))
+        small = bool(np.all(after <= self.criteria.part * np.maximum(before, noise)))
+        return small and not motion.refused(motion.base, found)
 
     @cached_property
     def percent(self) -> float | None:
@@ -136,7 +154,7 @@ class Judgement:
             return "lost"
         if self.names and self.worse:
             return "worse"
-        if self.names and self.far:
+        if self.names and self.far and not self.same_at_nominal:
             return "far"
         if self.sees:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large

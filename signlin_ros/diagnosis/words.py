@@ -43,7 +43,8 @@ def _first(j: Judgement) -> str:
     if not j.far:
         return ""
     parts = [f"{n} ends {abs(x):.0f} tolerances from its nominal value" for n, x in j.far.items()]
-    return f"Check this first: {joined(parts)}. "
+    same = ", and the same is found with it held there" if j.verdict == "missing" else ""
+    return f"Check this first: {joined(parts)}{same}. "
 
 
 def _unexplained(j: Judgement) -> str:

@@ -178,6 +178,7 @@ def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "") 
 def no_sign_is_wrong(monkeypatch):
     monkeypatch.setattr(judgement, "reversed_signal", lambda problem, fit: "")
     monkeypatch.setattr(judgement, "changing", lambda r, left: "")
+    monkeypatch.setattr(Judgement, "same_at_nominal", False)
 
 
 COULOMB = Fit(("coulomb_friction",), (0.5,), 0.4)
@@ -192,6 +193,13 @@ def test_what_both_stand_for_is_missing_though_something_is_left():
     assert found.sees
     assert not found.final.white
     assert found.verdict == "missing"
+
+
+def test_what_is_found_with_a_far_parameter_held_at_nominal_too_is_missing(monkeypatch):
+    monkeypatch.setattr(Judgement, "same_at_nominal", True)
+    found = judged(Fit(("coulomb_friction",), (0.5,), 0.4, away={"c": -5.1}), force=sees())
+    assert found.verdict == "missing"
+    assert words.sentence(found).startswith("Check this first: c ends 5 tolerances")
 
 
 def test_near_the_sensors_noise_what_is_left_must_be_noise():

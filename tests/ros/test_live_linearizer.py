@@ -108,7 +108,8 @@ def test_position_alone_is_enough(graph: Any, tmp_path: Path) -> None:
     pairs = [(convert.read_model(m), truth.get(convert.read_model(m).stamp)) for m in models[20:]]
     errors = np.array([abs(u.result.x[1] - x[1]) for u, x in pairs if x is not None])
     assert errors.size > 20
-    assert np.median(errors) < 0.1  # of up to 30 rad/s, with messages that come unevenly
+    largest = max(abs(x[1]) for x in truth.values())
+    assert np.median(errors) < 0.01 * largest  # with messages that come unevenly, the more so beside other work
 
 
 def test_the_life_cycle_and_a_transition_that_is_refused(graph: Any) -> None:

@@ -329,7 +329,7 @@ def test_a_disk_that_fills_up_under_a_model_file_is_no_fault_of_ours(run, data, 
     done = SimpleNamespace(yaml="")
     monkeypatch.setattr("signlin_ros.diagnosis.verbs.add", lambda *_, **__: done)
     monkeypatch.setattr("signlin_ros.diagnosis.load_records", lambda model, *_: (model, [()]))
-    monkeypatch.setattr("signlin_ros.guard.check_records", lambda _, records, __: (records, []))
+    monkeypatch.setattr("signlin_ros.guard.check_records", lambda _, records, *__, **___: (records, []))
     monkeypatch.setattr("signlin_ros.diagnosis.proposal.printed", lambda result, *_: result)
     monkeypatch.setattr("signlin_ros.files.write_text", refusing(errno.ENOSPC))
     code, out, err = run("add", "coulomb_friction", "dc_motor", data, "-o", tmp_path / "new.yaml")
