@@ -220,7 +220,6 @@ def test_an_amplifier_that_is_weaker_one_way_is_no_load(tmp_path):
     assert diagnose(model, *(weaker_one_way(part, 0.85) for part in parts)).verdict == "unexplained"
 
 
-@pytest.mark.xfail(strict=False, reason="unexplained: waves that act now and then only")
 def test_weak_cogging_is_named(tmp_path):
     """Weak cogging acts now and then only, so that few blocks of the record show what it explains."""
     record = draw("weak", 6, 26)
