@@ -13,6 +13,7 @@ from signlin_ros.compiled import surface_scales, weights
 from signlin_ros.digits import with_error
 from signlin_ros.linearize import Linearization
 from signlin_ros.model import Model
+from signlin_ros.names import AS_GIVEN, FORCE, REFITTED, SENSORS
 from signlin_ros.records import ModelData, Record, Signal
 from signlin_ros.sign import valid_reach
 from signlin_ros.simulate import Trajectory
@@ -232,10 +233,6 @@ def _first_rows(content: dict[str, Any]) -> str:
 
 def _errors(rows: list[list[str]], horizon: float) -> str:
     return f"Error over the next {horizon:g} s (RMS)\n" + table([ERRORS, *rows], right=range(2, 7))
-
-
-AS_GIVEN, REFITTED, SENSORS, FORCE = "model as given", "refitted", "noise of the sensors", "missing force"
-"""The first rows, the same in every verb, and the last; and what stands in every group beside the channels."""
 
 
 def first_rows(content: dict[str, Any]) -> list[list[str]]:

@@ -5,4 +5,8 @@ from __future__ import annotations
 TIME = ("t", "time", "timestamp", "stamp")
 """What the time column of a record may be called, in the order in which it is looked for."""
 
-__all__ = ["TIME"]
+AS_GIVEN, REFITTED, SENSORS, FORCE = "model as given", "refitted", "noise of the sensors", "missing force"
+"""The first rows by which models are told apart, the same in every verb, and the last; and what stands in every group
+beside the channels."""
+
+__all__ = ["AS_GIVEN", "FORCE", "REFITTED", "SENSORS", "TIME"]

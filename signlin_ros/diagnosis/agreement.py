@@ -7,7 +7,7 @@ witness confirms by simulation, tells richer laws of a family from simpler ones,
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -33,7 +33,7 @@ from signlin_ros.diagnosis.measures import (
 )
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.search import search
-from signlin_ros.diagnosis.motion.trials import trials_of
+from signlin_ros.diagnosis.motion.trials import completed, free_key, trials_of
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import SignlinError, joined
 from signlin_ros.model import Model
@@ -204,20 +204,14 @@ def _as_one(motion: Motion, final: Fitted, criteria: Criteria, tried: list[Fitte
             for key in [k for k, use in model.effects.items() if use.type in pair]:
                 model = model.without_effect(key)
             try:
-                one = motion.fitted((*(n for n in final.effects if n not in pair), name), _with(model, name, values))
+                model = model.with_effect(name, free_key(model, name), **completed(motion.problem, effect, values))
+                one = motion.fitted((*(n for n in final.effects if n not in pair), name), model)
             except SignlinError:
                 continue
             tried.append(one)
             if not one.vague(criteria) and one in motion.alike(motion.base, [final, one]):
                 return one
     return final
-
-
-def _with(model: Model, name: str, values: Mapping[str, float]) -> Model:
-    """Return a model with an effect, of its parameters those that it has there."""
-    model = model.with_effect(name, None)
-    key = next(k for k, use in reversed(model.effects.items()) if use.type == name)
-    return model.with_parameters({f"{key}.{n}": v for n, v in values.items() if n in model.effects[key].parameters})
 
 
 def _beyond(

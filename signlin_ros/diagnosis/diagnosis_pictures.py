@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.diagnosis.evidence import Evidence, Explanation
 from signlin_ros.diagnosis.results import Diagnosis, Rung
+from signlin_ros.names import AS_GIVEN, REFITTED, SENSORS
 from signlin_ros.plotting import BARE, EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, styled
 
 Array = NDArray[np.float64]
@@ -42,8 +43,8 @@ def ladder(d: Diagnosis) -> Any:
     """The error of every channel on unseen data, from the model as given to the proposal, and the noise floor below."""
     channels, rungs = list(d.base_validation.channels), [*([d.given] if d.given else []), *d.ladder]
     labels = [
-        *(["model as given"] if d.given else []),
-        "refitted",
+        *([AS_GIVEN] if d.given else []),
+        REFITTED,
         *(f"+ {words(_added(a, b))}" for a, b in zip(d.ladder, d.ladder[1:], strict=False)),
     ]
     with styled(9.5, 1.25 + 0.42 * (len(labels) + 1)) as figure:
@@ -51,7 +52,7 @@ def ladder(d: Diagnosis) -> Any:
         for ax, name in zip(grid, channels, strict=True):
             _rungs(ax, rungs, name, d.findings.problem.shown(d.model.units[name]))
         rows = np.arange(len(labels) + 1)[::-1]
-        grid[0].set_yticks(rows, [*labels, "noise of the sensors"])
+        grid[0].set_yticks(rows, [*labels, SENSORS])
         kind = "free run" if d.base_validation.kind == "free_run" else f"over windows of {d.model.update_period:g} s"
         figure.supxlabel(f"RMS error of the prediction, {kind}, data that the fit never saw", fontsize=9)
     return figure

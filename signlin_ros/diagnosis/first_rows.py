@@ -5,7 +5,7 @@ in all four for the same files: the model as given, and its base parameters move
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -21,14 +21,14 @@ from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.measures import comparable, force_left, noise_percent, percent, written_left
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.prepare import prepared
-from signlin_ros.diagnosis.motion.score import level, windowed
+from signlin_ros.diagnosis.motion.score import level, of_windows, windowed
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.results import Rung, Scores
-from signlin_ros.diagnosis.scores import rated
 from signlin_ros.effects import load_entry_points
 from signlin_ros.model import Model
 from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData
+from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
 Records = ModelData | Sequence[ModelData]
@@ -65,6 +65,7 @@ class Ready:
         """Standard deviation of every channel's noise."""
         return noise_of(self.problem, self.unseen)
 
+    @one_thread
     def rows(self, tell: Tell | None = None, cancelled: Cancelled | None = None) -> Rows:
         """Refit the base and return what makes rows; ``tell`` of what is done, ``cancelled`` asks whether to stop."""
         tell = tell or (lambda what: None)
@@ -156,16 +157,9 @@ class Rows:
 
     def _row(self, effects: tuple[str, ...], known: Array, unseen: Array, share: float | None) -> Rung:
         floor = None if self.force is None else noise_percent(self.force)
-        first, second = _scores(self.motion.problem, known, self.noise), _scores(self.motion.unseen, unseen, self.noise)
+        noise, sides = list(self.noise.values()), ((self.motion.problem, known), (self.motion.unseen, unseen))
+        first, second = (Scores("windowed", of_windows(p, squares, np.array(noise))) for p, squares in sides)
         return Rung(effects, first, second, share, floor)
-
-
-def _scores(problem: Problem, squares: Array, noise: Mapping[str, float]) -> Scores:
-    """Return squares (blocks, channels) as scores over the noise of every channel."""
-    rmse = np.sqrt(np.nanmean(squares, axis=0))
-    spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
-    rows = zip(problem.channels, rmse.tolist(), spread.tolist(), strict=True)
-    return Scores("windowed", {name: rated(error, size, noise[name]) for name, error, size in rows})
 
 
 def noise_of(problem: Problem, unseen: Problem) -> dict[str, float]:

@@ -14,9 +14,9 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import changing, structured
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.measures import leaves_much, leaves_noise, near_noise, noise_percent, sees
-from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.problem import Problem
-from signlin_ros.diagnosis.scores import Score, rated, unfollowed
+from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.motion.score import of_windows
+from signlin_ros.diagnosis.scores import unfollowed
 from signlin_ros.diagnosis.signs import reversed_signal
 from signlin_ros.errors import SignlinError
 
@@ -56,10 +56,8 @@ class Judgement:
         """Whether the proposal is confirmed with the parameters that are far held at nominal too, and then leaves a
         small part of what the base model leaves at its best.
         """
-        case, given = self.case, self.case.model
-        held = given.with_options(frozen=(*given.frozen, *self.far))
         try:
-            motion = Motion.of(held, list(case.known), list(case.unseen), self.criteria)
+            motion = self.agreed.motion.holding(self.far)
             found = motion.fitted(self.names)
         except SignlinError:
             return False
@@ -124,16 +122,13 @@ class Judgement:
         shows = np.nanmean(after) > (1.0 + self.criteria.alike) ** 2 * np.nanmean(before)
         return bool(shows and np.nanmean(rise) > self.criteria.worse * error)
 
-    def scores(self, known: Array, unseen: Array) -> tuple[dict[str, Score], dict[str, Score]]:
-        """Return mean squared errors (blocks, channels) of both sides as scores, by channel."""
-        motion = self.agreed.motion
-        return _scores(motion.problem, known), _scores(motion.unseen, unseen)
-
     @cached_property
     def lost(self) -> list[str]:
         """The channels that the model follows neither where it was fitted nor on unseen data."""
-        known, unseen = self.scores(self.final.known_squares, self.final.unseen_squares)
-        return [name for name in unfollowed(known) if name in unfollowed(unseen)]
+        motion, final = self.agreed.motion, self.final
+        sides = ((motion.problem, final.known_squares), (motion.unseen, final.unseen_squares))
+        known, unseen = (unfollowed(of_windows(p, squares, p.noise)) for p, squares in sides)
+        return [name for name in known if name in unseen]
 
     @cached_property
     def elsewhere(self) -> bool:
@@ -205,13 +200,6 @@ class Judgement:
     def left(self, f: Fitted) -> Array | None:
         """Return the mean squared force (blocks,) that a model leaves of unseen data."""
         return self.agreed.left(f)
-
-
-def _scores(problem: Problem, squares: Array) -> dict[str, Score]:
-    rmse = np.sqrt(np.nanmean(squares, axis=0))
-    spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
-    rows = zip(problem.channels, rmse.tolist(), spread.tolist(), problem.noise.tolist(), strict=True)
-    return {name: rated(*row) for name, *row in rows}
 
 
 def judge(case: Case, agreed: Agreed, criteria: Criteria) -> Judgement:

@@ -33,7 +33,7 @@ def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> A
     if id(f) not in known:
         left, own = written_left(force, f), force.search.models.get(frozenset(f.effects))
         better = own is not None and own.error < float(np.mean(left))
-        known[id(f)] = _by_block(force, own.unseen) if own and better else left
+        known[id(f)] = force.search.r.unseen.by_block(own.unseen) if own and better else left
     return known[id(f)]
 
 
@@ -45,14 +45,7 @@ def written_left(force: Testimony, f: Fitted) -> Array:
     left = r.unseen.missing(f.model) * effort_gain(r.model, r.current) / effort_gain(f.model, r.current)
     late = r.unseen.X[:, -1]
     left = left - late * np.clip(float(late @ left) / max(float(late @ late), 1e-300), -APART, APART)
-    return _by_block(force, left)
-
-
-def _by_block(force: Testimony, left: Array) -> Array:
-    """Return the mean squares (blocks,) of what is left (K,)."""
-    blocks = force.search.r.unseen.blocks
-    count = np.bincount(blocks)
-    return np.asarray(np.bincount(blocks, left**2)[count > 0] / count[count > 0])
+    return r.unseen.by_block(left)
 
 
 def written(motion: Motion, force: Testimony | None, f: Fitted, criteria: Criteria) -> Fitted:

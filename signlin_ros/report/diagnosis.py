@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from signlin_ros.checks.finding import Finding
-from signlin_ros.console import AS_GIVEN, REFITTED
 from signlin_ros.diagnosis import diagnosis_pictures as drawn
 from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import Comparison, compare
@@ -18,6 +17,7 @@ from signlin_ros.diagnosis.proposal import given
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
+from signlin_ros.names import AS_GIVEN, REFITTED
 from signlin_ros.records import ModelData
 from signlin_ros.report.comparison import (
     OVER_TIME,

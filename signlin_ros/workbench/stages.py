@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from signlin_ros.names import AS_GIVEN, REFITTED
 from signlin_ros.workbench import commands
 
 if TYPE_CHECKING:
@@ -20,8 +21,6 @@ TITLES = {
 }
 AS_THEY_ARE = "none"
 """The cure that takes records as they are."""
-AS_GIVEN, REFITTED = "model as given", "refitted"
-"""The first rows, as every verb shows them."""
 ADVICE = {
     "record": "Drop another file, or correct the mapping below.",
     "check": "Correct the mapping in Record, or drop another record.",

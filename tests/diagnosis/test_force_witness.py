@@ -17,6 +17,7 @@ from signlin_ros.diagnosis.force import witness
 from signlin_ros.diagnosis.force.flexible import changing
 from signlin_ros.diagnosis.force.laws import Ripple, Shape, laws
 from signlin_ros.diagnosis.force.record import Piece, missing_force, piece, sensor_noise
+from signlin_ros.diagnosis.force.regression import Side
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -283,7 +284,7 @@ def over_a_minute(left_of, noise: float = 0.01):
     piece = SimpleNamespace(
         t=t, sign=np.sign(v), values={"v": v}, noise=noise, blocks=blocks, kept=np.arange(t.size), seen=lambda x: x
     )
-    unseen = SimpleNamespace(pieces=(piece,), blocks=blocks)
+    unseen = Side((piece,), np.zeros(t.size), np.zeros((t.size, 0)), blocks, 1.0)
     plant = SimpleNamespace(velocity="v")
     r = SimpleNamespace(unseen=unseen, model=SimpleNamespace(plant=plant), criteria=DEFAULT)
     return r, left_of(t, v) + noise * rng.normal(size=t.size)

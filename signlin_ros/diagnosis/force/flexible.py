@@ -8,6 +8,8 @@ Recht, Advances in Neural Information Processing Systems 20, 2007]; ridge regres
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
@@ -121,39 +123,23 @@ def changing(r: Regression, left: Array) -> str:
     """Return which force changes slowly along the unseen records, and by its change is most of what is left (K,) beyond
     the sensors' noise; empty if none does. Each block of time is predicted from those around it.
     """
-    blocks = r.unseen.blocks
-    sums = np.bincount(blocks)
-
-    def by_block(e: Array) -> Array:
-        return np.asarray(np.bincount(blocks, e**2)[sums > 0] / sums[sums > 0])
-
-    noise, found = float(np.mean([p.noise**2 for p in r.unseen.pieces])), dict[float, str]()
-    for name, kind in (("load", _one), ("dry friction", _direction), ("viscous friction", _velocity)):
-        forces = [kind(r, p) for p in r.unseen.pieces]
-        whole = np.concatenate([p.seen(f) for p, f in zip(r.unseen.pieces, forces, strict=True)])
+    unseen, velocity, found = r.unseen, r.model.plant.velocity, dict[float, str]()
+    kinds: dict[str, Callable[[Piece], Array]] = {
+        "load": lambda p: np.ones_like(p.t),
+        "dry friction": lambda p: p.sign,
+        "viscous friction": lambda p: p.values[velocity],
+    }
+    beyond = float(np.mean(left**2)) - float(np.mean([p.noise**2 for p in unseen.pieces]))
+    for name, kind in kinds.items():
+        whole = np.concatenate([p.seen(kind(p)) for p in unseen.pieces])
         steady = left - whole * float(whole @ left) / max(float(whole @ whole), 1e-300)
-        pairs = zip(r.unseen.pieces, _parts(r, steady), forces, strict=True)
-        after = np.concatenate([_along(*pair) for pair in pairs])
-        before, gone = float(np.mean(left**2)), float(np.mean(steady**2) - np.mean(after**2))
-        if gone > HALF * (before - noise) and mean_certainty(by_block(steady), by_block(after)) > r.criteria.flexible:
+        pairs = zip(unseen.pieces, unseen.split(steady), strict=True)
+        after = np.concatenate([_along(p, part, kind(p)) for p, part in pairs])
+        gone = float(np.mean(steady**2) - np.mean(after**2))
+        sure = mean_certainty(unseen.by_block(steady), unseen.by_block(after)) > r.criteria.flexible
+        if gone > HALF * beyond and sure:
             found[gone] = name
     return found[max(found)] if found else ""
-
-
-def _one(r: Regression, piece: Piece) -> Array:
-    return np.ones_like(piece.t)
-
-
-def _direction(r: Regression, piece: Piece) -> Array:
-    return piece.sign
-
-
-def _velocity(r: Regression, piece: Piece) -> Array:
-    return piece.values[r.model.plant.velocity]
-
-
-def _parts(r: Regression, left: Array) -> list[Array]:
-    return list(np.split(left, np.cumsum([len(p.kept) for p in r.unseen.pieces])[:-1]))
 
 
 def _along(piece: Piece, left: Array, force: Array) -> Array:

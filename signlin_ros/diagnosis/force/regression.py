@@ -54,6 +54,15 @@ class Side:
         """Return the columns (K, c) of a law."""
         return np.vstack([law.columns(p, shape) for p in self.pieces])
 
+    def split(self, values: Array) -> list[Array]:
+        """Return values (K,) by record."""
+        return list(np.split(values, np.cumsum([p.kept.size for p in self.pieces])[:-1]))
+
+    def by_block(self, left: Array) -> Array:
+        """Return the mean squares (blocks,) of what is left (K,)."""
+        count = np.bincount(self.blocks)
+        return np.asarray(np.bincount(self.blocks, left**2)[count > 0] / count[count > 0])
+
     def missing(self, model: Model) -> Array:
         """Return the force (K,) that a model lacks."""
         return np.concatenate([p.seen(missing_force(model, p)) for p in self.pieces])

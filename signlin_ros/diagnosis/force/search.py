@@ -127,7 +127,7 @@ class Search:
 
     def _gain(self, law: Law, shape: Shape, f: Fit, Q: Array) -> float:
         C = self.r.known.columns(law, shape)
-        if not (np.isfinite(C).all() and np.isfinite(self.r.unseen.columns(law, shape)).all()):
+        if not np.isfinite(C).all():
             return 0.0  # a law of somebody's own, with a root or a power of what crosses zero
         rows = np.vstack([np.column_stack([C, f.left]), np.zeros((Q.shape[0] - len(C), C.shape[1] + 1))])
         rows = rows - Q @ (Q.T @ rows)
@@ -152,8 +152,7 @@ class Search:
     def _repeating(self, f: Fit) -> list[float]:
         """Return the orders at which what a fit leaves repeats most."""
         plant, known = self.r.model.plant, self.r.known
-        left = np.split(f.left, np.cumsum([p.kept.size for p in known.pieces])[:-1])
-        return strongest(known.pieces, left, self._orders, plant.position, plant.velocity, WAVES)
+        return strongest(known.pieces, known.split(f.left), self._orders, plant.position, plant.velocity, WAVES)
 
     @functools.cached_property
     def _orders(self) -> Array:

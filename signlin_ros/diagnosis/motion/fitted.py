@@ -17,6 +17,7 @@ from signlin_ros.diagnosis.motion.trials import sensors_of
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.effects import EFFECTS
+from signlin_ros.effects.base import Effect
 from signlin_ros.model import Model
 from signlin_ros.trace import resolve_unit
 
@@ -112,27 +113,30 @@ class Fitted:
             if k.name in self.at_bound and name in telling:
                 return f"{k.name} is at its bound"
             if not k.log or name in effect.neutral or kind == "sensor_gain":
-                sizes[name] = abs(x - k.theta(effect.neutral.get(name, 0.0))) / max(std, 1e-300)
+                sizes[name] = abs(x - _nothing(k, effect)) / max(std, 1e-300)
             elif std > criteria.known and (not telling or name in telling):
                 return f"{k.name} is not known to better than half"
-        needed = min((sizes[n] for n in effect.telling if n in sizes), default=self._together(key, list(sizes)))
+        needed = min((sizes[n] for n in effect.telling if n in sizes), default=self._together(key, effect, list(sizes)))
         few = f"{key} is {needed:.1f} of its own standard errors from nothing"
         return few if needed < criteria.coefficient else ""
 
-    def _together(self, key: str, names: Sequence[str]) -> float:
+    def _together(self, key: str, effect: type[Effect], names: Sequence[str]) -> float:
         """Return by how many standard errors coefficients of an effect differ from nothing, all of them together
         [Wald 1943, doi:10.1090/S0002-9947-1943-0012401-3]: each may be unknown where only their difference is known.
         """
-        every = [k.name for k in self.fit.candidate.coordinates]
-        index = [i for i, n in enumerate(every) if n in {f"{key}.{name}" for name in names} | {key}]
+        every = self.fit.candidate.coordinates
+        index = [i for i, k in enumerate(every) if k.name in {f"{key}.{name}" for name in names} | {key}]
         if not index:
             return float(np.inf)
-        uses, own = self.model.effects, key.partition(".")[0]
-        neutral = EFFECTS[uses[own].type if own in uses else own].neutral
-        nothing = [(k, neutral.get(k.name.rpartition(".")[2], 0.0)) for k in self.fit.candidate.coordinates]
-        theta = self.fit.theta[index] - [k.theta(x) if x else 0.0 for k, x in (nothing[i] for i in index)]
+        theta = self.fit.theta[index] - [_nothing(every[i], effect) for i in index]
         inverses = (np.linalg.pinv(c[np.ix_(index, index)], hermitian=True) for c in self.covariances)
         return float(np.sqrt(min(max(float(theta @ i @ theta), 0.0) for i in inverses)))
+
+
+def _nothing(k: Coordinate, effect: type[Effect]) -> float:
+    """Return the coordinate of an effect's parameter at which it does nothing."""
+    name = k.name.rpartition(".")[2]
+    return k.theta(effect.neutral[name]) if name in effect.neutral else 0.0
 
 
 def largest(covariances: Sequence[Array]) -> Array:

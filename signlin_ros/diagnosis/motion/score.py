@@ -16,6 +16,7 @@ from signlin_ros.diagnosis.equations import equations, neutral_sensors
 from signlin_ros.diagnosis.fit import Candidate, follow_records, seen_late
 from signlin_ros.diagnosis.follow import NONE_LATE, follow
 from signlin_ros.diagnosis.problem import Gains, Problem, Segment
+from signlin_ros.diagnosis.scores import Score, rated
 from signlin_ros.predict import windows
 
 Array = NDArray[np.float64]
@@ -82,6 +83,14 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
     """
     first, second = np.nanmean(before, axis=0), np.maximum(np.nanmean(after, axis=0), 1e-300)
     return float(np.sqrt(max(np.sum(samples / together * (first - second) / second) / 4, 0.0)))
+
+
+def of_windows(problem: Problem, squares: Array, noise: Array) -> dict[str, Score]:
+    """Return mean squared errors (blocks, channels) as scores by channel; ``noise`` (channels) of the sensors."""
+    rmse = np.sqrt(np.nanmean(squares, axis=0))
+    spread = np.nanstd(np.concatenate([s.y for s in problem.segments]), axis=0)
+    rows = zip(problem.channels, rmse.tolist(), spread.tolist(), np.asarray(noise).tolist(), strict=True)
+    return {name: rated(*row) for name, *row in rows}
 
 
 def level(squares: Array, noise: Array) -> float:
@@ -193,4 +202,4 @@ def _outputs(c: Candidate, p: Array, X: Array, u: Array) -> Array:
     return np.asarray(eq.keep.batch([*columns, sign])[h : h + ny].T)
 
 
-__all__ = ["Gain", "beyond_noise", "gain", "level", "windowed"]
+__all__ = ["Gain", "beyond_noise", "gain", "level", "of_windows", "windowed"]

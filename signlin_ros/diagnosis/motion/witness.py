@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -78,6 +78,13 @@ class Motion:
     ) -> Motion:
         """Prepare records (the last third is held out where ``unseen`` is None) and fit the model as given."""
         return cls(*prepared(model, known, unseen), criteria, jobs, progress, cancelled, seen)
+
+    def holding(self, names: Collection[str]) -> Motion:
+        """Return the same witness of the model with some of its parameters held at their values."""
+        base = self.problem.base
+        held = base.with_options(frozen=tuple(dict.fromkeys((*base.frozen, *names))))
+        known, unseen = (replace(side, base=held) for side in (self.problem, self.unseen))
+        return Motion(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled)
 
     # ------------------------------------------------------------ fits
 
