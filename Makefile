@@ -51,10 +51,10 @@ test: check      ## lint, types, import rules and the tests, but for those that 
 test-all: check  ## the same with the tests that take long
 	$(PYTEST) $(PYTEST_ARGS)
 
-quick: install   ## lint, and the tests that take neither long nor ROS: under 90 s
+quick: install   ## lint, and the tests that need neither time, nor a browser, nor ROS: under 90 s
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(PYTEST) -m 'not slow and not ros' --ignore=tests/diagnosis $(PYTEST_ARGS)
+	$(PYTEST) -m 'not slow and not ros' $(addprefix --ignore=tests/,diagnosis web ros independent) $(PYTEST_ARGS)
 
 check: install   ## lint, types and import rules only
 	$(BIN)/ruff check .

@@ -532,6 +532,7 @@ def test_faults_that_the_reader_put_right_are_told() -> None:
     assert finding.sentence.startswith("the clock jumps back")
 
 
+@pytest.mark.slow
 def test_what_is_told_about_the_record_is_no_note_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, data = motor()
     kept = np.delete(np.arange(SAMPLES), slice(700, 750))

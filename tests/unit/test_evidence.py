@@ -13,6 +13,8 @@ from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
 
+pytestmark = pytest.mark.slow
+
 MASS = Model.from_dict(
     {"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.8, "k": 30.0}, "update_period": 0.1}
 )

@@ -16,6 +16,8 @@ from signlin_ros.cli import signlin
 from signlin_ros.model import Model
 from signlin_ros.simulate import simulate
 
+pytestmark = pytest.mark.slow
+
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "my_own_record.md"
 MOTOR = Model.load("dc_motor")
 T = np.arange(300) * 0.01

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 
 from signlin_ros.terms import Change, TermSplitter
 
+pytestmark = pytest.mark.slow
+
 X, Y, P = ca.SX.sym("x"), ca.SX.sym("y"), ca.SX.sym("p")
 SPLITTER_X = ([X, Y], [frozenset({0}), frozenset({1})])
 

@@ -1,16 +1,18 @@
-"""Forward selection of the laws that a record asks for, and the choice of the least set that suffices."""
+"""The sets of laws that leave least of the missing force, and the choice of the least set that suffices."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.laws import Law, Ripple, Shape, grid
+from signlin_ros.diagnosis.force.laws import Ripple, Shape, grid
 from signlin_ros.diagnosis.force.regression import TINY, Fit, Member, Regression
+from signlin_ros.diagnosis.force.subsets import Subsets
 from signlin_ros.diagnosis.force.waves import orders, strongest
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
@@ -47,15 +49,16 @@ class Search:
     def run(self) -> Fit:
         """Return the least set that suffices, after `Criteria.most` steps or as soon as nothing is gained."""
         self.shapes = {n: grid(law, self.scale) for n, law in self.r.laws.items()}
-        beam = [self._keep(self.r.fitted(()))]
-        for _ in range(self.r.criteria.most):
+        best = [self._keep(self.r.fitted(()))]
+        for count in range(1, self.r.criteria.most + 1):
             before = min(f.trained for f in self.models.values())
-            beam = self._step(beam)
-            if not beam or min(f.trained for f in beam) > LITTLE * before:
+            best = self._step(best, count)
+            if not best or (count > 1 and min(f.trained for f in best) > LITTLE * before):
                 break
         rippled = self._rippled(self._choice())
         if rippled is not None and len(rippled.members) < self.r.criteria.most:
-            self._step([rippled])
+            beside = self._subsets(rippled.members).beside(rippled.members, self._others(rippled), rippled.trained)
+            self._fitted(list(beside))
         return self.chosen
 
     def _rippled(self, f: Fit) -> Fit | None:
@@ -85,69 +88,44 @@ class Search:
             self.models[f.names] = f
         return self.models[f.names]
 
-    def _step(self, beam: list[Fit]) -> list[Fit]:
-        found: dict[frozenset[str], tuple[float, tuple[Member, ...]]] = {}
-        for f in beam:
-            for gain, member in self._gains(f):
-                names, left = f.names | {member[0]}, float(np.sum(f.left**2)) - gain
-                if names not in found or found[names][0] > left:
-                    found[names] = (left, (*f.members, member))
-        ranked = [m for _, m in sorted(found.values(), key=lambda item: item[0])]
+    def _step(self, best: Sequence[Fit], count: int) -> list[Fit]:
+        """Fit the best sets of ``count`` laws, and return the best of these; ``best``: of those of one law less."""
+        for f in best:
+            self._scan(f)
+        subsets = self._subsets(chain.from_iterable(f.members for f in best))
+        found = subsets.best(count, min(f.trained for f in best))
+        return self._fitted(found[: 4 * REFINED * self.r.criteria.beam])
+
+    def _fitted(self, sets: Sequence[tuple[Member, ...]]) -> list[Fit]:
+        """Fit some sets, the first of them with their shapes between the points of the grid; return the best."""
         count = REFINED * self.r.criteria.beam
         fits = [self._keep(self.refined(self.r.fitted(m)) if i < count else self.r.fitted(m))
-                for i, m in enumerate(ranked[: 4 * count])]  # fmt: skip
+                for i, m in enumerate(sets)]  # fmt: skip
         fits.sort(key=lambda f: f.trained * (1 + self.r.criteria.each * f.cost))
         return fits[: self.r.criteria.beam]
 
-    def _gains(self, f: Fit) -> Iterator[tuple[float, Member]]:
-        """Yield, for every law that is not in a fit, what its best shape would take of the squared error, about."""
-        Q, families = self._explained(f), {self.r.laws[n].effect.family for n in f.names}
-        for name, law in self.r.laws.items():
-            if name in f.names or (law.effect.family and law.effect.family in families):
+    def _others(self, f: Fit) -> list[str]:
+        """Return the laws that may stand beside those of a fit."""
+        families = {self.r.laws[n].effect.family for n in f.names} - {""}
+        return [n for n, law in self.r.laws.items() if n not in f.names and law.effect.family not in families]
+
+    def _scan(self, f: Fit) -> None:
+        """Add the orders at which what a fit leaves repeats over the position to the shapes of periodic laws."""
+        for name in (n for n in self._others(f) if self.r.laws[n].effect.periodic and n in self.shapes):
+            if isinstance(self.r.laws[name], Ripple):
                 continue
-            if law.effect.periodic:
-                self._scan(name, f)
-            gain, shape = self._best_shape(name, f, Q)
-            if gain > 0.0:
-                yield gain, (name, shape)
+            for N in self._repeating(f):
+                self._grown(name, ((self.r.laws[name].effect.periodic[0], N),))
 
-    def _best_shape(self, name: str, f: Fit, Q: Array) -> tuple[float, Shape]:
-        """Return about what a law would take of the squared error beside a fit, at its best shape, and that one."""
-        law = self.r.laws[name]
-        return max(((self._gain(law, shape, f, Q), shape) for shape in self.shapes[name]), default=(0.0, ()))
+    def _grown(self, name: str, shape: Shape) -> None:
+        if shape not in self.shapes[name]:
+            self.shapes[name].append(shape)
 
-    def _explained(self, f: Fit) -> Array:
-        """Return an orthonormal basis (K + b, c) of what a fit's columns can do, the base held by its tolerances."""
-        known, laws = self.r.known, self.r.laws
-        X = np.hstack([known.X, *(known.columns(laws[n], z) for n, z in f.members)])
-        spread = np.concatenate([self.r.base.spread, np.full(X.shape[1] - self.r.b, 1e12)])
-        A = np.vstack([X, np.diag(np.sqrt(f.trained) / np.minimum(np.maximum(spread, 1e-12), 1e12))])
-        scale = np.sqrt(np.mean(A**2, axis=0)) + 1e-300
-        return np.linalg.qr(A / scale)[0]
-
-    def _gain(self, law: Law, shape: Shape, f: Fit, Q: Array) -> float:
-        C = self.r.known.columns(law, shape)
-        if not np.isfinite(C).all():
-            return 0.0  # a law of somebody's own, with a root or a power of what crosses zero
-        rows = np.vstack([np.column_stack([C, f.left]), np.zeros((Q.shape[0] - len(C), C.shape[1] + 1))])
-        rows = rows - Q @ (Q.T @ rows)
-        Z, y = rows[:, :-1], rows[:, -1]
-        c = np.linalg.lstsq(Z, y, rcond=1e-8)[0]
-        positive = law.positive(shape)
-        good = [j for j, v in enumerate(c) if v >= 0.0 or not positive[j]]
-        if len(good) < len(c):
-            if not good:
-                return 0.0
-            c = np.linalg.lstsq(Z[:, good], y, rcond=1e-8)[0]
-        return float(y @ y - np.sum((y - Z[:, good] @ c) ** 2))
-
-    def _scan(self, name: str, f: Fit) -> None:
-        """Add the orders at which what a fit leaves repeats over the position to the shapes of a periodic law."""
-        order = self.r.laws[name].effect.periodic[0]
-        for N in self._repeating(f):
-            shape = ((order, N),)
-            if shape not in self.shapes[name]:
-                self.shapes[name].append(shape)
+    def _subsets(self, members: Iterable[Member]) -> Subsets:
+        """Return what tells of all sets at once, of the shapes that are known and those of some members."""
+        for name, shape in members:
+            self._grown(name, shape)
+        return Subsets(self.r, self.shapes)
 
     def _repeating(self, f: Fit) -> list[float]:
         """Return the orders at which what a fit leaves repeats most."""
@@ -173,7 +151,8 @@ class Search:
         name, shape = f.members[j]
         structural = self.r.laws[name].structural
         for n, value in shape:
-            others = {v for s in self.shapes[name] for k, v in s if k == n and v != value} if n in structural else ()
+            values = (v for s in self.shapes[name] for k, v in s if k == n and v != value)
+            others = list(dict.fromkeys(values)) if n in structural else []
             tried = [self.r.fitted(_put(f.members, j, n, v)) for v in others]
             f = min([f, *tried], key=lambda g: g.trained)
         return f
@@ -233,7 +212,7 @@ class Search:
 
     def sound(self, f: Fit) -> bool:
         """Tell whether every law of a fit is needed on unseen data, and its level known; and nothing known is bent."""
-        return not self.bends(f) and all(self.needed(f, n) for n in f.names)
+        return not self.bends(f) and all(self.needed(f, n) for n, _ in f.members)
 
     def bends(self, f: Fit) -> bool:
         """Tell whether a fit moves a base parameter that carries force beyond its tolerance, and further than the base
@@ -287,8 +266,10 @@ class Search:
 
     @functools.cached_property
     def chosen(self) -> Fit:
-        """The least set that is sound, within a standard error or 1 % RMS of the best."""
-        return self._choice()
+        """The least set that is sound, within a standard error or 1 % RMS of the best; what is worth most comes first."""
+        found = self._choice()
+        ordered = sorted(found.members, key=lambda m: -self.without(found, m[0]).error)
+        return self.r.fitted(ordered) if len(ordered) > 1 else found
 
     def _choice(self) -> Fit:
         sound = [f for f in list(self.models.values()) if self.sound(f)] or [self.base]
@@ -304,18 +285,12 @@ class Search:
     def ties(self, f: Fit, name: str) -> tuple[str, ...]:
         """Return the laws that could as well stand in a fit for one of its own."""
         rest = self.without(f, name)
-        tried = {n: self._best_with(rest, n) for n in self.r.laws if n not in f.names}
+        others = [n for n in self.r.laws if n not in f.names]
+        new = [n for n in others if rest.names | {n} not in self.models]
+        for members in self._subsets(rest.members).beside(rest.members, new, rest.trained):
+            self._keep(self.r.fitted(members))
+        tried = {n: self.models.get(rest.names | {n}) for n in others}
         return tuple(sorted(n for n, g in tried.items() if g and self.alike(f, g) and self._told(g, n)))
-
-    def _best_with(self, f: Fit, name: str) -> Fit | None:
-        """Return the best fit known of one law more, its shape from the grid where none was refined."""
-        names = f.names | {name}
-        if names not in self.models:
-            gain, shape = self._best_shape(name, f, self._explained(f))
-            if gain <= 0.0:
-                return None
-            self._keep(self.r.fitted((*f.members, (name, shape))))
-        return self.models[names]
 
 
 def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:

@@ -1,0 +1,120 @@
+"""Every set of a few laws at once, from inner products alone: what one law hides, two may show together.
+
+All sets of up to two members are solved, then the best of them with every other member beside [Furnival and Wilson,
+Technometrics 16 (1974) 499, doi:10.1080/00401706.1974.10489231].
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.force.laws import Shape
+from signlin_ros.diagnosis.force.regression import TINY, Member, Regression
+
+Array = NDArray[np.float64]
+Sets = NDArray[np.intp]
+
+FOLLOWED = 150
+"""Sets of two and more laws that are tried with every other member beside."""
+BATCH = 4096
+"""Sets that are solved together."""
+
+
+class Subsets:
+    """Sets of members (laws with their shapes): about what each leaves of the fitted data."""
+
+    def __init__(self, r: Regression, shapes: Mapping[str, Sequence[Shape]]) -> None:
+        self.r = r
+        self.members: list[Member] = []
+        names, parts, columns, positive = list(r.laws), list[list[int]](), [r.known.X], [False] * r.b
+        families: dict[str, int] = {}
+        kinds: list[tuple[int, int]] = []
+        at = r.b
+        for name, shape in chain.from_iterable(((n, s) for s in shapes[n]) for n in names if n in shapes):
+            law, C = r.laws[name], r.known.columns(r.laws[name], shape)
+            if not np.isfinite(C).all():
+                continue  # a law of somebody's own, with a root or a power of what crosses zero
+            columns.append(C)
+            bounded = list(law.positive(shape))
+            positive += bounded
+            kind = families.setdefault(law.effect.family or name, len(families))
+            whole = list(range(at, at + C.shape[1]))
+            for part in [whole, *([[j] for j in whole] if len(whole) > 1 and all(bounded) else [])]:
+                self.members.append((name, shape))
+                parts.append(part)
+                kinds.append((names.index(name), kind))
+            at += C.shape[1]
+        A = np.hstack(columns)
+        self._scale = np.sqrt(np.mean(A**2, axis=0)) + TINY
+        A = A / self._scale
+        n = A.shape[1]
+        self._gram, self._moments = np.zeros((n + 1, n + 1)), np.zeros(n + 1)  # the last one is no column at all
+        self._gram[:n, :n], self._moments[:n] = A.T @ A, A.T @ r.known.y
+        self._gram[n, n] = 1.0
+        self._size, self._total = r.known.y.size, float(r.known.y @ r.known.y)
+        self._positive = np.array([*positive, False])
+        width = max((len(p) for p in parts), default=1)
+        self._parts = np.array([[*p, *[n] * (width - len(p))] for p in parts], dtype=np.intp).reshape(-1, width)
+        self._law, self._kind = np.array(kinds, dtype=np.intp).reshape(-1, 2).T
+        self._free = np.array([r.laws[name].free(shape) for name, shape in self.members], dtype=float)
+
+    def left(self, sets: Sets, size: float) -> Array:
+        """Return the squared error (S,) that sets (S, k) of members leave, about, inf where a coefficient has a sign
+        that it cannot have; ``size``: mean square of what is left, by which tolerances weigh.
+        """
+        base, r = np.arange(self.r.b), self.r
+        spread = np.minimum(np.maximum(r.base.spread, 1e-12), 1e12) * self._scale[: r.b]
+        held = np.minimum(size / spread**2, 1e12 * self._size)
+        found = np.empty(len(sets))
+        for at in range(0, len(sets), BATCH):
+            some = sets[at : at + BATCH]
+            index = np.hstack([np.broadcast_to(base, (len(some), r.b)), self._parts[some].reshape(len(some), -1)])
+            A, g = self._gram[index[:, :, None], index[:, None, :]], self._moments[index]
+            diagonal = np.arange(index.shape[1])
+            none = index == len(self._moments) - 1
+            A[none] = 0.0
+            A[:, diagonal, diagonal] += np.where(none, 1.0, 1e-9 * self._size)
+            A[:, base, base] += held
+            theta = np.linalg.solve(A, g[:, :, None])[:, :, 0]
+            error = np.maximum(self._total - np.sum(theta * g, axis=1), 0.0)
+            found[at : at + BATCH] = np.where(np.any((theta < 0.0) & self._positive[index], axis=1), np.inf, error)
+        return found
+
+    def best(self, count: int, size: float) -> list[tuple[Member, ...]]:
+        """Return the best sets of ``count`` members, one for each set of laws, the best first; ``size``: see `left`."""
+        return [tuple(self.members[j] for j in row) for row in self._best(count, size).tolist()]
+
+    def _best(self, count: int, size: float) -> Sets:
+        sets = self._sets(count, size)
+        rank = self.left(sets, size) / self._size * (1.0 + self.r.criteria.each * self._free[sets].sum(axis=1))
+        order = np.argsort(rank, kind="stable")
+        order = order[np.isfinite(rank[order])]
+        _, first = np.unique(np.sort(self._law[sets[order]], axis=1), axis=0, return_index=True)
+        return np.asarray(sets[order[np.sort(first)]])
+
+    def _sets(self, count: int, size: float) -> Sets:
+        """Return sets (S, count) of members of different laws and families: smaller ones with one member more."""
+        every = np.arange(len(self.members), dtype=np.intp)[:, None]
+        if count == 1:
+            return every
+        smaller = every if count == 2 else self._best(count - 1, size)[:FOLLOWED]
+        sets = np.hstack([np.repeat(smaller, len(every), axis=0), np.tile(every, (len(smaller), 1))])
+        kinds = self._kind[sets]
+        return np.asarray(sets[np.all(kinds[:, :-1] != kinds[:, -1:], axis=1)])
+
+    def beside(self, members: Sequence[Member], names: Sequence[str], size: float) -> Iterator[tuple[Member, ...]]:
+        """Yield members with one law more, for each of ``names`` at the shape that leaves least."""
+        fixed = [self.members.index(m) for m in members]
+        for name in names:
+            more = [j for j, m in enumerate(self.members) if m[0] == name]
+            sets = np.array([[*fixed, j] for j in more], dtype=np.intp)
+            left = self.left(sets, size) if more else np.zeros(0)
+            if np.isfinite(left).any():
+                yield (*members, self.members[more[int(np.argmin(left))]])
+
+
+__all__ = ["Subsets"]
