@@ -351,6 +351,11 @@ class Model:
         axis = self.axis or ("rotary" if self.plant.position_unit == "rad" else "")
         return axis == "rotary" if axis else None
 
+    def turns(self, units: Mapping[str, str]) -> bool:
+        """Tell whether the axis turns: as the model, its plant or the units of a record's signals say."""
+        unit = units.get(self.plant.position) or units.get(self.plant.velocity, "")
+        return unit.startswith("rad") if self.is_rotary is None else self.is_rotary
+
     @property
     def early(self) -> float:
         """By how many steps a recorded input precedes its sample (`HOLDS`); 0 where the model does not say."""

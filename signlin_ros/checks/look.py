@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.checks.linear import Base, linear_base
-from signlin_ros.checks.observer import Followed, Prediction, follow, summed
+from signlin_ros.checks.observer import Followed, Prediction, follow, prediction, summed
 from signlin_ros.checks.travel import Travel, travel
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, quantum_of
@@ -22,6 +22,8 @@ ENOUGH = 20_000
 BLOCKS = 8
 LEAST = 20
 """Fewer samples tell nothing."""
+CLEAR = 4.0
+"""Times its noise from which on a velocity has a sign."""
 
 
 class Look:
@@ -119,6 +121,39 @@ class Look:
     def predicted(self) -> Prediction | None:
         """What that leaves."""
         return summed(self.followed) if self.followed else None
+
+    @functools.cached_property
+    def resisted(self) -> Prediction | None:
+        """What that leaves where dry friction, a load and gravity may act, of whatever size: what any machine has."""
+        v = self.motion
+        if self.base is None or v is None or self.model.plant.motion_is_imposed():
+            return self.predicted
+        forces, free = (
+            {"dry friction": -np.sign(v), "load": np.ones(v.size)},
+            {"dry friction": self._moving, "load": ""},
+        )
+        if self.position in self.channels and self.model.turns(self.record.units):
+            q = np.nan_to_num(self.of(self.position))
+            forces |= {"gravity": np.sin(q), "gravity aside": np.cos(q)}
+            free |= {"gravity": "", "gravity aside": ""}
+        return prediction(self.base, self.record, self.channels, forces, free)
+
+    @property
+    def _moving(self) -> str:
+        return self.velocity if self.velocity in self.channels else self.position
+
+    @functools.cached_property
+    def motion(self) -> Array | None:
+        """The velocity (T,), 0 where it is not clear of its noise; None where no motion is recorded."""
+        if self.velocity in self.channels:
+            v, noise = self.of(self.velocity), self.noise(self.velocity).sigma
+        elif self.position in self.channels:
+            v = np.gradient(self.of(self.position), self.t)
+            noise = self.noise(self.position).sigma / max(self.step, 1e-300)
+        else:
+            return None
+        v = np.nan_to_num(v)
+        return np.where(np.abs(v) > CLEAR * noise, v, 0.0)
 
 
 def _blocks(size: int) -> Iterator[slice]:

@@ -8,7 +8,7 @@ Anderson and Moore, Optimal Filtering, 1979, ch. 4; recursions by the Schur form
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -132,8 +132,10 @@ def follow(
 class Prediction:
     """What a record leaves of an observer of a linear base.
 
-    ``sources``: the inputs, the channels and `ONE`; ``grams`` (ny, k, k): mean products of what each adds to the
-    innovations of each channel; ``spread`` (ny,): standard deviations of the channels; ``samples`` that tell it.
+    ``sources``: the inputs, the channels, `ONE`, and further inputs; ``grams`` (ny, k, k): mean products of what each
+    adds to the innovations of each channel; ``spread`` (ny,): standard deviations of the channels; ``samples`` that
+    tell it; ``free``: further inputs that count with the size that suits best, which is not negative where a channel is
+    named with it: turned with the sign of that.
     """
 
     channels: tuple[str, ...]
@@ -141,43 +143,77 @@ class Prediction:
     grams: Array
     spread: Array
     samples: int
+    free: Mapping[str, str] = field(default_factory=dict)
 
     def lefts(self, scales: Sequence[Mapping[str, float]]) -> Array:
         """Return `left` for several choices of scales (k,)."""
-        s = np.array([[one.get(name, 1.0) for name in self.sources] for one in scales])
-        own = np.abs(s[:, [self.sources.index(name) for name in self.channels]])
-        left = np.sqrt(np.maximum(np.einsum("jab,ka,kb->kj", self.grams, s, s, optimize=True), 0.0))
-        return np.asarray(np.exp(np.mean(np.log(np.maximum(left / (own * self.spread), 1e-12)), axis=1)))
+        return np.asarray(np.exp(np.mean(np.log(np.maximum(self._shares(scales), 1e-12)), axis=1)))
 
     def shares(self, scales: Mapping[str, float] | None = None) -> Array:
         """Return what is left of every channel (ny,), as a share of its spread, with some sources multiplied."""
-        s = np.array([(scales or {}).get(name, 1.0) for name in self.sources])
-        own = np.array([s[self.sources.index(name)] for name in self.channels])
-        left = np.einsum("jab,a,b->j", self.grams, s, s)
-        return np.asarray(np.sqrt(np.maximum(left, 0.0)) / np.maximum(np.abs(own) * self.spread, 1e-300))
+        return np.asarray(self._shares([scales or {}])[0])
 
     def left(self, scales: Mapping[str, float] | None = None) -> float:
         """Return the geometric mean of `shares`."""
-        return float(np.exp(np.mean(np.log(np.maximum(self.shares(scales), 1e-12)))))
+        return float(self.lefts([scales or {}])[0])
+
+    def _shares(self, scales: Sequence[Mapping[str, float]]) -> Array:
+        """Return `shares` (k, ny) for several choices of scales."""
+        s = np.array([[one.get(n, 0.0 if n in self.free else 1.0) for n in self.sources] for one in scales])
+        own = np.abs(s[:, [self.sources.index(name) for name in self.channels]]) * self.spread
+        found = self._squares(s)
+        if self.free:  # the channels count by their logarithms, as in `left`
+            more = self._squares(self._with_free(s, 1.0 / np.maximum(found, 1e-300)))
+            better = np.log(more + 1e-300).sum(axis=1) < np.log(found + 1e-300).sum(axis=1)
+            found = np.where(better[:, None], more, found)
+        return np.asarray(np.sqrt(found) / np.maximum(own, 1e-300))
+
+    def _squares(self, s: Array) -> Array:
+        """Return mean squared innovations (k, ny) for scales of all sources (k, sources)."""
+        return np.asarray(np.maximum(np.einsum("jab,ka,kb->kj", self.grams, s, s, optimize=True), 0.0))
+
+    def _with_free(self, s: Array, weights: Array) -> Array:
+        """Return scales (k, sources) with those of the free inputs by least squares; ``weights`` (k, ny)."""
+        at = [self.sources.index(name) for name in self.free]
+        turned = np.stack([s[:, self.sources.index(c)] if c in self.sources else s[:, 0] for c in self.free.values()])
+        least = np.array([0.0 if c else -np.inf for c in self.free.values()])
+        size = np.sqrt(np.einsum("jaa->a", self.grams[:, at][:, :, at])) + 1e-300
+        A = np.einsum("kj,jab->kab", weights, self.grams[:, at][:, :, at] / size / size[:, None])
+        g = -np.einsum("kj,jab,kb->ka", weights, self.grams[:, at] / size[:, None], s)
+        sign = np.where(np.isfinite(least), np.sign(turned.T), 1.0)
+        A, g = A * sign[:, :, None] * sign[:, None, :], g * sign
+        ridge = 1e-9 * np.einsum("kaa->k", A)[:, None, None] * np.eye(len(at))
+        found = np.linalg.solve(A + ridge, g[:, :, None])[:, :, 0]
+        below = found < least
+        held = np.where(below[:, :, None] | below[:, None, :], np.eye(len(at)), A + ridge)
+        found = np.linalg.solve(held, np.where(below, 0.0, g)[:, :, None])[:, :, 0] if below.any() else found
+        whole = np.array(s)
+        whole[:, at] = found * sign / size
+        return whole
 
 
 def prediction(
-    base: Base, record: ModelData, channels: Sequence[str], more: Mapping[str, Array] | None = None
+    base: Base,
+    record: ModelData,
+    channels: Sequence[str],
+    more: Mapping[str, Array] | None = None,
+    free: Mapping[str, str] | None = None,
 ) -> Prediction | None:
     """Return what a record leaves of an observer of a base; None where `follow` does.
 
-    ``more`` (T,): further inputs by name, each acting as the first input does.
+    ``more`` (T,): further inputs by name, each acting as the first input does; ``free``: see `Prediction`.
     """
     f = follow(base, record, channels, more)
-    return None if f is None else summed(f)
+    return None if f is None else summed(f, free)
 
 
-def summed(f: Followed) -> Prediction:
+def summed(f: Followed, free: Mapping[str, str] | None = None) -> Prediction:
     """Return what is left of a record that is followed, by what adds to it."""
     left = f.parts()[:, int(START * f.t.size) :]
     left = left - left.mean(axis=1, keepdims=True)
     grams = np.einsum("atj,btj->jab", left, left) / left.shape[1]
-    return Prediction(f.channels, (*f.base.inputs, *f.channels, ONE, *f.more), grams, f.y.std(axis=0), left.shape[1])
+    sources = (*f.base.inputs, *f.channels, ONE, *f.more)
+    return Prediction(f.channels, sources, grams, f.y.std(axis=0), left.shape[1], free or {})
 
 
 def _finite(values: Array) -> Array:

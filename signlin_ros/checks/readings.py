@@ -40,7 +40,7 @@ class Reading:
 def signs(look: Look, p: Prediction) -> Iterator[Reading]:
     """Yield the signals, and position and velocity together, that may be reversed."""
     for name in p.sources:
-        if name != ONE:
+        if _recorded(name, p):
             words = f"with the sign of the {name} reversed the model follows the record"
             yield Reading({name: -1.0}, words, f"reverse_{name}")
     q, v = look.position, look.velocity
@@ -52,7 +52,7 @@ def signs(look: Look, p: Prediction) -> Iterator[Reading]:
 def units(look: Look, p: Prediction) -> Iterator[Reading]:
     """Yield the units that one signal, or position and velocity together, may be in."""
     for name in p.sources:
-        if name == ONE:
+        if not _recorded(name, p):
             continue
         for unit, factor in other_units(look.unit(name)).items():
             for sign in (1.0, -1.0):
@@ -73,7 +73,7 @@ def pairs(look: Look, p: Prediction) -> Iterator[Reading]:
     one = [
         (name, unit, factor)
         for name in p.sources
-        if name != ONE
+        if _recorded(name, p)
         for unit, factor in other_units(look.unit(name)).items()
     ]
     for (a, first, of_a), (b, second, of_b) in itertools.combinations(one, 2):
@@ -85,7 +85,7 @@ def pairs(look: Look, p: Prediction) -> Iterator[Reading]:
 def gears(look: Look, p: Prediction) -> Iterator[Reading]:
     """Yield single signals that fit by a factor that is no unit's."""
     for name in p.sources:
-        if name == ONE:
+        if not _recorded(name, p):
             continue
         factor = _best(p, name)
         if GEAR < abs(factor) < 1e5 or GEAR < 1.0 / max(abs(factor), 1e-12) < 1e5:
@@ -94,6 +94,11 @@ def gears(look: Look, p: Prediction) -> Iterator[Reading]:
             if name in look.record.inputs and look.model.plant.scaled_by_effort:
                 words += f" (or {', '.join(look.model.plant.scaled_by_effort)} of the model are all wrong by that)"
             yield Reading({name: factor}, words, f"scale_{name}")
+
+
+def _recorded(name: str, p: Prediction) -> bool:
+    """Tell whether a source is an input or a channel of the record."""
+    return name != ONE and name not in p.free
 
 
 def _best(p: Prediction, name: str) -> float:

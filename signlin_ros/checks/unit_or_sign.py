@@ -23,6 +23,8 @@ AS_GOOD = 1.25
 """Explanations that leave no more than so many times the least are told beside it."""
 STRICTER = 0.5
 """What may be left, as a share of the limit, where two signals are read otherwise."""
+NEEDED = 0.7
+"""What is left, as a share of what is left without any input: what no input moves tells of no unit."""
 GUESS = 0.5
 """A tolerance of the model's parameters from which on they are guesses: then a factor is no reason to refuse."""
 
@@ -30,11 +32,12 @@ GUESS = 0.5
 class UnitOrSign(Check):
     """The model follows the record much better if a channel is in another unit, or reversed.
 
-    Test: a constant observer of the linear base leaves at most `BETTER` of what it leaves otherwise, and at most
-    `GOOD` of what the channels do; the factor that suits best lies within `NEAR` of the unit's. What a model lacks, or
-    has wrong by tens of per cent, does not move its prediction that far: none of 200 clean records and none of those
-    with hidden effects of the benchmark (benchmarks/checks.py) reads better so. Cure: the conversion
-    (``speed_in_rpm``), the other sign (``reverse_voltage``), or a factor where no unit is known (``scale_speed``).
+    Test: a constant observer of the linear base, beside dry friction, a load and gravity of any size, leaves at most
+    `BETTER` of what it leaves otherwise, and at most `GOOD` of what the channels do; the factor that suits best lies
+    within `NEAR` of the unit's. What a model lacks, or has wrong by tens of per cent, does not move its prediction that
+    far: none of 200 clean records and none of those with hidden effects of the benchmark (benchmarks/checks.py) reads
+    better so. Cure: the conversion (``speed_in_rpm``), the other sign (``reverse_voltage``), or a factor where no unit
+    is known (``scale_speed``).
     """
 
     name = "unit_or_sign"
@@ -43,7 +46,7 @@ class UnitOrSign(Check):
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the best reading of the record, and others that are as good."""
-        p = look.predicted
+        p = look.resisted
         if p is None:
             return
         before = p.left()
@@ -95,7 +98,12 @@ def _fitting(look: Look, p: Prediction, limit: float, readings: Iterable[Reading
     possible = [r for r in readings if _consistent(look, r.divided)]
     left = p.lefts([r.scales for r in possible]) if possible else ()
     good = [(float(value), r) for value, r in zip(left, possible, strict=True) if value < limit]
-    return [(value, r) for value, r in good if p.shares(r.scales).max() < EACH]
+    return [(value, r) for value, r in good if p.shares(r.scales).max() < EACH and _needed(look, p, r, value)]
+
+
+def _needed(look: Look, p: Prediction, r: Reading, left: float) -> bool:
+    """Tell whether a reading needs the inputs at all: without them more would be left."""
+    return left < NEEDED * p.left({**r.scales, **dict.fromkeys(look.record.inputs, 0.0)})
 
 
 def _consistent(look: Look, factors: Mapping[str, float]) -> bool:

@@ -63,16 +63,10 @@ def _sentence(look: Look, name: str) -> str:
 
 def _velocity(look: Look) -> Array | None:
     """Return the velocity (T,) where it goes both ways clear of its noise; 0 where it does not."""
-    if look.velocity in look.channels:
-        v, noise = look.of(look.velocity), look.noise(look.velocity).sigma
-    elif look.position in look.channels:
-        v = np.gradient(look.of(look.position), look.t)
-        noise = look.noise(look.position).sigma / max(look.step, 1e-300)
-    else:
+    v = look.motion
+    if v is None:
         return None
-    v = np.nan_to_num(v)
-    clear = np.where(np.abs(v) > 4.0 * noise, np.sign(v), 0.0)
-    both = min(float(np.mean(clear > 0)), float(np.mean(clear < 0)))
+    both = min(float(np.mean(v > 0)), float(np.mean(v < 0)))
     return v if v.size > LEAST and both > BOTH else None
 
 

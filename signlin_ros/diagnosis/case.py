@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from signlin_ros.diagnosis.data import as_list, measured_channels
 from signlin_ros.diagnosis.motion.prepare import held_out
-from signlin_ros.diagnosis.problem import LEAST_SAMPLES, pieces, turns, with_measured_position
+from signlin_ros.diagnosis.problem import LEAST_SAMPLES, pieces, with_measured_position
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -25,7 +25,7 @@ class Case:
     @property
     def rotary(self) -> bool:
         """Whether the axis turns: as the model, its plant or the records' units say."""
-        return turns(self.model, self.known[0].units)
+        return self.model.turns(self.known[0].units)
 
 
 def case(

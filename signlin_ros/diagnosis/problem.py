@@ -43,13 +43,6 @@ SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 
 
-def turns(model: Model, units: Mapping[str, str]) -> bool:
-    """Tell whether an axis turns: as the model, its plant or the records' units say."""
-    plant, known = model.plant, model.is_rotary
-    unit = units.get(plant.position) or units.get(plant.velocity, "")
-    return unit.startswith("rad") if known is None else known
-
-
 @dataclass(frozen=True)
 class Segment:
     """One record: t (T,) s, u (T, m), y (T, ny) with NaN for missing, and where it starts, by state.
@@ -168,7 +161,7 @@ class Problem:
     @property
     def turns(self) -> bool:
         """Whether the axis turns, so that what repeats over the position does so a whole number of times a turn."""
-        return turns(self.base, self.units)
+        return self.base.turns(self.units)
 
     def shown(self, unit: str) -> str:
         """Return a unit of the model as the records have it."""

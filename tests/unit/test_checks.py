@@ -532,6 +532,23 @@ def test_faults_that_the_reader_put_right_are_told() -> None:
     assert finding.sentence.startswith("the clock jumps back")
 
 
+@pytest.mark.parametrize("friction", [1.0, 3.0])
+def test_a_drive_that_is_mostly_friction_is_in_its_own_unit(friction):
+    """Friction of the size of the effort makes a smaller effort fit better: that tells of no unit."""
+    base = Model.from_dict(
+        {"plant": "mass_spring_damper", "parameters": {"m": 0.02, "c": 0.02, "k": 0.0}, "axis": "rotary"}
+    )
+    effort = multisine(friction) + 1.5 * friction * np.sign(np.sin(2.1 * np.arange(SAMPLES) * STEP))
+    data = record(base.with_effect("coulomb_friction", mu=friction), effort)
+    assert "unit_or_sign" not in found(base, data)[1]
+    for factor, cures in (
+        (1000.0, {"force_in_mNm"}),
+        (8.85, {"force_in_lbfin"}),
+        (-1.0, {"reverse_force", "reverse_displacement_and_velocity"}),
+    ):
+        assert found(base, replace(data, u=factor * data.u))[1]["unit_or_sign"].cure in cures
+
+
 @pytest.mark.slow
 def test_what_is_told_about_the_record_is_no_note_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, data = motor()

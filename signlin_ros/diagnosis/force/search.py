@@ -266,7 +266,7 @@ class Search:
 
     @functools.cached_property
     def chosen(self) -> Fit:
-        """The least set that is sound, within a standard error or 1 % RMS of the best; what is worth most comes first."""
+        """The least set that is sound, within a standard error or 1 % RMS of the best; what is worth most first."""
         found = self._choice()
         ordered = sorted(found.members, key=lambda m: -self.without(found, m[0]).error)
         return self.r.fitted(ordered) if len(ordered) > 1 else found

@@ -1,0 +1,88 @@
+"""Sets of laws from inner products: what they say is left is what least squares leaves, and no pair hides."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+
+from signlin_ros.diagnosis.force.search import Search
+from signlin_ros.diagnosis.force.subsets import Subsets
+from tests.diagnosis.test_force_witness import heard
+
+WEIGHT, CABLE, FRICTION = 20.0, 3.0, 4.0
+
+
+@cache
+def search() -> Search:
+    """Return the sets fitted to a lift: a weight and dry friction, each of which explains little by itself."""
+    return heard(lambda q, v: -WEIGHT - CABLE * q - FRICTION * np.tanh(1e4 * v), rotary=False).search
+
+
+def test_what_is_left_is_what_least_squares_leaves():
+    r = search().r
+    found = Subsets(r, search().shapes)
+    rng = np.random.default_rng(0)
+    for count in (1, 2, 3):
+        sets = np.array([rng.choice(len(found.members), count, replace=False) for _ in range(60)])
+        left = found.left(sets, 1e-6)
+        for row, error in zip(sets, left, strict=True):
+            names = [found.members[j] for j in row]
+            if not np.isfinite(error) or len({n for n, _ in names}) < count:
+                continue
+            columns = [r.known.columns(r.laws[n], shape) for n, shape in names]
+            X = np.hstack([r.known.X, *columns])
+            rest = r.known.y - X @ np.linalg.lstsq(X, r.known.y, rcond=1e-10)[0]
+            assert error >= (1 - 1e-6) * float(rest @ rest) - 1e-6 * float(r.known.y @ r.known.y)
+
+
+def test_no_coefficient_has_a_sign_that_it_cannot_have():
+    """Friction that drives is no friction."""
+    against = heard(lambda q, v: 2.0 * np.tanh(1e4 * v), rotary=False).search
+    found = Subsets(against.r, {"coulomb_friction": against.shapes["coulomb_friction"]})
+    assert found.members
+    assert np.isinf(found.left(np.array([[0]]), 1e-6)).all()
+
+
+def test_three_laws_are_found_of_which_none_stands_alone():
+    names = {n for n, _ in search().chosen.members}
+    assert names == {"constant_load", "linear_stiffness", "coulomb_friction"}
+
+
+PROGRAM = """
+import numpy as np
+from tests.diagnosis.test_subsets import search
+s = search()
+print([sorted(m) for m in s.models], s.chosen.members, repr(s.chosen.error))
+"""
+
+
+def test_the_answer_is_the_same_in_every_process():
+    """Names are hashed with another seed in each."""
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", PROGRAM],
+            env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": os.pathsep.join(sys.path)},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    ]
+    assert told[0] == told[1]
+    assert "constant_load" in told[0]
+
+
+@pytest.mark.parametrize("most", [1, 2, 4])
+def test_each_set_of_laws_comes_once_and_the_best_first(most):
+    found = Subsets(search().r, search().shapes)
+    sets = found.best(most, 1e-3)
+    names = [frozenset(n for n, _ in members) for members in sets]
+    assert len(set(names)) == len(names)
+    assert all(len(n) == most for n in names)
+    errors = [search().r.fitted(members).trained for members in sets[:3]]
+    assert errors[0] <= 1.5 * min(errors)
