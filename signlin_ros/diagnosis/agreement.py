@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.measures import (
+    HALF,
     comparable,
     force_falls,
     force_left,
@@ -39,9 +40,6 @@ from signlin_ros.errors import SignlinError, joined
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
-
-HALF = 0.5
-"""Part of the squared error that a model must take away for a difference of the witnesses to matter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +83,9 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     """Return what both witnesses can stand for.
 
     What the force witness proposes is fitted by simulation. Where that leaves noise, both agree. Else the motion
-    witness looks for what no force shows, beside it and instead of it; what it adds must not leave more force. Where
-    the force witness proposes nothing, or nothing that the motion confirms, the motion witness searches by itself.
+    witness looks for what no force shows, beside it and instead of it; what it adds must not leave more force. If
+    the force witness proposes nothing, or nothing that the motion confirms, the motion witness searches by itself; if
+    little force is left, and seen, and none of its laws is in it, among what no force shows.
     """
     left: dict[int, Array] = {}
     tried: list[Fitted] = []
@@ -105,19 +104,46 @@ def _stood_for(
     left: dict[int, Array],
 ) -> tuple[Fitted, str, tuple[str, ...]]:
     """Return the model to stand for, why the witnesses differ, and what the motion witness found by itself."""
-    base = motion.base
+    base, hidden = motion.base, sorted(not_seen(force))
     first = _confirmed(motion, force, criteria, tried, left) if force and force.effects else None
     if first is not None and first.white:
         return first, "", ()
+    if first is None and force and force.effects:
+        together = _together(motion, tried, hidden, depth)
+        if together is not None:
+            return *_chosen(motion, force, [together], base, criteria, left), together.effects
     if first is None or not _explained(force, base, first, criteria, left):
-        path = search(motion, depth)
+        names = [n for n in hidden if _tryable(motion, n)] if _small(force, base, criteria, left) else None
+        path = search(motion, depth, names=names)
         tried += [f for step in path for f in step]
         found, options = path[-1][0], [first] if first else []
         return *_chosen(motion, force, options, found, criteria, left), found.effects
-    hidden = sorted(not_seen(force))
     found = _best_of(motion, base, hidden, tried) or base
     beside = _best_of(motion, first, hidden, tried, depth)
     return *_chosen(motion, force, [f for f in (first, beside) if f], found, criteria, left), found.effects
+
+
+def _small(force: Testimony | None, base: Fitted, criteria: Criteria, left: dict[int, Array]) -> bool:
+    """Tell whether the force witness sees what the model leaves, finds no law in it, and it is as little as any real
+    machine lacks.
+    """
+    if force is None or force.effects or not sees(force, base, criteria, left):
+        return False
+    share = force_left(force, base, left)
+    return share is not None and percent(force, share) < 100.0 * criteria.large
+
+
+def _together(motion: Motion, tried: list[Fitted], hidden: Sequence[str], depth: int) -> Fitted | None:
+    """Return what the force shows, which the motion refuses by itself, with an effect beside it that no force shows,
+    where both are needed: what the input lacks spoils the motion, not the force.
+    """
+    refused = next(iter(tried), None)
+    both = _best_of(motion, refused, hidden, tried, depth) if refused else None
+    if refused is None or both is None or motion.refused(motion.base, both):
+        return None
+    alone = motion.fitted([n for n in both.effects if n not in refused.effects], both.model)
+    tried.append(alone)
+    return None if motion.refused(alone, both) else both
 
 
 def _explained(

@@ -13,7 +13,7 @@ from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import changing, structured
 from signlin_ros.diagnosis.force.regression import Fit
-from signlin_ros.diagnosis.measures import leaves_much, leaves_noise, near_noise, noise_percent, sees
+from signlin_ros.diagnosis.measures import acting, leaves_much, leaves_noise, near_noise, noise_percent, sees
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.score import of_windows
 from signlin_ros.diagnosis.scores import unfollowed
@@ -53,18 +53,16 @@ class Judgement:
 
     @cached_property
     def same_at_nominal(self) -> bool:
-        """Whether the proposal is confirmed with the parameters that are far held at nominal too, and then leaves a
-        small part of what the base model leaves at its best.
+        """Whether the proposal is confirmed with the parameters that are far held at nominal too: beside what the base
+        model leaves with these held, and beside what it leaves at its best.
         """
+        free = self.agreed.motion
         try:
-            motion = self.agreed.motion.holding(self.far)
-            found = motion.fitted(self.names)
+            held = free.holding(self.far)
+            found = held.fitted(self.names)
         except SignlinError:
             return False
-        noise = self.final.noise**2
-        before, after = (np.nanmean(f.unseen_squares, axis=0) - noise for f in (self.agreed.base, found))
-        small = bool(np.all(after <= self.criteria.part * np.maximum(before, noise)))
-        return small and not motion.refused(motion.base, found)
+        return not held.refused(held.base, found) and not free.refused(self.agreed.base, found)
 
     @cached_property
     def percent(self) -> float | None:
@@ -87,7 +85,7 @@ class Judgement:
         force = self.agreed.force
         if force is None or self.percent is None:
             return False, np.inf
-        if set(self.final.effects) == set(force.effects):
+        if acting(force, self.final) == set(force.effects):
             return force.structure, force.flexible
         r = force.search.r
         left, unseen = (s.missing(self.final.model) for s in (r.known, r.unseen))
@@ -99,7 +97,7 @@ class Judgement:
         force = self.agreed.force
         if force is None or self.percent is None or self.final.white:
             return ""
-        fit = force.search.models.get(frozenset(self.final.effects))
+        fit = force.search.models.get(acting(force, self.final))
         r = force.search.r
         return changing(r, fit.unseen if fit else r.unseen.missing(self.final.model))
 
@@ -151,7 +149,7 @@ class Judgement:
             return "worse"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
-        if self.sees:
+        if self.percent is not None:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             more = large or self.little or near_noise(self.final, self.criteria) or self.changing
             if self.structure[0] or (more and not self.final.white):

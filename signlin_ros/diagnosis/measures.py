@@ -17,6 +17,9 @@ from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
+HALF = 0.5
+"""Part of the squared error that a model must take away for a difference of the witnesses to matter."""
+
 
 def percent(force: Testimony, left: Array) -> float:
     """Return squares (blocks,) as per cent of the effort (RMS)."""
@@ -31,7 +34,7 @@ def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> A
     if force is None or not comparable(force, f):
         return None
     if id(f) not in known:
-        left, own = written_left(force, f), force.search.models.get(frozenset(f.effects))
+        left, own = written_left(force, f), force.search.models.get(acting(force, f))
         better = own is not None and own.error < float(np.mean(left))
         known[id(f)] = force.search.r.unseen.by_block(own.unseen) if own and better else left
     return known[id(f)]
@@ -92,7 +95,7 @@ def near_noise(f: Fitted, criteria: Criteria) -> bool:
 def noise_percent(force: Testimony) -> float:
     """Return what the sensors' noise leaves of a force, in per cent of the effort (RMS)."""
     unseen = force.search.r.unseen
-    return 100.0 * float(np.sqrt(np.mean([p.noise**2 for p in unseen.pieces]))) / max(unseen.effort, 1e-300)
+    return 100.0 * float(np.sqrt(unseen.noise)) / max(unseen.effort, 1e-300)
 
 
 def sees(force: Testimony | None, f: Fitted, criteria: Criteria, known: dict[int, Array]) -> bool:
@@ -103,7 +106,7 @@ def sees(force: Testimony | None, f: Fitted, criteria: Criteria, known: dict[int
 
 def leaves_much(force: Testimony, before: Array, after: Array, criteria: Criteria) -> bool:
     """Tell whether more than a part of a missing force (mean squares by block) is left, beyond the sensors' noise."""
-    noise = (noise_percent(force) / 100.0 * force.search.r.unseen.effort) ** 2
+    noise = force.search.r.unseen.noise
     return float(np.mean(after)) - noise > criteria.part * max(float(np.mean(before)) - noise, 0.0)
 
 
@@ -113,7 +116,7 @@ def comparable(force: Testimony, f: Fitted) -> bool:
     where it depends on a position that was not measured; nor where an effect that the force witness cannot see leaves
     but noise of the motion.
     """
-    effects = [find_effect(name, "effects") for name in f.effects]
+    effects = [find_effect(name, "effects") for name in acting(force, f)]
     if any(changes_effort(effect) or effect.floating for effect in effects):
         return False
     if set(f.effects) & not_seen(force) and f.white:
@@ -128,6 +131,19 @@ def changes_effort(effect: type[Effect]) -> bool:
     own = (effect.input, effect.delay, effect.torque_constant, effect.resistance)
     none = (Effect.input, Effect.delay, Effect.torque_constant, Effect.resistance)
     return issubclass(effect, SensorEffect) or any(a is not b for a, b in zip(own, none, strict=True))
+
+
+def acting(force: Testimony, f: Fitted) -> frozenset[str]:
+    """Return the effects of a model that bear on the force: where the current is measured it is known what acts, be the
+    voltage limited or late.
+    """
+    return frozenset(n for n in f.effects if not (force.search.r.current and only_input(find_effect(n, "effects"))))
+
+
+def only_input(effect: type[Effect]) -> bool:
+    """Tell whether an effect changes nothing but the input."""
+    changed = effect.input is not Effect.input or effect.delay is not Effect.delay
+    return changed and effect.force is Effect.force and effect.torque_constant is Effect.torque_constant
 
 
 def not_seen(force: Testimony | None) -> set[str]:
@@ -166,6 +182,8 @@ def with_laws(force: Testimony, fit: Fit) -> Model:
 
 
 __all__ = [
+    "HALF",
+    "acting",
     "changes_effort",
     "comparable",
     "force_falls",

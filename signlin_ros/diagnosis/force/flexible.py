@@ -129,7 +129,7 @@ def changing(r: Regression, left: Array) -> str:
         "dry friction": lambda p: p.sign,
         "viscous friction": lambda p: p.values[velocity],
     }
-    beyond = float(np.mean(left**2)) - float(np.mean([p.noise**2 for p in unseen.pieces]))
+    beyond = float(np.mean(left**2)) - unseen.noise
     for name, kind in kinds.items():
         whole = np.concatenate([p.seen(kind(p)) for p in unseen.pieces])
         steady = left - whole * float(whole @ left) / max(float(whole @ whole), 1e-300)

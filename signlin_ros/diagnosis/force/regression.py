@@ -54,6 +54,11 @@ class Side:
         """Return the columns (K, c) of a law."""
         return np.vstack([law.columns(p, shape) for p in self.pieces])
 
+    @property
+    def noise(self) -> float:
+        """Mean square of what the sensors' noise makes of a force."""
+        return float(np.mean([p.noise**2 for p in self.pieces]))
+
     def split(self, values: Array) -> list[Array]:
         """Return values (K,) by record."""
         return list(np.split(values, np.cumsum([p.kept.size for p in self.pieces])[:-1]))

@@ -29,6 +29,8 @@ NOTHING = 1 - 1e-4
 """unless a step leaves more than this of the squared error."""
 LITTLE = 0.97
 """A step that leaves more than this of the squared error of the one before ends the search."""
+SMALL = 0.002
+"""Least part of the missing squared force that a law takes away where what is left is not told from noise."""
 HARMONICS = 8
 """Most harmonics of a wave beyond its first."""
 WAVES = 3
@@ -244,9 +246,12 @@ class Search:
         return self.level(f, name) >= self.r.criteria.coefficient and law.effect.plausible(values)
 
     def worth(self, f: Fit, reference: Fit, free: int) -> bool:
-        """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error."""
+        """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error: of the effort, and of
+        all that is missing where more than noise is seen to be left: a small part beside that has no name.
+        """
         c, gone = self.r.criteria, reference.error - f.error
-        least = max((c.visible * self.r.unseen.effort) ** 2, 0.002 * self.base.error)
+        clean = f.error < c.sees**2 * self.r.unseen.noise
+        least = max((c.visible * self.r.unseen.effort) ** 2, (SMALL if clean else c.each) * self.base.error)
         large = f.error < reference.error * (1 - c.share - c.each * (free - 1)) and gone > least
         return large and self.r.surely(f, reference) >= c.certainty
 

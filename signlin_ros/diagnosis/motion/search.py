@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from signlin_ros.diagnosis.motion.fitted import Fitted
@@ -13,12 +14,16 @@ BEAM = 2
 """How many single effects are tried with every other one."""
 
 
-def search(motion: Motion, depth: int, start: Fitted | None = None) -> list[list[Fitted]]:
-    """Return the steps from a model (the base, by default) to what is proposed; see `Motion.search`."""
+def search(
+    motion: Motion, depth: int, start: Fitted | None = None, names: Sequence[str] | None = None
+) -> list[list[Fitted]]:
+    """Return the steps from a model (the base, by default) to what is proposed; see `Motion.search`. ``names``: of the
+    effects that are tried, all of them by default.
+    """
     now = start or motion.base
     path = [[now]]
     while len(now.effects) < depth and (len(path) == 1 or not now.white):
-        step, options = _step(motion, now, depth)
+        step, options = _step(motion, now, depth, names)
         if step is None:
             path[-1] += [one for one in options if one not in path[-1]]
             break
@@ -28,15 +33,15 @@ def search(motion: Motion, depth: int, start: Fitted | None = None) -> list[list
     return path
 
 
-def _step(motion: Motion, now: Fitted, depth: int) -> tuple[Fitted | None, list[Fitted]]:
+def _step(motion: Motion, now: Fitted, depth: int, names: Sequence[str] | None) -> tuple[Fitted | None, list[Fitted]]:
     """Return the simplest of what is beyond doubt and as good as the best, and all that was tried."""
-    options = motion.extensions(now)
+    options = motion.extensions(now, names)
     step = _simplest(motion, now, options)
     if not (now.white or (step and step.white)):
-        options += motion.bred(now)
+        options += motion.bred(now, names)
         step = _simplest(motion, now, options)
     if step is None and depth > 1 and not (now.white or now.effects):
-        options += [two for one in options[:BEAM] for two in motion.extensions(one)]
+        options += [two for one in options[:BEAM] for two in motion.extensions(one, names)]
         step = _simplest(motion, now, options)
     return step, options
 

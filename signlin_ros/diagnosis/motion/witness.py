@@ -321,9 +321,9 @@ class Motion:
         most = base.cost - ordered[0].cost
         return [f for i, f in enumerate(ordered) if i < FIRST or base.cost - f.cost > SERIOUS * most][:FINISHED]
 
-    def bred(self, of: Fitted) -> list[Fitted]:
+    def bred(self, of: Fitted, names: Sequence[str] | None = None) -> list[Fitted]:
         """Return what can be added of the effects that have many local minima, from the best of all their starts."""
-        options = [t for t in trials(self.problem) if EFFECTS[t.effect].rugged and t.effect not in of.effects]
+        options = [t for t in trials(self.problem, names) if EFFECTS[t.effect].rugged and t.effect not in of.effects]
         self.say("effects with many local minima")
         fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
         return self._all_finished(of, [f for f in fits if f])
