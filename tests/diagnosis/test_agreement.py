@@ -14,6 +14,7 @@ from signlin_ros.diagnosis import agreement, judgement, words
 from signlin_ros.diagnosis.agreement import Agreed, agree
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.measures import acting, comparable
 from signlin_ros.diagnosis.motion.score import gain
 
 BLOCKS, NOISE, EFFORT, SPREAD = 40, 0.1, 10.0, 9.0
@@ -77,10 +78,12 @@ class Motion:
         return gain(before.unseen_squares, after.unseen_squares, np.full(len(before.rms), NOISE))
 
 
-def force_witness(*laws: str, effects: tuple[str, ...] = (), structure: bool = False, flexible: float = 1.0) -> Any:
-    unseen = SimpleNamespace(pieces=[SimpleNamespace(noise=0.01)], effort=EFFORT)
+def force_witness(
+    *laws: str, effects: tuple[str, ...] = (), structure: bool = False, flexible: float = 1.0, current: bool = False
+) -> Any:
+    unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT)
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
-    regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen)
+    regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current)
     search = SimpleNamespace(r=regression, models={frozenset(effects): SimpleNamespace(unseen=np.zeros(1))})
     return SimpleNamespace(search=search, effects=effects, structure=structure, flexible=flexible)
 
@@ -105,7 +108,7 @@ LAWS = ("coulomb_friction", "stribeck_friction", "gravity_load")
 
 def test_a_silent_force_witness_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
-    monkeypatch.setattr(agreement, "search", lambda motion, depth, start=None: [[motion.base], [second]])
+    monkeypatch.setattr(agreement, "search", lambda motion, depth, start=None, names=None: [[motion.base], [second]])
     found = agree(Motion(BASE), None, DEFAULT, 3)
     assert found.final is second
     assert found.conflict == ""
@@ -328,3 +331,82 @@ def test_a_curve_that_would_take_more_away_is_offered():
     text = words.sentence(judged(COULOMB, force=sees(structure=True, flexible=0.5)))
     assert "would leave 0.5 %" in text
     assert "add learned_force" in text
+
+
+# ---------------------------------------------------------------- what the input lacks, beside what the force shows
+
+
+class Refusing(Motion):
+    """A motion witness that asks for an effect of the input before it follows anything."""
+
+    def __init__(self, base: Fit, fits: dict[frozenset[str], Fit]) -> None:
+        super().__init__(base)
+        self.fits, self.asked = fits, list[tuple[str, ...]]()
+
+    def fitted(self, effects: Any, start: Any = None) -> Fit:
+        return self.fits[frozenset(effects)]
+
+    def extensions(self, of: Fit, names: Any) -> list[Fit]:
+        self.asked.append(tuple(names))
+        return [f for key, f in self.fits.items() if len(key - set(of.effects)) == 1 and key > set(of.effects)]
+
+    def refused(self, before: Fit, after: Fit) -> str:
+        g = self.gain(before, after)
+        return "" if g.certainty >= DEFAULT.certainty and g.share >= DEFAULT.share else "too little"
+
+    def alike(self, before: Fit, options: list[Fit]) -> list[Fit]:
+        good = [f for f in options if not self.refused(before, f)]
+        return sorted(good, key=lambda f: f.rms[0])[:1]
+
+
+def with_limit(together: float, limit: float) -> Refusing:
+    """Return a motion witness for which friction alone is nothing, and a limit of the input not enough."""
+    fits = (
+        Fit(("coulomb_friction",), (3.0,), 0.5),
+        Fit(("input_saturation",), (limit,), 2.0),
+        Fit(("coulomb_friction", "input_saturation"), (together,), 0.5),
+    )
+    found = Refusing(BASE, {frozenset(f.effects): replace(f, fit=None) for f in fits})
+    for f in found.fits.values():
+        f.model = None
+    return found
+
+
+@pytest.fixture
+def any_effect(monkeypatch):
+    monkeypatch.setattr(agreement, "_tryable", lambda motion, name: name == "input_saturation")
+
+
+@pytest.mark.usefixtures("any_effect")
+def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_alone():
+    motion = with_limit(together=0.3, limit=1.0)
+    tried = [motion.fits[frozenset({"coulomb_friction"})]]
+    both = agreement._together(motion, tried, ["input_saturation"], 3)
+    assert both is motion.fits[frozenset({"coulomb_friction", "input_saturation"})]
+    assert motion.asked == [("input_saturation",)]
+
+
+@pytest.mark.usefixtures("any_effect")
+@pytest.mark.parametrize("limit", [0.3, 0.2])
+def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
+    motion = with_limit(together=0.3, limit=limit)
+    tried = [motion.fits[frozenset({"coulomb_friction"})]]
+    assert agreement._together(motion, tried, ["input_saturation"], 3) is None
+
+
+@pytest.mark.parametrize(("current", "compared"), [(True, True), (False, False)])
+def test_a_limit_of_the_voltage_is_no_part_of_a_measured_current(current, compared):
+    force = force_witness(*LAWS, current=current)
+    one = Fit(("coulomb_friction", "input_saturation"), (1.0,), 0.5)
+    assert comparable(force, one) is compared
+    assert acting(force, one) == ({"coulomb_friction"} if current else set(one.effects))
+    assert not comparable(force, Fit(("torque_constant_saturation",), (1.0,), 0.5))
+
+
+@pytest.mark.parametrize(("share", "small"), [(0.04, True), (0.06, False), (0.001, False)])
+def test_a_little_force_that_no_law_makes_is_looked_for_elsewhere(share, small):
+    """Not where it is much, nor where it is not seen."""
+    force = force_witness(*LAWS)
+    squares = {id(BASE): np.full(BLOCKS, (share * EFFORT) ** 2)}
+    assert agreement._small(force, BASE, DEFAULT, squares) is small
+    assert not agreement._small(force_witness(*LAWS, effects=("coulomb_friction",)), BASE, DEFAULT, squares)
