@@ -149,7 +149,7 @@ class Judgement:
             return "worse"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
-        if self.percent is not None:
+        if self.sees:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             more = large or self.little or near_noise(self.final, self.criteria) or self.changing
             if self.structure[0] or (more and not self.final.white):
