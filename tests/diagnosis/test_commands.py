@@ -15,6 +15,8 @@ from signlin_ros.console import compare_text, diagnosis_text
 from signlin_ros.effects import EFFECTS
 from signlin_ros.model import Model
 
+pytestmark = pytest.mark.xdist_group("commands")  # what they share is worked out once
+
 
 @pytest.fixture(scope="module")
 def record(tmp_path_factory):

@@ -21,6 +21,8 @@ from signlin_ros.diagnosis.force.regression import Side
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
+pytestmark = pytest.mark.xdist_group("force_witness")  # what they share is worked out once
+
 Array = NDArray[np.float64]
 STEP = 2e-3
 M, C = 2.0, 3.0

@@ -13,6 +13,8 @@ from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
+pytestmark = pytest.mark.xdist_group("imperfect_records")  # what they share is worked out once
+
 FS, QUANTUM = 1000.0, 5e-6
 AXIS = {"plant": "mass_spring_damper", "parameters": {"m": 21.6, "c": 134.0, "k": 0.0}}
 KNOWN = AXIS | {"effects": {"coulomb_friction": {"mu": 17.0}}}

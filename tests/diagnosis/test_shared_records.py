@@ -18,7 +18,10 @@ from scipy.signal import butter, sosfiltfilt
 from signlin_ros.cli import signlin
 
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data"))
-pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")
+pytestmark = [
+    pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)"),
+    pytest.mark.xdist_group("shared_records"),  # what they share is worked out once
+]
 SCHEMA = Path(__file__).resolve().parents[2] / "signlin_ros" / "schemas" / "diagnose.json"
 RECORDS = {
     "null": ("field/verdicts/null-effect-confirmed", "a.csv", "b.csv"),

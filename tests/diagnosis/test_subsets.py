@@ -56,6 +56,8 @@ def test_three_laws_are_found_of_which_none_stands_alone():
 PROGRAM = """
 import numpy as np
 from tests.diagnosis.test_subsets import search
+
+pytestmark = pytest.mark.xdist_group("subsets")  # what they share is worked out once
 s = search()
 print([sorted(m) for m in s.models], s.chosen.members, repr(s.chosen.error))
 """
