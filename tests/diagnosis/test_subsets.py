@@ -14,6 +14,8 @@ from signlin_ros.diagnosis.force.search import Search
 from signlin_ros.diagnosis.force.subsets import Subsets
 from tests.diagnosis.test_force_witness import heard
 
+pytestmark = pytest.mark.xdist_group("subsets")  # what they share is worked out once
+
 WEIGHT, CABLE, FRICTION = 20.0, 3.0, 4.0
 
 
@@ -56,8 +58,6 @@ def test_three_laws_are_found_of_which_none_stands_alone():
 PROGRAM = """
 import numpy as np
 from tests.diagnosis.test_subsets import search
-
-pytestmark = pytest.mark.xdist_group("subsets")  # what they share is worked out once
 s = search()
 print([sorted(m) for m in s.models], s.chosen.members, repr(s.chosen.error))
 """

@@ -97,3 +97,10 @@ def test_equal_things_have_one_digest_and_others_another():
 def test_what_has_no_value_to_tell_it_by_is_refused():
     with pytest.raises(TypeError, match="object has no digest"):
         digest(object())
+
+
+def test_what_shares_a_file_stays_in_one_worker(request):
+    """Groups are told by the names of tests: a pytest that xdist does not know yet hands out each by itself."""
+    if not getattr(request.config.option, "loadgroup", False):
+        pytest.skip("tests run in one process, or without groups")
+    assert request.node.nodeid.endswith("@unit/test_once.py")
