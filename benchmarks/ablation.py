@@ -43,6 +43,7 @@ OFF: dict[str, float | int] = {
     "share": ALWAYS,
     "each": ALWAYS,
     "visible": ALWAYS,
+    "small": ALWAYS,
     "coefficient": ALWAYS,
     "known": NEVER,
     "worse": NEVER,

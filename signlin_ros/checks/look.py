@@ -128,10 +128,8 @@ class Look:
         v = self.motion
         if self.base is None or v is None or self.model.plant.motion_is_imposed():
             return self.predicted
-        forces, free = (
-            {"dry friction": -np.sign(v), "load": np.ones(v.size)},
-            {"dry friction": self._moving, "load": ""},
-        )
+        forces = {"dry friction": -np.sign(v), "load": np.ones(v.size)}
+        free = {"dry friction": self._moving, "load": ""}
         if self.position in self.channels and self.model.turns(self.record.units):
             q = np.nan_to_num(self.of(self.position))
             forces |= {"gravity": np.sin(q), "gravity aside": np.cos(q)}

@@ -175,12 +175,14 @@ class Prediction:
     def _with_free(self, s: Array, weights: Array) -> Array:
         """Return scales (k, sources) with those of the free inputs by least squares; ``weights`` (k, ny)."""
         at = [self.sources.index(name) for name in self.free]
-        turned = np.stack([s[:, self.sources.index(c)] if c in self.sources else s[:, 0] for c in self.free.values()])
         least = np.array([0.0 if c else -np.inf for c in self.free.values()])
         size = np.sqrt(np.einsum("jaa->a", self.grams[:, at][:, :, at])) + 1e-300
         A = np.einsum("kj,jab->kab", weights, self.grams[:, at][:, :, at] / size / size[:, None])
         g = -np.einsum("kj,jab,kb->ka", weights, self.grams[:, at] / size[:, None], s)
-        sign = np.where(np.isfinite(least), np.sign(turned.T), 1.0)
+        turned = [
+            np.sign(s[:, self.sources.index(c)]) if c in self.sources else np.ones(len(s)) for c in self.free.values()
+        ]
+        sign = np.stack(turned, axis=1)
         A, g = A * sign[:, :, None] * sign[:, None, :], g * sign
         ridge = 1e-9 * np.einsum("kaa->k", A)[:, None, None] * np.eye(len(at))
         found = np.linalg.solve(A + ridge, g[:, :, None])[:, :, 0]

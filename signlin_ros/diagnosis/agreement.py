@@ -108,8 +108,8 @@ def _stood_for(
     first = _confirmed(motion, force, criteria, tried, left) if force and force.effects else None
     if first is not None and first.white:
         return first, "", ()
-    if first is None and force and force.effects:
-        together = _together(motion, tried, hidden, depth)
+    if first is None and tried:
+        together = _together(motion, tried[0], hidden, tried, depth)
         if together is not None:
             return *_chosen(motion, force, [together], base, criteria, left), together.effects
     if first is None or not _explained(force, base, first, criteria, left):
@@ -133,13 +133,12 @@ def _small(force: Testimony | None, base: Fitted, criteria: Criteria, left: dict
     return share is not None and percent(force, share) < 100.0 * criteria.large
 
 
-def _together(motion: Motion, tried: list[Fitted], hidden: Sequence[str], depth: int) -> Fitted | None:
+def _together(motion: Motion, refused: Fitted, hidden: Sequence[str], tried: list[Fitted], depth: int) -> Fitted | None:
     """Return what the force shows, which the motion refuses by itself, with an effect beside it that no force shows,
     where both are needed: what the input lacks spoils the motion, not the force.
     """
-    refused = next(iter(tried), None)
-    both = _best_of(motion, refused, hidden, tried, depth) if refused else None
-    if refused is None or both is None or motion.refused(motion.base, both):
+    both = _best_of(motion, refused, hidden, tried, depth)
+    if both is None or motion.refused(motion.base, both):
         return None
     alone = motion.fitted([n for n in both.effects if n not in refused.effects], both.model)
     tried.append(alone)

@@ -22,6 +22,9 @@ class Criteria:
     family stands in its place."""
     visible: float = 0.003
     """Least part of the effort (RMS) that a force takes away: no sensor of an effort is better."""
+    small: float = 0.002
+    """Least part of the missing squared force that a law takes away where what is left is not told from noise;
+    elsewhere it is `each`: beside a remainder a smaller part has no name."""
     coefficient: float = 4.0
     """Standard errors by which an added level differs from nothing; it may belong to a richer law."""
     known: float = 0.5

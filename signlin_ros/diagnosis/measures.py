@@ -128,9 +128,7 @@ def changes_effort(effect: type[Effect]) -> bool:
     """Tell whether an effect changes the input, the torque constant, or what a sensor shows: the effort would explain
     itself.
     """
-    own = (effect.input, effect.delay, effect.torque_constant, effect.resistance)
-    none = (Effect.input, Effect.delay, Effect.torque_constant, Effect.resistance)
-    return issubclass(effect, SensorEffect) or any(a is not b for a, b in zip(own, none, strict=True))
+    return issubclass(effect, SensorEffect) or _has(effect, "input", "delay", "torque_constant", "resistance")
 
 
 def acting(force: Testimony, f: Fitted) -> frozenset[str]:
@@ -142,8 +140,12 @@ def acting(force: Testimony, f: Fitted) -> frozenset[str]:
 
 def only_input(effect: type[Effect]) -> bool:
     """Tell whether an effect changes nothing but the input."""
-    changed = effect.input is not Effect.input or effect.delay is not Effect.delay
-    return changed and effect.force is Effect.force and effect.torque_constant is Effect.torque_constant
+    return _has(effect, "input", "delay") and not _has(effect, "force", "torque_constant")
+
+
+def _has(effect: type[Effect], *parts: str) -> bool:
+    """Tell whether an effect has one of some parts of an equation as its own."""
+    return any(getattr(effect, part) is not getattr(Effect, part) for part in parts)
 
 
 def not_seen(force: Testimony | None) -> set[str]:

@@ -381,7 +381,7 @@ def any_effect(monkeypatch):
 def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_alone():
     motion = with_limit(together=0.3, limit=1.0)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    both = agreement._together(motion, tried, ["input_saturation"], 3)
+    both = agreement._together(motion, tried[0], ["input_saturation"], tried, 3)
     assert both is motion.fits[frozenset({"coulomb_friction", "input_saturation"})]
     assert motion.asked == [("input_saturation",)]
 
@@ -391,7 +391,7 @@ def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_
 def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
     motion = with_limit(together=0.3, limit=limit)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    assert agreement._together(motion, tried, ["input_saturation"], 3) is None
+    assert agreement._together(motion, tried[0], ["input_saturation"], tried, 3) is None
 
 
 @pytest.mark.parametrize(("current", "compared"), [(True, True), (False, False)])

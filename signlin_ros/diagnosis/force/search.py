@@ -29,8 +29,6 @@ NOTHING = 1 - 1e-4
 """unless a step leaves more than this of the squared error."""
 LITTLE = 0.97
 """A step that leaves more than this of the squared error of the one before ends the search."""
-SMALL = 0.002
-"""Least part of the missing squared force that a law takes away where what is left is not told from noise."""
 HARMONICS = 8
 """Most harmonics of a wave beyond its first."""
 WAVES = 3
@@ -251,7 +249,7 @@ class Search:
         """
         c, gone = self.r.criteria, reference.error - f.error
         clean = f.error < c.sees**2 * self.r.unseen.noise
-        least = max((c.visible * self.r.unseen.effort) ** 2, (SMALL if clean else c.each) * self.base.error)
+        least = max((c.visible * self.r.unseen.effort) ** 2, (c.small if clean else c.each) * self.base.error)
         large = f.error < reference.error * (1 - c.share - c.each * (free - 1)) and gone > least
         return large and self.r.surely(f, reference) >= c.certainty
 
@@ -292,7 +290,7 @@ class Search:
         rest = self.without(f, name)
         others = [n for n in self.r.laws if n not in f.names]
         new = [n for n in others if rest.names | {n} not in self.models]
-        for members in self._subsets(rest.members).beside(rest.members, new, rest.trained):
+        for members in self._subsets(rest.members).beside(rest.members, new, rest.trained) if new else ():
             self._keep(self.r.fitted(members))
         tried = {n: self.models.get(rest.names | {n}) for n in others}
         return tuple(sorted(n for n, g in tried.items() if g and self.alike(f, g) and self._told(g, n)))

@@ -38,7 +38,8 @@ class Trial:
 def trials(problem: Problem, names: Sequence[str] | None = None) -> list[Trial]:
     """Return what can be tried on the base model; raise `InputError` for a name that cannot."""
     load_entry_points()
-    found = [one for name in names or EFFECTS for one in _trials(problem, name, names is not None)]
+    every = EFFECTS if names is None else names
+    found = [one for name in every for one in _trials(problem, name, names is not None)]
     known = {one.effect for one in found}
     for name in names or ():
         if name not in known:
