@@ -98,7 +98,7 @@ class _Signals:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._stop)
         signal.signal(signal.SIGALRM, self._interrupt)
-        sys.unraisablehook = _again
+        sys.unraisablehook = self._swallowed
 
     def _stop(self, *_: Any) -> None:
         first, self.stop = not self.stop, True
@@ -109,13 +109,15 @@ class _Signals:
         if not self.started:
             raise _Stop
 
+    def _swallowed(self, what: Any) -> None:
+        """Interrupt once more what swallowed it; say what else is swallowed, but of what the interruption left so.
 
-def _again(swallowed: Any) -> None:
-    """Interrupt once more what swallowed it; say what else was swallowed."""
-    if swallowed.exc_type is _Stop:
-        signal.setitimer(signal.ITIMER_REAL, MOMENT)
-    else:
-        sys.__unraisablehook__(swallowed)
+        An object whose ``__init__`` was interrupted may complain when it is taken down, as those of llvmlite do.
+        """
+        if what.exc_type is _Stop:
+            signal.setitimer(signal.ITIMER_REAL, MOMENT)
+        elif self.started or not self.stop:
+            sys.__unraisablehook__(what)
 
 
 def _end(executor: SingleThreadedExecutor | None, nodes: list[Node]) -> None:

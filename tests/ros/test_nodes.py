@@ -362,6 +362,38 @@ def test_signals_while_a_node_starts_end_it_without_a_word(graph: Any, number: i
         assert process.output == ""
 
 
+HALF_MADE = """
+import os, signal
+from signlin_ros.nodes import runner
+
+class Half:
+    def __init__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        self.made = True
+
+    def __del__(self):
+        del self.made
+
+class Whole:
+    def __del__(self):
+        raise RuntimeError("its own fault")
+
+def create():
+    Whole()
+    Half()
+
+raise SystemExit(runner.run("half", create, ["half"]))
+"""
+
+
+def test_what_a_signal_leaves_half_made_is_not_told_as_a_fault(graph: Any) -> None:
+    command = [sys.executable, "-c", HALF_MADE]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, env=graph.env)
+    assert done.returncode == 0
+    assert "its own fault" in done.stderr
+    assert "AttributeError" not in done.stderr
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_while_an_effect_file_runs_end_the_node_without_a_word(graph: Any, tmp_path: Path, number: int) -> None:
     begun = tmp_path / "begun"
