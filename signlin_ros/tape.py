@@ -67,7 +67,7 @@ OPERATIONS: dict[int, str] = {
 }
 """Every operation as a NumPy expression of its arguments a and b: what it means."""
 
-BLOCK = 512
+BLOCK = 1024
 """Points evaluated at a time: the work of a block stays in the processor's cache."""
 
 

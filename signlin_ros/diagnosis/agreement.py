@@ -113,24 +113,28 @@ def _stood_for(
         if together is not None:
             return *_chosen(motion, force, [together], base, criteria, left), together.effects
     if first is None or not _explained(force, base, first, criteria, left):
-        names = [n for n in hidden if _tryable(motion, n)] if _small(force, base, criteria, left) else None
-        path = search(motion, depth, names=names)
+        path = search(motion, depth, names=_searched(motion, force, criteria, left))
         tried += [f for step in path for f in step]
         found, options = path[-1][0], [first] if first else []
         return *_chosen(motion, force, options, found, criteria, left), found.effects
-    found = _best_of(motion, base, hidden, tried) or base
+    found = _best_of(motion, base, hidden, tried, rival=first) or base
     beside = _best_of(motion, first, hidden, tried, depth)
     return *_chosen(motion, force, [f for f in (first, beside) if f], found, criteria, left), found.effects
 
 
-def _small(force: Testimony | None, base: Fitted, criteria: Criteria, left: dict[int, Array]) -> bool:
-    """Tell whether the force witness sees what the model leaves, finds no law in it, and it is as little as any real
-    machine lacks.
+def _searched(motion: Motion, force: Testimony | None, criteria: Criteria, left: dict[int, Array]) -> list[str] | None:
+    """Return the effects among which the motion witness searches, None for all of them.
+
+    Where the force witness sees what the model leaves: those that it cannot see, and the laws that take away a visible
+    part of it; none of these if it finds no law in a force that is as little as any real machine lacks.
     """
-    if force is None or force.effects or not sees(force, base, criteria, left):
-        return False
+    base = motion.base
+    if force is None or not sees(force, base, criteria, left):
+        return None
     share = force_left(force, base, left)
-    return share is not None and percent(force, share) < 100.0 * criteria.large
+    small = share is not None and percent(force, share) < 100.0 * criteria.large
+    names = not_seen(force) | (set() if small and not force.effects else force.search.helpful)
+    return [n for n in sorted(names) if _tryable(motion, n)]
 
 
 def _together(motion: Motion, refused: Fitted, hidden: Sequence[str], tried: list[Fitted], depth: int) -> Fitted | None:
@@ -156,12 +160,20 @@ def _explained(
 
 
 def _best_of(
-    motion: Motion, of: Fitted, names: Sequence[str], tried: list[Fitted], depth: int | None = None
+    motion: Motion,
+    of: Fitted,
+    names: Sequence[str],
+    tried: list[Fitted],
+    depth: int | None = None,
+    rival: Fitted | None = None,
 ) -> Fitted | None:
-    """Return the simplest of the best steps beyond a model with one more of some effects; None where there is none."""
+    """Return the simplest of the best steps beyond a model with one more of some effects; None where there is none.
+
+    ``rival``: a model that it would have to hold its own against.
+    """
     if depth is not None and len(of.effects) >= depth:
         return None
-    options = motion.extensions(of, [n for n in names if _tryable(motion, n)])
+    options = motion.extensions(of, [n for n in names if _tryable(motion, n)], rival)
     tried += options
     return next(iter(motion.alike(of, options)), None)
 
@@ -299,7 +311,7 @@ def _in_family(
         kin = [n for n, x in force.search.r.laws.items() if x.effect.family and x.effect.family == law.effect.family]
         richer = [n for n in kin if n != name and n not in found.effects and n in _single(force)]
         options = []
-        for other in richer:
+        for other in _worth_it(force, found, name, richer, criteria, left):
             rest = tuple(n if n != name else other for n in found.effects)
             try:
                 options.append(motion.fitted(rest, _started(force, found, name, other)))
@@ -315,6 +327,28 @@ def _in_family(
             ]
         found = better[0] if better else found
     return found
+
+
+def _worth_it(
+    force: Testimony,
+    found: Fitted,
+    name: str,
+    richer: Sequence[str],
+    criteria: Criteria,
+    left: dict[int, Array],
+) -> list[str]:
+    """Return the laws that the motion should be asked of in place of ``name``: where the force is seen, those that take
+    a visible part of it away, or the best of them to compare with.
+    """
+    if not sees(force, found, criteria, left):
+        return list(richer)
+    models, names = force.search.models, frozenset(found.effects)
+    errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
+    if names not in models or not errors:
+        return list(richer)
+    most = models[names].error - criteria.each * force.search.base.error
+    best = min(errors, key=lambda n: errors[n])
+    return [n for n in richer if n == best or errors.get(n, 0.0) < most]
 
 
 def _shows(force: Testimony, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]) -> bool:

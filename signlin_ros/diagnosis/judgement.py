@@ -89,7 +89,7 @@ class Judgement:
             return force.structure, force.flexible
         r = force.search.r
         left, unseen = (s.missing(self.final.model) for s in (r.known, r.unseen))
-        return structured(r, Fit((("final", ()),), np.zeros(0), np.zeros((0, 0)), left, unseen), force.search.base)
+        return structured(r, Fit((("final", ()),), np.zeros(0), left, lambda: unseen), force.search.base)
 
     @cached_property
     def changing(self) -> str:

@@ -42,7 +42,8 @@ class Tracker:
     """Follows a stretch with a model; ``channels`` (states or outputs) are the columns of ``y`` (T, channels).
 
     ``scale`` (n,) is the size of every state: a run counts as diverged a million times beyond it. ``early``: by how
-    many s the input precedes its sample.
+    many s the input precedes its sample. ``p``: values of the model's parameters in the trace's order, by default its
+    own.
     """
 
     def __init__(
@@ -54,11 +55,12 @@ class Tracker:
         channels: tuple[str, ...],
         scale: Array,
         early: Early = 0.0,
+        p: Array | None = None,
     ) -> None:
         self.model, self.channels, self.scale, self.early = model, channels, scale, early
         self.t, self.u, self.y = (np.ascontiguousarray(a, dtype=float) for a in (t, u, y))
         self._equations = equations(model.structure, channels, ())
-        self._p = np.concatenate([model.p, neutral_sensors(len(channels))])
+        self._p = np.concatenate([model.p if p is None else p, neutral_sensors(len(channels))])
 
     @property
     def acts(self) -> Array | None:
@@ -150,28 +152,28 @@ def measured_states(model: Model, stretch: Stretch, channels: tuple[str, ...]) -
     return found
 
 
-def driven(model: Model, t: Array, u: Array, values: Mapping[str, Array], early: Early = 0.0) -> Array:
+def driven(
+    model: Model, t: Array, u: Array, values: Mapping[str, Array], early: Early = 0.0, p: Array | None = None
+) -> Array:
     """Return the states (T, n) where ``values`` (T,) impose some of them: the model carries the others.
 
-    A state that the model cannot carry (it diverges) stays at its initial value.
+    A state that the model cannot carry (it diverges) stays at its initial value. ``p``: see `Tracker`.
     """
     names = tuple(name for name in model.states if name in values)
     x0 = np.array([values[name][0] if name in values else x for name, x in zip(model.states, model.x0, strict=True)])
-    result = np.tile(x0, (t.size, 1))
     columns = [model.states.index(name) for name in names]
-    if not names:  # the input alone moves it, as an imposed motion does
-        nothing = np.full((t.size, len(model.states)), np.nan)
-        run = Tracker(model, t, u, nothing, model.states, np.maximum(np.abs(x0), 1.0), early).run(x0)
-        return run.state if run.stopped is None else result
-    y = np.column_stack([values[name] for name in names])
     if len(names) < len(model.states):
-        gain = np.zeros((1, len(model.states), len(names)))
+        sizes = np.maximum(np.abs(x0), 1.0)
+        sizes[columns] = [max(float(np.abs(values[name]).max()), 1e-12) for name in names]
+        y = np.column_stack([values[name] for name in names]) if names else np.full((t.size, len(x0)), np.nan)
+        gain = np.zeros((1, len(x0), y.shape[1]))
         gain[0, columns, np.arange(len(names))] = 1.0
-        sizes = np.maximum(np.abs(result).max(axis=0), 1.0)
-        sizes[columns] = np.maximum(np.abs(y).max(axis=0), 1e-12)
-        run = Tracker(model, t, u, y, names, sizes, early).run(x0, gain)
-        result = run.state if run.stopped is None else result
-    result[:, columns] = y
+        run = Tracker(model, t, u, y, names or model.states, sizes, early, p).run(x0, gain)
+        result = run.state if run.stopped is None else np.tile(x0, (t.size, 1))
+    else:
+        result = np.empty((t.size, len(x0)))
+    for name, column in zip(names, columns, strict=True):
+        result[:, column] = values[name]
     return result
 
 

@@ -79,12 +79,18 @@ class Motion:
 
 
 def force_witness(
-    *laws: str, effects: tuple[str, ...] = (), structure: bool = False, flexible: float = 1.0, current: bool = False
+    *laws: str,
+    effects: tuple[str, ...] = (),
+    structure: bool = False,
+    flexible: float = 1.0,
+    current: bool = False,
+    helpful: tuple[str, ...] = (),
 ) -> Any:
     unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT)
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
     regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current)
-    search = SimpleNamespace(r=regression, models={frozenset(effects): SimpleNamespace(unseen=np.zeros(1))})
+    models = {frozenset(effects): SimpleNamespace(unseen=np.zeros(1))}
+    search = SimpleNamespace(r=regression, models=models, helpful=frozenset(helpful))
     return SimpleNamespace(search=search, effects=effects, structure=structure, flexible=flexible)
 
 
@@ -346,7 +352,7 @@ class Refusing(Motion):
     def fitted(self, effects: Any, start: Any = None) -> Fit:
         return self.fits[frozenset(effects)]
 
-    def extensions(self, of: Fit, names: Any) -> list[Fit]:
+    def extensions(self, of: Fit, names: Any, rival: Any = None) -> list[Fit]:
         self.asked.append(tuple(names))
         return [f for key, f in self.fits.items() if len(key - set(of.effects)) == 1 and key > set(of.effects)]
 
@@ -403,10 +409,41 @@ def test_a_limit_of_the_voltage_is_no_part_of_a_measured_current(current, compar
     assert not comparable(force, Fit(("torque_constant_saturation",), (1.0,), 0.5))
 
 
-@pytest.mark.parametrize(("share", "small"), [(0.04, True), (0.06, False), (0.001, False)])
-def test_a_little_force_that_no_law_makes_is_looked_for_elsewhere(share, small):
-    """Not where it is much, nor where it is not seen."""
-    force = force_witness(*LAWS)
+@pytest.fixture
+def everything_applies(monkeypatch):
+    monkeypatch.setattr(agreement, "_tryable", lambda motion, name: True)
+
+
+@pytest.mark.usefixtures("everything_applies")
+@pytest.mark.parametrize(("share", "laws"), [(0.04, set()), (0.06, {"stribeck_friction"}), (0.001, None)])
+def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws):
+    """For all that there is where the force is not seen; for no law where there is little force, and none found."""
+    force = force_witness(*LAWS, helpful=("stribeck_friction",))
     squares = {id(BASE): np.full(BLOCKS, (share * EFFORT) ** 2)}
-    assert agreement._small(force, BASE, DEFAULT, squares) is small
-    assert not agreement._small(force_witness(*LAWS, effects=("coulomb_friction",)), BASE, DEFAULT, squares)
+    names = agreement._searched(Motion(BASE), force, DEFAULT, squares)
+    assert (names is None) == (laws is None)
+    assert names is None or (set(names) & set(LAWS) == laws and {"input_delay", "sensor_offset"} <= set(names))
+
+
+@pytest.mark.usefixtures("everything_applies")
+def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is():
+    force = force_witness(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
+    squares = {id(BASE): np.full(BLOCKS, (0.04 * EFFORT) ** 2)}
+    assert "coulomb_friction" in (agreement._searched(Motion(BASE), force, DEFAULT, squares) or ())
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, monkeypatch):
+    """And of the best rival, to compare with; where the force is not seen, of all."""
+    monkeypatch.setattr(agreement, "sees", lambda *_: seen)
+    errors = {"coulomb_friction": 1.0, "stribeck_friction": 0.5, "lugre_friction": 0.9, "dahl_presliding": 0.995}
+    force = force_witness(*LAWS)
+    force.search.models = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}
+    force.search.base = SimpleNamespace(error=2.0)
+    found = Fit(("coulomb_friction",), (1.0,), 1.0)
+    richer = list(errors)[1:]
+    asked = agreement._worth_it(force, found, "coulomb_friction", richer, DEFAULT, {})
+    assert asked == (richer[:2] if seen else richer)
+    force.search.models[frozenset({"coulomb_friction"})].error = 0.5
+    rival = agreement._worth_it(force, found, "coulomb_friction", richer, DEFAULT, {})
+    assert rival == (richer[:1] if seen else richer)

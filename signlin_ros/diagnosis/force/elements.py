@@ -20,4 +20,25 @@ def jenkin(q: Array, widths: Array) -> Array:  # pragma: no cover - compiled
     return s
 
 
-__all__ = ["jenkin"]
+@numba.njit(cache=True)
+def waves(q: Array, y: Array, limit: Array, first: float, step: float, count: int) -> Array:  # pragma: no cover
+    """Return of orders N, ``count`` from ``first`` on, ``step`` apart (3, count): real and imaginary part of
+    sum_k y_k exp(-i N q_k) over the samples (T,) with N < ``limit``, and how many these are.
+
+    From one order to the next each sample turns by the same angle.
+    """
+    found = np.zeros((3, count))
+    for k in range(q.size):
+        a, b = y[k] * np.cos(first * q[k]), -y[k] * np.sin(first * q[k])
+        c, s = np.cos(step * q[k]), -np.sin(step * q[k])
+        for j in range(count):
+            if first + j * step >= limit[k]:
+                break
+            found[0, j] += a
+            found[1, j] += b
+            found[2, j] += 1.0
+            a, b = a * c - b * s, a * s + b * c
+    return found
+
+
+__all__ = ["jenkin", "waves"]

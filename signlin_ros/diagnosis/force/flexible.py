@@ -112,7 +112,7 @@ def structured(r: Regression, fit: Fit, base: Fit) -> tuple[bool, float]:
     the force in per cent of the effort (RMS) that would be left then.
     """
     after = unseen_after(r, fit)
-    flexible = Fit((("flexible", ()),), fit.theta, fit.covariance, fit.left, after)
+    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: after)
     c, gone = r.criteria, fit.error - flexible.error
     sure = r.surely(flexible, fit) > c.flexible
     large = gone > c.flexible_share * base.error and gone > (c.flexible_visible * r.unseen.effort) ** 2

@@ -160,10 +160,11 @@ class Law:
         model = self._structured(tuple((n, v) for n, v in shape if n in self.structural))
         names, p = model.trace.parameters, model.p.copy()
         for n, value in shape:
-            if n not in self.structural:
+            if n not in self.structural and f"{KEY}.{n}" in names:
                 p[names.index(f"{KEY}.{n}")] = value
         tape = columns_of(model.structure, KEY, self.parts)
-        return np.asarray(mass(model, p) * evaluated(model, tape, piece, self._states(piece, shape), p).T)
+        x = states_of(model, piece, p) if self.model_has_own else self._measured(piece)
+        return np.asarray(mass(model, p) * evaluated(model, tape, piece, x, p).T)
 
     @functools.cached_property
     def structural(self) -> frozenset[str]:
@@ -181,9 +182,7 @@ class Law:
         """Whether the law carries states of its own."""
         return bool(self.effect.states)
 
-    def _states(self, piece: Piece, shape: Shape) -> Array:
-        if self.model_has_own:
-            return states_of(self.model.with_parameters({f"{KEY}.{n}": value for n, value in shape}), piece)
+    def _measured(self, piece: Piece) -> Array:
         found = piece._cache.get(self.model.states)
         if found is None:
             found = piece._cache[self.model.states] = states_of(self.model, piece)

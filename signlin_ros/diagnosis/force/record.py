@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from signlin_ros.diagnosis.data import corrected
 from signlin_ros.diagnosis.missing import per_force
@@ -105,13 +105,21 @@ def low_pass(values: Array, cutoff: float, step: float) -> Array:
     """Return values (T, ...) without what is faster than ``cutoff`` Hz, and without a phase shift."""
     if cutoff >= NYQUIST / step:
         return values
-    sos = _sections(cutoff, step)
-    return np.asarray(sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, int(3 / (step * cutoff)))))
+    sections, settled = _sections(cutoff, step)
+    settled = settled.reshape(*settled.shape, *([1] * (values.ndim - 1)))
+    pad = min(len(values) - 1, int(3 / (step * cutoff)))
+    before, after = 2 * values[:1] - values[pad:0:-1], 2 * values[-1:] - values[-2 : -pad - 2 : -1]
+    found = np.concatenate([before, values, after])
+    for _ in range(2):  # once forward, once back
+        found = sosfilt(sections, found, axis=0, zi=settled * found[:1])[0][::-1]
+    return np.asarray(found[pad : pad + len(values)])
 
 
 @functools.lru_cache(maxsize=64)
-def _sections(cutoff: float, step: float) -> Array:
-    return np.asarray(butter(ORDER, cutoff, fs=1 / step, output="sos"))
+def _sections(cutoff: float, step: float) -> tuple[Array, Array]:
+    """Return the low-pass, and the state (sections, 2) in which it rests at 1."""
+    sections = np.asarray(butter(ORDER, cutoff, fs=1 / step, output="sos"))
+    return sections, np.asarray(sosfilt_zi(sections))
 
 
 def slope(values: Array, step: float) -> Array:
@@ -330,10 +338,13 @@ def _direction(v: Array, noise: float, net: Array, wide: float, step: float) -> 
     return sign, still
 
 
-def states_of(model: Model, piece: Piece) -> Array:
-    """Return the states (T, n) of a model along a piece: what is measured, and what the model carries along with it."""
+def states_of(model: Model, piece: Piece, p: Array | None = None) -> Array:
+    """Return the states (T, n) of a model along a piece: what is measured, and what the model carries along with it.
+
+    ``p``: values of the model's parameters in the trace's order, by default its own.
+    """
     known = {n: v for n, v in piece.values.items() if n in model.states}
-    return driven(model, piece.t, piece.u, known)
+    return driven(model, piece.t, piece.u, known, p=p)
 
 
 def missing_force(model: Model, piece: Piece, p: Array | None = None, x: Array | None = None) -> Array:

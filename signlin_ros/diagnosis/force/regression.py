@@ -7,7 +7,8 @@ blocks of time, which need no white residual [Liang and Zeger, Biometrika 73 (19
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -83,16 +84,27 @@ class Base:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A set of laws fitted: coefficients of base (b,) and laws, their covariance (n, n), residuals of both sides."""
+    """A set of laws fitted: coefficients (n,) of base (b of them) and laws, and what is left (K,) of the data that they
+    were fitted to; what that leaves of unseen data, and the covariance, are worked out when somebody asks.
+    """
 
     members: tuple[Member, ...]
     theta: Array
-    covariance: Array
     left: Array
-    unseen: Array
+    _unseen: Callable[[], Array] = field(repr=False)
+    _covariance: Callable[[], Array] = field(default=lambda: np.zeros((0, 0)), repr=False)
     spans: Mapping[str, slice] = field(default_factory=dict)
-    sizes: Array = field(default_factory=lambda: np.zeros(0))
     cost: int = 0
+
+    @functools.cached_property
+    def unseen(self) -> Array:
+        """What is left (K,) of unseen data."""
+        return self._unseen()
+
+    @functools.cached_property
+    def covariance(self) -> Array:
+        """Covariance (n, n) of the coefficients."""
+        return self._covariance()
 
     @property
     def std(self) -> Array:
@@ -197,7 +209,7 @@ class Regression:
     def fitted(self, members: Sequence[Member]) -> Fit:
         """Return the least-squares fit of a set of laws on the known side, and what it leaves of both."""
         members = tuple(members)
-        X, V = (np.hstack([s.X, *(s.columns(self.laws[n], z) for n, z in members)]) for s in (self.known, self.unseen))
+        X = self._matrix(self.known, members)
         spread = np.concatenate([self.base.spread, np.full(X.shape[1] - self.b, np.inf)])
         floor = np.where(np.isfinite(spread), np.expm1(-3 * np.minimum(spread, 50.0)), -np.inf)
         floor[self.b - 1], ceiling = -APART, np.full(X.shape[1], np.inf)
@@ -208,10 +220,20 @@ class Regression:
             spans[n] = slice(at, at + law.width(shape))
             floor[spans[n]] = np.where(law.positive(shape), 0.0, -np.inf)
             at += law.width(shape)
-        theta, covariance, left = _bounded(self.known, X, spread, floor, ceiling)
-        sizes = np.std(V * theta, axis=0)
+        theta, held, size, left = _bounded(self.known.y, X, spread, floor, ceiling)
         cost = sum(self.laws[n].free(shape) for n, shape in members)
-        return Fit(members, theta, covariance, left, self.unseen.y - V @ theta, spans, sizes, cost)
+
+        def unseen() -> Array:
+            return np.asarray(self.unseen.y - self._matrix(self.unseen, members) @ theta)
+
+        def covariance() -> Array:
+            return _covariance(self.known, self._matrix(self.known, members), spread, held, size, left)
+
+        return Fit(members, theta, left, unseen, covariance, spans, cost)
+
+    def _matrix(self, side: Side, members: Sequence[Member]) -> Array:
+        """Return the base columns and those of laws, side by side (K, n)."""
+        return np.hstack([side.X, *(side.columns(self.laws[n], z) for n, z in members)])
 
     def surely(self, a: Fit, b: Fit) -> float:
         """Return by how many standard errors a is better than b on unseen data, by blocks of time.
@@ -244,37 +266,52 @@ def _sure(values: Array) -> float:
     return float(values.mean() / (values.std(ddof=1) / np.sqrt(values.size) + TINY))
 
 
-def _bounded(side: Side, X: Array, spread: Array, floor: Array, ceiling: Array) -> tuple[Array, Array, Array]:
-    """Return coefficients between ``floor`` and ``ceiling``, their covariance, and what is left (K,); inf at bounds."""
-    y, n = side.y, side.y.size
+def _bounded(
+    y: Array, X: Array, spread: Array, floor: Array, ceiling: Array
+) -> tuple[Array, NDArray[np.bool_], float, Array]:
+    """Return coefficients (n,) between ``floor`` and ``ceiling``, which of them are held there, the size of what is
+    left by which tolerances weighed in the last round, and what is left (K,).
+    """
     scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
     theta, held = np.zeros(X.shape[1]), np.zeros(X.shape[1], dtype=bool)
-    size = float(np.sqrt(np.mean(y**2))) + TINY
+    new = float(np.sqrt(np.mean(y**2))) + TINY
     for sweep in range(SWEEPS):
-        free = ~held
+        free, size = ~held, new
         rest = y - X[:, held] @ theta[held]
         Z = X[:, free] / scale[free]
-        known = np.minimum(size / (spread[free] * scale[free] + TINY), 1e9)  # a column may be nothing but zeros
-        precision = np.where(np.isfinite(spread[free]), known**2, 1e-9 * n)
-        A = Z.T @ Z + np.diag(np.minimum(precision, 1e12 * n))
+        A = Z.T @ Z + np.diag(np.minimum(_precision(spread, scale, size, y.size)[free], 1e12 * y.size))
         theta[free] = np.linalg.solve(A, Z.T @ rest) / scale[free]
         left = y - X @ theta
-        size = float(np.sqrt(np.mean(left**2))) + TINY
+        new = float(np.sqrt(np.mean(left**2))) + TINY
         beyond = free & ((theta < floor) | (theta > ceiling))
         if beyond.any() and sweep < SWEEPS - 1:
             theta, held = np.clip(theta, floor, ceiling), held | beyond
         elif sweep >= 2:
             break
+    return theta, ~free, size, left
+
+
+def _precision(spread: Array, scale: Array, size: float, n: int) -> Array:
+    """Return what is known beforehand of coefficients (c,) of scaled columns, where what is left has a ``size``."""
+    known = np.minimum(size / (spread * scale + TINY), 1e9)  # a column may be nothing but zeros
+    return np.where(np.isfinite(spread), known**2, 1e-9 * n)
+
+
+def _covariance(side: Side, X: Array, spread: Array, held: NDArray[np.bool_], size: float, left: Array) -> Array:
+    """Return the covariance (n, n) of what `_bounded` fitted; inf for what is held at a bound."""
+    free, n = ~held, side.y.size
+    scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
+    Z, precision = X[:, free] / scale[free], _precision(spread, scale, size, n)[free]
     scores = np.zeros((int(side.blocks.max()) + 1, int(free.sum())))
     np.add.at(scores, side.blocks, Z * left[:, None])
-    inverse = np.linalg.inv(A)
-    prior = np.diag(np.where(np.isfinite(spread[free]), precision * size**2, 0.0))
+    inverse = np.linalg.inv(Z.T @ Z + np.diag(np.minimum(precision, 1e12 * n)))
+    prior = np.diag(np.where(np.isfinite(spread[free]), precision * np.mean(left**2), 0.0))
     covariance = inverse @ (scores.T @ scores + prior) @ inverse
     every = np.zeros((X.shape[1], X.shape[1]))
     every[held, held] = np.inf
     with np.errstate(over="ignore"):  # nothing is known of what moves nothing
         every[np.ix_(free, free)] = covariance / scale[free] / scale[free, None]
-    return theta, every, left
+    return every
 
 
 __all__ = [

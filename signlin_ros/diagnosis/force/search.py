@@ -133,7 +133,7 @@ class Search:
         return strongest(known.pieces, known.split(f.left), self._orders, plant.position, plant.velocity, WAVES)
 
     @functools.cached_property
-    def _orders(self) -> Array:
+    def _orders(self) -> list[Array]:
         plant, c = self.r.model.plant, self.r.criteria
         return orders(self.r.known.pieces, plant.position, plant.velocity, self.whole, self.gear, c.waves)
 
@@ -209,6 +209,12 @@ class Search:
         """Return the fewest parameters that a law has."""
         law = self.r.laws[name]
         return law.free(self.shapes[name][0]) if self.shapes[name] else law.parts.columns + 1
+
+    @functools.cached_property
+    def helpful(self) -> frozenset[str]:
+        """The laws that take away a visible part of the missing force of unseen data, alone or beside others."""
+        shown, fits = self.r.criteria.small * self.base.error, list(self.models.values())
+        return frozenset(n for f in fits for n in f.names if self.without(f, n).error - f.error > shown)
 
     def sound(self, f: Fit) -> bool:
         """Tell whether every law of a fit is needed on unseen data, and its level known; and nothing known is bent."""

@@ -262,12 +262,15 @@ class Motion:
 
     # ------------------------------------------------------------ one effect more
 
-    def extensions(self, of: Fitted, names: Sequence[str] | None = None) -> list[Fitted]:
-        """Return what can be added to a fit, the promising ones fitted out, least error on unseen data first."""
+    def extensions(self, of: Fitted, names: Sequence[str] | None = None, rival: Fitted | None = None) -> list[Fitted]:
+        """Return what can be added to a fit, the promising ones fitted out, least error on unseen data first.
+
+        ``rival``: a model that is as good already; only what comes near it is fitted out.
+        """
         options = [t for t in trials(self.problem, names) if t.effect not in of.effects]
         self.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
         fits = [f for f in self.each(lambda t: self._climbed(of.fit, t), options) if f]
-        kept = self._promising(of, fits)
+        kept = self._promising(of, fits, rival)
         self.say(f"fitting {len(kept)} of them to the end")
         found = [one for one in self.each(lambda f: self._finished(of, f), kept) if one]
         if not names and found and not min(found, key=lambda one: one.level).white:
@@ -312,14 +315,20 @@ class Motion:
         found = settled(self.short, c, [c.start(f.fit.parameters())], self.check)
         return self._around(found) if found else None
 
-    def _promising(self, of: Fitted, fits: Sequence[Fit]) -> list[Fit]:
-        """Return the fits that gain a fair share of what the best gains, by likelihood on stretches."""
-        base = solved(self.short.short, of.fit.candidate, self.problem.levels[1], of.fit.theta, 4)
+    def _promising(self, of: Fitted, fits: Sequence[Fit], rival: Fitted | None = None) -> list[Fit]:
+        """Return the fits that gain a fair share of what the best gains, by likelihood on stretches; some in any case,
+        but where a ``rival`` is as good as these have to be.
+        """
+        base, other = (
+            solved(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, 4) if one else None
+            for one in (of, rival)
+        )
         ordered = sorted(fits, key=lambda f: f.cost)
         if base is None or not ordered:
             return ordered[:FINISHED]
-        most = base.cost - ordered[0].cost
-        return [f for i, f in enumerate(ordered) if i < FIRST or base.cost - f.cost > SERIOUS * most][:FINISHED]
+        most = base.cost - min([ordered[0].cost, *([other.cost] if other else [])])
+        first = 0 if other else FIRST
+        return [f for i, f in enumerate(ordered) if i < first or base.cost - f.cost > SERIOUS * most][:FINISHED]
 
     def bred(self, of: Fitted, names: Sequence[str] | None = None) -> list[Fitted]:
         """Return what can be added of the effects that have many local minima, from the best of all their starts."""
