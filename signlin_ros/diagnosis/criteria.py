@@ -73,7 +73,8 @@ class Criteria:
     """Part of the squared force beyond the sensors' noise that a proposal may leave, where the motion shows structure:
     more is no explanation."""
     large: float = 0.05
-    """Part of the effort (RMS) from which on a force that is left, and is no noise, is missing something."""
+    """Part of the effort (RMS) from which on a force that is left, and is no noise, is missing something; so of what a
+    channel varies by (RMS), where the force is not seen."""
 
 
 DEFAULT = Criteria()

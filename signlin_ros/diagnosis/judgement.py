@@ -149,7 +149,7 @@ class Judgement:
             return "worse"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
-        if self.sees:
+        if self.sees or self.small:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             more = large or self.little or near_noise(self.final, self.criteria) or self.changing
             if self.structure[0] or (more and not self.final.white):
@@ -163,6 +163,17 @@ class Judgement:
         slower than that, as what noise in the input makes, is in neither.
         """
         return self.percent is not None and self.percent <= self.noise_percent and near_noise(self.final, self.criteria)
+
+    @cached_property
+    def small(self) -> bool:
+        """Whether the model as it is leaves as little as any real machine lacks, seen or not: of the force beside the
+        effort, and of every channel over the horizon beside what it varies by.
+        """
+        unseen, most = self.agreed.motion.unseen, self.criteria.large
+        if self.names or self.percent is None or self.percent > 100.0 * most:
+            return False
+        spread = np.nanstd(np.concatenate([s.y for s in unseen.segments]), axis=0)
+        return bool(np.all(np.sqrt(np.nanmean(self.final.unseen_squares, axis=0)) <= most * spread))
 
     @property
     def little(self) -> bool:

@@ -280,6 +280,13 @@ def test_a_large_force_that_nothing_takes_away_is_not_adequate():
     assert judged(odd, odd, force_witness(*LAWS)).verdict == "unexplained"
 
 
+@pytest.mark.parametrize(("error", "verdict"), [(0.04, "adequate"), (0.07, "unexplained")])
+def test_as_little_as_any_machine_lacks_is_adequate_where_the_force_cannot_be_seen_too(error, verdict):
+    """A force that is too small for its sensors' noise; the motion follows to 4 or 7 % of what it varies by."""
+    plain = Fit((), (error * SPREAD,), 0.02)
+    assert judged(plain, plain, force_witness(*LAWS)).verdict == verdict
+
+
 # ---------------------------------------------------------------- words
 
 
