@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from signlin_ros.diagnosis.data import as_list, measured_channels
 from signlin_ros.diagnosis.motion.prepare import held_out
-from signlin_ros.diagnosis.problem import LEAST_SAMPLES, pieces, with_measured_position
+from signlin_ros.diagnosis.segments import LEAST_SAMPLES, pieces, with_measured_position
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.candidate import candidate
 from signlin_ros.diagnosis.case import Case, case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.fit import candidate
 from signlin_ros.diagnosis.force.record import depends_on_place
 from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.measures import comparable, force_left, noise_percent, percent, written_left

@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.fit import Candidate, likelihood
-from signlin_ros.diagnosis.problem import Gains, Problem
+from signlin_ros.diagnosis.candidate import Candidate
+from signlin_ros.diagnosis.fit import likelihood
+from signlin_ros.diagnosis.gains import Gains
+from signlin_ros.diagnosis.problem import Problem
 
 Array = NDArray[np.float64]
 

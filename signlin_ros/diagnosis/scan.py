@@ -12,11 +12,15 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve, savgol_filter
 
 from signlin_ros.compiled import exact_tape
+from signlin_ros.diagnosis.candidate import candidate
 from signlin_ros.diagnosis.data import travelled
 from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.fit import candidate, fit, follow_records
+from signlin_ros.diagnosis.fit import fit
+from signlin_ros.diagnosis.following import follow_records
+from signlin_ros.diagnosis.gains import Gains, linear_base, stepped
 from signlin_ros.diagnosis.missing import per_force
-from signlin_ros.diagnosis.problem import Gains, Problem, Segment, first_look, linear_base, stepped
+from signlin_ros.diagnosis.problem import Problem, first_look
+from signlin_ros.diagnosis.segments import Segment
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]

@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.fit import Fit, follow_records
+from signlin_ros.diagnosis.fit import Fit
+from signlin_ros.diagnosis.following import follow_records
 from signlin_ros.diagnosis.problem import Problem
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import pytest
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.data import load_records
-from signlin_ros.diagnosis.problem import bare
+from signlin_ros.diagnosis.gains import bare
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData

@@ -9,8 +9,11 @@ import pytest
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import diagnose
-from signlin_ros.diagnosis.fit import _belief, candidate, fit, follow_records
-from signlin_ros.diagnosis.problem import _first_slope, prepare
+from signlin_ros.diagnosis.candidate import candidate
+from signlin_ros.diagnosis.fit import fit
+from signlin_ros.diagnosis.following import _belief, follow_records
+from signlin_ros.diagnosis.problem import prepare
+from signlin_ros.diagnosis.segments import _first_slope
 from tests.diagnosis.test_hidden_effects import records
 from tests.diagnosis.test_traps import BENCH, SMALL, proposed, recorded
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis import diagnose
-from signlin_ros.diagnosis.problem import fourth_difference_noise, prepare
+from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.model import Model
+from signlin_ros.noise import fourth_difference_noise
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from signlin_ros.diagnosis.candidate import Coordinate
 from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.fit import Coordinate
 from signlin_ros.diagnosis.motion import Fitted
 
 

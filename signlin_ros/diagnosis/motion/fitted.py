@@ -9,8 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.candidate import Coordinate
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.fit import Coordinate, Fit, follow_records, tidied
+from signlin_ros.diagnosis.fit import Fit, tidied
+from signlin_ros.diagnosis.following import follow_records
 from signlin_ros.diagnosis.motion.left import Left
 from signlin_ros.diagnosis.motion.score import level
 from signlin_ros.diagnosis.motion.trials import sensors_of

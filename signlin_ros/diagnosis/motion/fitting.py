@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.fit import Candidate, Filter, Fit, _normal, fit, follow_records, further
+from signlin_ros.diagnosis.candidate import Candidate
+from signlin_ros.diagnosis.fit import Filter, Fit, _normal, fit, further
+from signlin_ros.diagnosis.following import follow_records
+from signlin_ros.diagnosis.gains import Gains
 from signlin_ros.diagnosis.motion.score import level, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, extended
 from signlin_ros.diagnosis.narrow import narrowed
-from signlin_ros.diagnosis.problem import Gains, Problem
+from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.effects import EFFECTS
 
 Array = NDArray[np.float64]

@@ -17,11 +17,14 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.data import travelled
-from signlin_ros.diagnosis.fit import Fit, follow_records
+from signlin_ros.diagnosis.fit import Fit
+from signlin_ros.diagnosis.following import follow_records
+from signlin_ros.diagnosis.gains import Gains
 from signlin_ros.diagnosis.motion.colour import colours
 from signlin_ros.diagnosis.motion.fitting import solved
-from signlin_ros.diagnosis.problem import Gains, Problem, Segment
+from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.scan import halfway, response
+from signlin_ros.diagnosis.segments import Segment
 
 Array = NDArray[np.float64]
 

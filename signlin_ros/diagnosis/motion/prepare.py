@@ -10,17 +10,14 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.data import measured_channels
 from signlin_ros.diagnosis.derived import without_derived
-from signlin_ros.diagnosis.problem import (
-    LEAD,
+from signlin_ros.diagnosis.problem import LEAD, Problem, prepare, stretch_of
+from signlin_ros.diagnosis.segments import (
     LEAST_SAMPLES,
-    Problem,
     Segment,
-    _stretch,
     check_moving,
     constant_inputs,
     moves,
     pieces,
-    prepare,
     segment,
     with_measured_position,
 )
@@ -99,13 +96,13 @@ def stretched(problem: Problem, most: int = MOST) -> Problem:
 
 def _after_a_lead(problem: Problem, s: Segment, first: int, size: int) -> Segment:
     """Return a stretch with what came before it, where effects take up what they remember."""
-    before = _stretch(problem, s, slice(max(first - LEAD, 0), first + 1)) if first else None
-    return replace(_stretch(problem, s, slice(first, first + size)), inner=first > 0, before=before)
+    before = stretch_of(problem, s, slice(max(first - LEAD, 0), first + 1)) if first else None
+    return replace(stretch_of(problem, s, slice(first, first + size)), inner=first > 0, before=before)
 
 
 def _wrong(problem: Problem, s: Segment, part: slice) -> float:
     """Return how wrong the model as given is on a part of a record: what an observer leaves, in units of the noise."""
-    piece, model, middle = _stretch(problem, s, part), problem.base, problem.levels[1]
+    piece, model, middle = stretch_of(problem, s, part), problem.base, problem.levels[1]
     scale = np.array([problem.x_scale[n] for n in model.states])
     x0 = np.array([piece.start.get(name, 0.0) for name in model.states])
     run = Tracker(model, piece.t, piece.u, piece.y, problem.channels, scale, piece.early)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from signlin_ros.diagnosis.fit import Candidate, Fit, candidate
+from signlin_ros.diagnosis.candidate import Candidate, candidate
+from signlin_ros.diagnosis.fit import Fit
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, find_effect, load_entry_points

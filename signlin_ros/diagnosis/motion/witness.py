@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.candidate import Candidate, candidate
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.data import unit_asked
-from signlin_ros.diagnosis.fit import Candidate, Fit, candidate, tidied
+from signlin_ros.diagnosis.fit import Fit, tidied
+from signlin_ros.diagnosis.gains import Gains
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
 from signlin_ros.diagnosis.motion.fitting import NEXT, Found, bred, climbed, settled, solved
 from signlin_ros.diagnosis.motion.left import left
@@ -22,7 +24,7 @@ from signlin_ros.diagnosis.motion.prepare import prepared, stretched
 from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, gain, level, windowed
 from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
-from signlin_ros.diagnosis.problem import Gains, Problem
+from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError, SimulationError
 from signlin_ros.model import Model
