@@ -42,7 +42,7 @@ def check_given(signals: Mapping[str, str], paths: Iterable[str | os.PathLike[st
     for key, spec in signals.items():
         file, _ = split(key)
         if file and not any(_ends(path, file) for path in paths):
-            given = ", ".join(map(os.fspath, paths))
+            given = ", ".join(os.fspath(path) for path in paths)
             raise InputError(f"--signal {key}={spec}: no record {file!r} is given; there are: {given}")
 
 

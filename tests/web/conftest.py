@@ -195,6 +195,47 @@ class Page:
         self.wait(clicked, f"{identity} to be clicked on")
         self.clicks += 1
 
+    def choose(self, identity: str, value: str) -> None:
+        """Choose an option of a list, and wait until what follows from it is done."""
+        from selenium.webdriver.support.ui import Select
+
+        def chosen() -> bool:
+            Select(self.driver.find_element("id", identity)).select_by_value(value)
+            return True
+
+        self.wait(lambda: not self.busy and self.driver.find_elements("id", identity), f"the list {identity}")
+        self.wait(chosen, f"{value} of {identity}")
+        self.clicks += 2
+        self.settle()
+
+    def chosen(self, identity: str) -> str:
+        """Return the value of a list or a field."""
+        return str(self.driver.find_element("id", identity).get_attribute("value"))
+
+    def write(self, identity: str, text: str) -> None:
+        """Write something into a field in place of what stands there, and wait until what follows from it is done."""
+        from selenium.webdriver import Keys
+
+        field = self.driver.find_element("id", identity)
+        field.send_keys(Keys.CONTROL, "a")
+        field.send_keys(text or Keys.DELETE)
+        field.send_keys(Keys.ENTER)
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait until the server does nothing any more, and the page shows the state that it is in."""
+        script = """
+        const done = arguments[arguments.length - 1];
+        const ask = async () => {
+          const state = await (await fetch(`${location.pathname}/state`, {cache: "no-store"})).json();
+          const there = document.querySelector("section[data-busy=true]");
+          if (state.busy || there) setTimeout(ask, 50); else setTimeout(() => done(true), 150);
+        };
+        ask();
+        """
+        self.driver.set_script_timeout(PATIENCE)
+        self.driver.execute_async_script(script)
+
     def drop(self, *files: Path) -> None:
         """Drop files onto the page."""
         self.driver.execute_script(DROP).send_keys("\n".join(str(f) for f in files))

@@ -122,11 +122,12 @@ def test_a_script_reads_the_models_that_it_has_made(tmp_path: Path) -> None:
 def test_what_the_check_found_decides_whether_one_may_go_on(
     findings: list[dict[str, Any]], cures: list[str], done: bool, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = {"json": {"findings": [{"channel": "speed", **f} for f in findings]}}
-    choices = {"cures": cures, "records": [1], "model": "dc_motor", "signals": {}}
+    rows = [{"check": "clipped", "record": "a.csv", "applied": False, "channel": "speed", **f} for f in findings]
+    found = {"json": {"findings": rows}, "directions": [None] * len(rows)}
+    choices = {"cures": cures, "records": [], "model": "dc_motor"}
     session: Any = SimpleNamespace(project=SimpleNamespace(choices=choices, files=lambda _: ["a.csv"], path=str))
     monkeypatch.setattr(stages, "_before", lambda _: "")
-    monkeypatch.setattr(stages, "_result", lambda *_: found)
+    monkeypatch.setattr(stages, "result", lambda *_: found)
     block = stages._check(session)
     assert block["done"] is done
     assert says in block["sentence"]
