@@ -29,7 +29,7 @@ async def sample(s: Session, args: Args) -> None:
 async def model(s: Session, args: Args) -> None:
     """Choose a shipped model."""
     name = str(args.get("name"))
-    if name not in [m["name"] for m in s.shipped]:
+    if name not in [m["name"] for m in await s.models()]:
         raise InputError(f"no such model: {name!r}")
     s.project.change(f"choose {name}", model=name, path=[], guessed=False)
     s.start("record", "reading", s.look)

@@ -131,10 +131,15 @@ class Session:
             self._awake = True
             self.later(self._look_around)
 
+    async def models(self) -> list[dict[str, Any]]:
+        """Return the shipped models."""
+        self.shipped = self.shipped or (await self.view.call("models", {}))["models"]
+        return self.shipped
+
     async def _look_around(self) -> None:
         """Start the workers, and learn which models are shipped; what was cancelled is done for the next who looks."""
         try:
-            self.shipped = (await self.view.call("models", {}))["models"]
+            await self.models()
             self.tell()
             await self.view.call("reader", {})
             await self.work.call("ready", {})

@@ -231,7 +231,7 @@ class Page:
           const there = document.querySelector("section[data-busy=true]");
           if (state.busy || there) setTimeout(ask, 50); else setTimeout(() => done(true), 150);
         };
-        ask();
+        setTimeout(ask, 200);
         """
         self.driver.set_script_timeout(PATIENCE)
         self.driver.execute_async_script(script)
