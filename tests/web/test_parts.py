@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from signlin_ros import units
 from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model
 from signlin_ros.nodes.feed_logic import POINTS, Feed, predicted
@@ -195,6 +196,19 @@ def test_columns_are_proposed_by_name_unit_and_derivative() -> None:
     assert rows["velocity"]["why"] == "found by its name"
     assert rows["displacement"]["column"] == "c1"
     assert "derivative" in rows["displacement"]["why"]
+
+
+def test_a_proposal_says_that_it_is_one_and_asks_for_the_unit() -> None:
+    t = np.arange(500) / 100.0
+    given = record(pwm=(np.sin(t), ""), current=(np.cos(t), "mA"), rate=(np.cos(2 * t), "deg/s"), c=(t, ""))
+    rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [given], {})}
+    assert rows["voltage"]["why"] == "guessed: called 'pwm'; in what unit? Taken in V"
+    assert rows["speed"]["why"] == "guessed: called 'rate' and in deg/s"
+    assert rows["current"]["why"] == "found by its name"
+    left_out = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [given], {"speed": ""})}["speed"]
+    assert (left_out["column"], left_out["set"], left_out["why"]) == (None, True, "as you set it")
+    assert rows["speed"]["units"] == ["rad/s", "rpm", "deg/s", "turns/s"]
+    assert all(units.conversion(u, r["unit"]) for r in rows.values() for u in r["units"])
 
 
 def test_what_was_asked_for_is_not_what_was_measured() -> None:
