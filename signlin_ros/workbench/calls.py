@@ -21,7 +21,7 @@ from signlin_ros import console
 from signlin_ros.apart import of_record
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model, shipped_models
-from signlin_ros.records import ModelData, Note, Record, read_record
+from signlin_ros.records import ModelData, Note, Record, read_record, read_runs
 from signlin_ros.workbench import arrays, proposing, tuning, uploaded
 from signlin_ros.workbench.ranking import Ranking
 
@@ -91,7 +91,7 @@ def columns(args: Args, say: Say) -> Answer:
         "end": float(record.t[-1]),
         "step": step,
         "notes": list(record.notes),
-        "texts": [n.channel for n in record.notes if isinstance(n, Note) and n.kind == "left_out" and n.channel],
+        "texts": [name for name, why in _left_out(record).items() if "infinite" not in why],
     }
 
 
@@ -107,15 +107,24 @@ def propose(args: Args, say: Say) -> Answer:
 
 def _unreadable(model: Model, files: Sequence[str], said: Mapping[str, str], time: str | None) -> str | None:
     """Return why records cannot be read as a mapping says; None where they can."""
+    signals = {**said, **({"t": time} if time else {})}
     for file in files:
-        try:
-            with contextlib.suppress(InputError):  # columns of text are only read where they are asked for
-                _record(file, time).for_model(model, said)
+        record = _record(file, time)
+        with contextlib.suppress(InputError):  # of text, and of fields of a bag, only the reader knows what is wanted
+            if not _left_out(record):
+                record.for_model(model, said)
                 continue
-            _record(file, time, tuple(said.values())).for_model(model, said)
+        try:
+            read_runs(file, model, signals)
         except InputError as error:
             return " ".join(str(error).split())
     return None
+
+
+def _left_out(record: Record) -> dict[str, str]:
+    """Return the columns that were left out, and the notes that say so."""
+    notes = (n for n in record.notes if isinstance(n, Note))
+    return {n.channel: n for n in notes if n.kind == "left_out" and n.channel}
 
 
 def record_curves(args: Args, say: Say) -> Answer:
@@ -130,15 +139,15 @@ def record_curves(args: Args, say: Say) -> Answer:
     return {"plots": plots, "span": [float(record.t[0]), float(record.t[-1])]}
 
 
-def _record(file: str, time: str | None = None, wanted: tuple[str, ...] = ()) -> Record:
+def _record(file: str, time: str | None = None) -> Record:
     path = Path(file)
     stamp = path.stat().st_mtime_ns if path.exists() else 0
-    return _read(file, stamp, time, wanted)
+    return _read(file, stamp, time)
 
 
 @lru_cache(maxsize=6)
-def _read(file: str, stamp: int, time: str | None, wanted: tuple[str, ...]) -> Record:
-    return read_record(file, {"t": time} if time else None, wanted=wanted)
+def _read(file: str, stamp: int, time: str | None) -> Record:
+    return read_record(file, {"t": time} if time else None, wanted=())
 
 
 def _range(values: Any) -> Answer:

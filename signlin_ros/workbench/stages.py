@@ -147,9 +147,15 @@ def _check(s: Session) -> dict[str, Any]:
     findings = [{**f, "remap": remap} for f, remap in zip(found["json"]["findings"], _remaps(s, found), strict=True)]
     cures = s.project.choices["cures"]
     done = AS_THEY_ARE in cures or not any(f["severity"] == "refuse" and not f.get("applied") for f in findings)
-    text = _checked(findings) + _whose_numbers(s, findings)
+    text = _checked(findings) + _named(s) + _whose_numbers(s, findings)
     more = {"findings": findings, "cures": cures, "looked": _looked(s), "needs": not done}
     return _block("check", "", done, text, command, **more)
+
+
+def _named(s: Session) -> str:
+    """Return that columns are what somebody said they are, where somebody did."""
+    said = any(row["set"] for table in columns.tables(s) for row in table["rows"])
+    return " The columns are taken as you named them." if said else ""
 
 
 def _remaps(s: Session, found: Any) -> list[dict[str, Any] | None]:
@@ -213,8 +219,14 @@ def _compare(s: Session) -> dict[str, Any]:
     if found is None:
         return _block("compare", "", False, "Model and measurement, on top of each other.", command)
     key = s.project.key("compare", asked)
-    text = found["lost"] or _compared(found["json"])
+    text = f"{found['lost']}{_mixed_up(s)}" if found["lost"] else _compared(found["json"])
     return _block("compare", "", True, text, command, result=found, key=key, lost=bool(found["lost"]))
+
+
+def _mixed_up(s: Session) -> str:
+    """Return what the check says of columns that are mixed up; empty where it says nothing."""
+    told = [f["sentence"] for f in _check(s).get("findings", ()) if f["check"] == EXCHANGED and not f["applied"]]
+    return f" The check: {told[0]}" if told else ""
 
 
 def _compared(content: dict[str, Any]) -> str:

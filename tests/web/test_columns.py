@@ -173,13 +173,14 @@ def test_columns_that_are_mixed_up_are_put_right_by_a_click(
     page.click("do-compare")
     page.done("compare")
     assert page.says("compare").startswith("The current and speed fit no model")
+    assert "with current and speed exchanged the model follows the record" in page.says("compare")
     page.picture("fits_no_model", "stage-compare")
     page.click("to-columns")
     assert page.driver.switch_to.active_element.get_attribute("id") == "map-voltage"
     page.click("remap-0")
     page.settle()
     assert {signal: page.chosen(f"map-{signal}") for signal in RIGHT} == RIGHT
-    assert page.says("check") == "Nothing was found wrong."
+    assert page.says("check") == "Nothing was found wrong. The columns are taken as you named them."
 
 
 def test_a_formula_is_written_or_taken_from_the_check(
@@ -195,7 +196,7 @@ def test_a_formula_is_written_or_taken_from_the_check(
     page.click("remap-0")
     page.settle()
     assert page.chosen("formula-voltage") == "sign(dir) * pwm"
-    assert page.says("check") == "Nothing was found wrong."
+    assert page.says("check") == "Nothing was found wrong. The columns are taken as you named them."
     page.picture("direction", "stage-record")
     page.write("formula-voltage", "0.5 * sign(dir) * pwm +")
     assert "it ends where a number or a column should be" in page.error("record")
@@ -203,7 +204,7 @@ def test_a_formula_is_written_or_taken_from_the_check(
     page.picture("error_formula", "stage-record")
     page.write("formula-voltage", "1.0 * sign(dir) * pwm - 0")
     assert not page.driver.find_elements("id", "error-record")
-    assert page.says("check") == "Nothing was found wrong."
+    assert page.says("check") == "Nothing was found wrong. The columns are taken as you named them."
     command = page.driver.find_element("css selector", "#stage-check code").text
     assert "--signal 'voltage=1.0 * sign(dir) * pwm - 0'" in command
 
