@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
@@ -203,38 +203,56 @@ class Page:
             Select(self.driver.find_element("id", identity)).select_by_value(value)
             return True
 
-        self.wait(lambda: not self.busy and self.driver.find_elements("id", identity), f"the list {identity}")
-        self.wait(chosen, f"{value} of {identity}")
+        with self.settling():
+            self.wait(chosen, f"{value} of {identity} to be chosen")
         self.clicks += 2
-        self.settle()
 
     def chosen(self, identity: str) -> str:
         """Return the value of a list or a field."""
-        return str(self.driver.find_element("id", identity).get_attribute("value"))
+        (value,) = self.wait(lambda: (self.driver.find_element("id", identity).get_attribute("value"),), identity)
+        return str(value)
+
+    def shows(self, stage: str, text: str) -> None:
+        """Wait until a text stands in a stage."""
+        self.wait(lambda: text in self.stage(stage).text, f"{text!r} in {stage}")
 
     def write(self, identity: str, text: str) -> None:
         """Write something into a field in place of what stands there, and wait until what follows from it is done."""
         from selenium.webdriver import Keys
 
-        field = self.driver.find_element("id", identity)
-        field.send_keys(Keys.CONTROL, "a")
-        field.send_keys(text or Keys.DELETE)
-        field.send_keys(Keys.ENTER)
-        self.settle()
+        with self.settling():
+            self.type(identity, Keys.CONTROL, "a", Keys.NULL, text or Keys.DELETE, Keys.ENTER)
 
-    def settle(self) -> None:
-        """Wait until the server does nothing any more, and the page shows the state that it is in."""
-        script = """
-        const done = arguments[arguments.length - 1];
-        const ask = async () => {
-          const state = await (await fetch(`${location.pathname}/state`, {cache: "no-store"})).json();
-          const there = document.querySelector("section[data-busy=true]");
-          if (state.busy || there) setTimeout(ask, 50); else setTimeout(() => done(true), 150);
-        };
-        setTimeout(ask, 200);
-        """
-        self.driver.set_script_timeout(PATIENCE)
-        self.driver.execute_async_script(script)
+    def type(self, identity: str, *keys: str) -> None:
+        """Press keys in a field."""
+
+        def typed() -> bool:
+            self.driver.find_element("id", identity).send_keys(*keys)
+            return True
+
+        self.wait(typed, f"{identity} to be written into")
+
+    def press(self, identity: str) -> None:
+        """Click, and wait until what follows from it is done."""
+        with self.settling():
+            self.click(identity)
+
+    @contextmanager
+    def settling(self) -> Iterator[None]:
+        """Wait until something is changed, the server does nothing any more, and the page shows the state it is in."""
+        before = self._state()["serial"]
+        yield
+        shown = "return document.documentElement.dataset.serial"
+
+        def settled() -> bool:
+            now = self._state()
+            return now["serial"] != before and not now["busy"] and now["serial"] == self.driver.execute_script(shown)
+
+        self.wait(settled, "the page to settle")
+
+    def _state(self) -> Any:
+        ask = "const done = arguments[0]; fetch(`${location.pathname}/state`).then((r) => r.json()).then(done)"
+        return self.driver.execute_async_script(ask)
 
     def drop(self, *files: Path) -> None:
         """Drop files onto the page."""

@@ -159,17 +159,16 @@ def test_columns_that_are_mixed_up_are_put_right_by_a_click(
 ) -> None:
     page = browser(1280, 900)
     page.open(server().address)
-    page.drop(bare(hidden_effect / "estimation.csv", tmp_path / "bare.csv"))
-    page.settle()
+    with page.settling():
+        page.drop(bare(hidden_effect / "estimation.csv", tmp_path / "bare.csv"))
     page.choose("model", "dc_motor")
     for signal, column in {**RIGHT, "current": "c4", "speed": "c3"}.items():
         page.choose(f"map-{signal}", column)
     assert "1 finding must be cured" in page.says("check")
     assert "Check comes first" in page.says("compare")
-    assert "needs you" in page.driver.find_element("id", "to-check").text
+    page.wait(lambda: "needs you" in page.driver.find_element("id", "to-check").text, "the check to ask")
     page.picture("mixed_up", "stage-check")
-    page.click("as-they-are")
-    page.settle()
+    page.press("as-they-are")
     page.click("do-compare")
     page.done("compare")
     assert page.says("compare").startswith("The current and speed fit no model")
@@ -177,8 +176,7 @@ def test_columns_that_are_mixed_up_are_put_right_by_a_click(
     page.picture("fits_no_model", "stage-compare")
     page.click("to-columns")
     assert page.driver.switch_to.active_element.get_attribute("id") == "map-voltage"
-    page.click("remap-0")
-    page.settle()
+    page.press("remap-0")
     assert {signal: page.chosen(f"map-{signal}") for signal in RIGHT} == RIGHT
     assert page.says("check") == "Nothing was found wrong. The columns are taken as you named them."
 
@@ -186,15 +184,16 @@ def test_columns_that_are_mixed_up_are_put_right_by_a_click(
 def test_a_formula_is_written_or_taken_from_the_check(
     server: Callable[..., Server], browser: Callable[..., Page], hidden_effect: Path, tmp_path: Path
 ) -> None:
+    from selenium.webdriver import Keys
+
     page = browser(1280, 900)
     given = server()
     page.open(given.address)
-    page.drop(with_direction(hidden_effect / "estimation.csv", tmp_path / "driver.csv"))
-    page.settle()
+    with page.settling():
+        page.drop(with_direction(hidden_effect / "estimation.csv", tmp_path / "driver.csv"))
     page.choose("model", "dc_motor")
-    assert "guessed: called 'pwm'; in what unit? Taken in V" in page.stage("record").text
-    page.click("remap-0")
-    page.settle()
+    page.shows("record", "guessed: called 'pwm'; in what unit? Taken in V")
+    page.press("remap-0")
     assert page.chosen("formula-voltage") == "sign(dir) * pwm"
     assert page.says("check") == "Nothing was found wrong. The columns are taken as you named them."
     page.picture("direction", "stage-record")
@@ -205,19 +204,17 @@ def test_a_formula_is_written_or_taken_from_the_check(
     page.write("formula-voltage", "1.0 * sign(dir) * pwm - 0")
     assert not page.driver.find_elements("id", "error-record")
     assert page.says("check") == "Nothing was found wrong. The columns are taken as you named them."
-    command = page.driver.find_element("css selector", "#stage-check code").text
-    assert "--signal 'voltage=1.0 * sign(dir) * pwm - 0'" in command
+    page.shows("check", "--signal 'voltage=1.0 * sign(dir) * pwm - 0'")
 
-    field = page.driver.find_element("id", "formula-speed")
-    field.send_keys("2 * spe")
-    given.client().act(page.driver.current_url.rsplit("/", 1)[1], "check")
-    page.settle()
+    with page.settling():
+        page.type("formula-speed", "2 * spe")
+        given.client().act(page.driver.current_url.rsplit("/", 1)[1], "check")
     assert page.chosen("formula-speed") == "2 * spe"
-    page.write("formula-speed", "")
+    page.type("formula-speed", Keys.CONTROL, "a", Keys.NULL, Keys.DELETE)
     page.write("formula-voltage", "")
     assert page.chosen("map-voltage") == "pwm"
     page.write("formula-t", "t [ms]")
-    assert "converted from ms to s" in page.stage("record").text
+    page.shows("record", "converted from ms to s")
 
 
 def test_what_is_launched_is_a_file_that_is_there(project: Project, hidden_effect: Path) -> None:
@@ -284,4 +281,4 @@ def test_a_single_record_cannot_be_held_out(
     page.done("check")
     (role,) = page.driver.find_elements("css selector", "#stage-record select[id^=role]")
     assert not role.is_enabled()
-    assert "but its last third" in page.stage("record").text
+    page.shows("record", "but its last third")

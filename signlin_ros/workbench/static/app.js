@@ -85,6 +85,7 @@ function draw() {
     button.title = label ? `${name}: ${label}` : `Nothing to ${name.toLowerCase()}`;
   }
   rail();
+  document.documentElement.dataset.serial = state.serial; // which state is shown
 }
 
 function stage(block) {

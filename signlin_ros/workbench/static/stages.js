@@ -60,7 +60,7 @@ function record(block, state, go) {
 
 function models(state, go) {
   const select = h("select", { id: "model", onchange: (e) => e.target.value && go("model", { name: e.target.value }) },
-    h("option", { value: "" }, state.model_name ?? "choose one ..."),
+    h("option", { value: "" }, state.model ? state.model_name : "choose one ..."),
     state.shipped.map((m) => h("option", { value: m.name }, `${m.name}: ${m.summary}`)));
   const effects = state.model?.effects.length ? ` with ${state.model.effects.map(words).join(", ")}` : "";
   return h("div", { class: "row" }, h("label", { for: "model" }, "Model"), select,
