@@ -288,14 +288,21 @@ function diagnose(block, state, go) {
 
 // The effects that were found: their values, and what unseen data show of them; an effect that was refused is folded.
 function found({ evidence: seen, values, unseen: none }, data) {
-  const picture = (e) => h("div", { class: "pair" }, evidence(e, "named", "curve"), e.rival && evidence(e, "rival", "rival"));
-  const value = (own) => Object.entries(own).map(([name, text]) => `${name} = ${text}`).join(", ");
-  const named = Object.entries(values).map(([name, own]) => h("div", { class: "found" },
-    h("h3", {}, words(name), value(own) && [": ", h("span", { class: "value" }, value(own))]),
-    seen[name] ? [h("p", { class: "quiet" }, `What unseen data show of it (${data}):`), picture(seen[name])] : h("p", { class: "quiet" }, none[name])));
+  const named = Object.keys(values).map((name) => [valued(name, values[name]), pictured(seen[name], none[name], data)]);
   const refused = Object.entries(seen).filter(([name]) => !(name in values)).map(([name, e]) =>
-    h("details", { id: `refused-${name}` }, h("summary", {}, `The best effect that was refused: ${words(name)}`), picture(e)));
+    h("details", { id: `refused-${name}` }, h("summary", {}, `The best effect that was refused: ${words(name)}`), pictured(e, "", data)));
   return [named, refused];
+}
+
+const valued = (name, own) => {
+  const text = Object.entries(own).map(([parameter, value]) => `${parameter} = ${value}`).join(", ");
+  return h("h3", {}, words(name), text && [": ", h("span", { class: "value" }, text)]);
+};
+
+function pictured(e, why, data) {
+  if (!e) return h("p", { class: "quiet" }, why);
+  return [h("p", { class: "quiet" }, `What unseen data show of it (${data}):`),
+    h("div", { class: "pair" }, evidence(e, "named", "curve"), e.rival && evidence(e, "rival", "rival"))];
 }
 
 // What was tried while a diagnosis runs.
@@ -331,10 +338,12 @@ function add(block, state, go) {
   if (!tuner || tuner.model !== state.model?.name) tuner = state.model ? new Tuner(state, block.std ?? {}, (values) => go("keep", { values })) : null;
   return [
     h("div", { class: "row" }, buttons, other),
-    block.result && found(block.result, block.unseen),
+    block.result && Object.entries(block.result.values).map(([name, own]) => valued(name, own)),
     block.ladder?.length > 0 && h("div", { class: "pair", id: "ladder" }, channels.map((c) => ladder(block.ladder, c, state.model?.signals[c] ?? "")),
       forces.some((r) => r.validation.force) && ladder(forces, "force", "% of the effort", "missing on unseen data")),
     block.ladder?.length > 0 && h("p", { class: "quiet" }, `Unseen data: ${block.unseen}. "refitted": the model without the effect, its other parameters fitted anew; they then imitate what it lacks, and may do worse on unseen data than as given.`),
+    block.result && Object.keys(block.result.values).map((name) => h("details", { id: `shown-${name}` }, h("summary", {}, `The evidence for ${words(name)}`),
+      pictured(block.result.evidence[name], block.result.unseen[name], block.unseen))),
     tuner && h("details", { id: "tuner", ontoggle: (e) => e.target.open && tuner.start() }, h("summary", {}, "Parameters by hand: drag, and see curve, A", h("sub", {}, "k"), " and poles move"), tuner.element),
   ];
 }
