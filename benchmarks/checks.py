@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from benchmarks.hidden import generator
 from signlin_ros.checks import Finding, check
 from signlin_ros.checks.base import with_channel
+from signlin_ros.checks.exchanged import exchanged
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, Record, Signal
 
@@ -67,6 +68,15 @@ def _signal(c: Case, name: str) -> Array | None:
     if name in c.data.measured:
         return c.data.measured[name]
     return c.data.u[:, c.data.inputs.index(name)] if name in c.data.inputs else None
+
+
+def _mixed(*order: str) -> Fault:
+    """Return the fault that takes signals for each other, where all of them are recorded."""
+
+    def fault(c: Case) -> ModelData | None:
+        return exchanged(c.data, order) if all(_signal(c, name) is not None for name in order) else None
+
+    return fault
 
 
 def _on(name: str, change: Callable[[Array], Array | None]) -> Fault:
@@ -154,6 +164,9 @@ FAULTS: dict[str, tuple[tuple[str, ...], Fault]] = {
     "current clipped": (("clipped",), _on("current", _clipped)),
     "speed clipped": (("clipped",), _on("speed", _clipped)),
     "displacement clipped": (("clipped",), _on("displacement", _clipped)),
+    "current for speed": (("exchanged",), _mixed("current", "speed")),
+    "voltage for current": (("exchanged",), _mixed("voltage", "current")),
+    "displacement for velocity": (("exchanged",), _mixed("displacement", "velocity")),
     "current in mA": (UNITS, _on("current", lambda v: 1e3 * v)),
     "voltage in mV": (UNITS, _on("voltage", lambda v: 1e3 * v)),
     "speed in rpm": (UNITS, _on("speed", _rpm)),

@@ -21,6 +21,7 @@ from typing import Any, cast
 import click
 
 from signlin_ros import __version__
+from signlin_ros.apart import check_given
 from signlin_ros.cli_live import ros, warm
 from signlin_ros.errors import InputError, MissingExtraError, suggest
 
@@ -79,7 +80,8 @@ _one_signal = click.option(
     multiple=True,
     metavar="NAME=COLUMN",
     help="The column of DATA (or /topic.field[...]) that holds a signal of the model, or a formula of columns:"
-    " 'speed = meas [rpm]', 'speed = -0.105 * meas', 'voltage = sign(dir) * pwm', 't = time [ms]'. Repeatable.",
+    " 'speed = meas [rpm]', 'speed = -0.105 * meas', 'voltage = sign(dir) * pwm', 't = time [ms]'."
+    " FILE:NAME=COLUMN says it of one record. Repeatable.",
 )
 _dt_option = click.option(
     "--dt",
@@ -105,9 +107,10 @@ def _signal_option(function: Callable[..., Any]) -> Callable[..., Any]:
     return _one_signal(_dt_option(function))
 
 
-def _mapping(signals: Sequence[str]) -> dict[str, str]:
-    """What --signal and --dt say of DATA: name -> column or formula; ``t`` -> the s from row to row."""
+def _mapping(signals: Sequence[str], *files: str) -> dict[str, str]:
+    """What --signal and --dt say of DATA: name, or FILE:NAME, -> column or formula; ``t`` -> the s from row to row."""
     found = _pairs(signals, "--signal", "NAME=COLUMN")
+    check_given(found, files)
     step = click.get_current_context().meta.get("signlin.dt")
     if step is None:
         return found
@@ -292,7 +295,7 @@ def simulate(
     Inputs are held between samples. OUT has t, the inputs, the states and the outputs under their plain
     names, at DATA's times: true values, not what the model's sensors show.
     """
-    mapping = _mapping(signals)
+    mapping = _mapping(signals, data)
     from signlin_ros import console
     from signlin_ros.checks.run import check as cured
     from signlin_ros.guard import check_files
@@ -347,7 +350,7 @@ def compare(
     the measured motion, what is missing from the equations, and the situations that hold more of the error than
     of the time. --horizon adds the prediction over other windows.
     """
-    mapping = _mapping(signals)
+    mapping = _mapping(signals, *data, *validation)
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis.comparison import compare as run
@@ -389,7 +392,7 @@ def check(model: str, data: tuple[str, ...], signals: tuple[str, ...], cures: tu
     verb. What is marked `refuse` stops compare, diagnose, add and refine until it is decided (`--cure none` takes the
     records as they are).
     """
-    mapping = _pairs(signals, "--signal", "NAME=COLUMN")
+    mapping = _mapping(signals, *data)
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
     from signlin_ros.checks.run import check as run
@@ -488,7 +491,7 @@ def _learned(
 ) -> Report:
     if report is not None:
         raise InputError("--report: add learned_force draws none; use signlin compare NEW.yaml DATA --report OUT.html")
-    mapping = _mapping(signals)
+    mapping = _mapping(signals, *data, *validation)
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis.data import load_sides
@@ -532,7 +535,7 @@ def _diagnosed(
     output: str | None = None,
     effect: str | None = None,
 ) -> Report:
-    mapping = _mapping(signals)
+    mapping = _mapping(signals, *data, *validation)
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis import verbs as page

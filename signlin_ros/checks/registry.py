@@ -5,6 +5,7 @@ from __future__ import annotations
 from signlin_ros.checks.as_read import AsRead
 from signlin_ros.checks.base import Check
 from signlin_ros.checks.clipped import Clipped
+from signlin_ros.checks.exchanged import Exchanged
 from signlin_ros.checks.excitation import Excitation
 from signlin_ros.checks.frozen_channel import FrozenChannel
 from signlin_ros.checks.integer_overflow import IntegerOverflow
@@ -33,6 +34,7 @@ CHECKS: tuple[type[Check], ...] = (
     NoMotion,
     TimeUnit,
     UnsignedInput,
+    Exchanged,
     UnitOrSign,
     PositionVelocity,
     MixedClocks,

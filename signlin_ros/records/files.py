@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from signlin_ros.apart import of_record
 from signlin_ros.errors import RecordError, suggest
 from signlin_ros.files import BAGS, PACKED, TABLES, TEXT
 
@@ -86,10 +87,12 @@ def read_runs(
 ) -> list[ModelData]:
     """Read a record and find the model's signals in it: `read_records` and `Record.for_model` in one.
 
-    The mappings of the model and of `signals` (which wins) are known while reading, so that any numeric field
-    of a bag can be mapped, and columns that the model does not use do no harm. Runs of fewer than `SHORTEST` rows are
+    The mappings of the model and of `signals` (which wins; ``FILE:NAME`` says it of one file, see
+    `signlin_ros.apart`) are known while reading, so that any numeric field of a bag can be mapped, and columns
+    that the model does not use do no harm. Runs of fewer than `SHORTEST` rows are
     left out beside longer ones.
     """
+    signals = of_record(signals, path)
     found = _for_model(path, model, signals, base)
     return [record.for_model(model, signals, require=require, base=base) for record in _without_short(found)]
 
@@ -103,6 +106,7 @@ def read_for_model(
     base: str | None = None,
 ) -> ModelData:
     """As `read_runs`, where one record is wanted: the longest run, with a note on the others."""
+    signals = of_record(signals, path)
     record = _longest(_for_model(path, model, signals, base), os.fspath(path))
     return record.for_model(model, signals, require=require, base=base)
 

@@ -42,6 +42,16 @@ def made(record: Record, name: str, spec: str) -> tuple[Record, str]:
     return _formula(record, name, spec, body, unit)
 
 
+def sole(record: Record, spec: str) -> str | None:
+    """The key of the one column that `spec` is made of; None where it is made of several, or of none that is there."""
+    body, unit = split_unit(spec)
+    key = record.find(spec) or (record.find(body) if unit else None)
+    if key is not None or not is_formula(spec):
+        return key
+    used = set(parse(body, _names(record), record.source).columns())
+    return used.pop() if len(used) == 1 else None
+
+
 def _formula(record: Record, name: str, spec: str, body: str, unit: str) -> tuple[Record, str]:
     node = parse(body, _names(record), f"{record.source}: {name}")
     used = list(dict.fromkeys(node.columns()))

@@ -15,7 +15,7 @@ from signlin_ros.errors import ModelError, RecordError
 
 from .align import align, named
 from .converted import converted
-from .formulas import made
+from .formulas import made, sole
 from .header import TIME_KEYS
 from .inputs import with_inputs
 from .notes import Note, as_notes
@@ -105,8 +105,8 @@ def for_model(
     Raises
     ------
     RecordError
-        An input is missing, or has gaps too long to hold; a unit does not fit; a mapped column is not there; a value
-        is beyond `LARGEST`.
+        An input is missing, or has gaps too long to hold; a unit does not fit; a mapped column is not there, or mapped
+        twice; a value is beyond `LARGEST`.
     """
     if require not in ("inputs", "none"):
         raise RecordError(f"require must be 'inputs' or 'none', not {require!r}")
@@ -164,6 +164,7 @@ def _unique(*groups: tuple[str, ...]) -> list[str]:
 def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[Record, dict[str, str], list[Note]]:
     """The record with what the mappings make of its columns; model name -> key in it; notes."""
     names = _unique(model.inputs, model.states, model.outputs)
+    columns = record
     record, given, _ = _made(record, _canonical(model, signals, strict=True), names, strict=True)
     left = {name: spec for name, spec in _canonical(model, model.signals, strict=False).items() if name not in given}
     record, own, why_not = _made(record, left, names, strict=False)
@@ -190,7 +191,23 @@ def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[R
             continue
         if found is not None and found not in chosen.values():
             chosen[target] = found
+    _check_once(columns, chosen)
     return record, chosen, notes
+
+
+def _check_once(record: Record, chosen: Mapping[str, str]) -> None:
+    """Refuse one column that is said to be two signals."""
+    taken: dict[str, str] = {}
+    for name, spec in chosen.items():
+        column = sole(record, spec)
+        if column is not None and column in taken:
+            label = record.labels[column]
+            both = f"the column {label!r} is read as {taken[column]} and as {name}"
+            raise RecordError(
+                f"{record.source}: {both}; allowed: a column is one signal. Map one of them to another one"
+            )
+        if column is not None:
+            taken[column] = name
 
 
 def _made(

@@ -179,6 +179,8 @@ def _column(table: Table, head: Heading, unit: str) -> Times:
         t = units.scaled(raw, how[0])
     if not found:
         notes += _asked(head, t)
+    elif how[0] != 1.0 and not notes:
+        notes.append(Note(f"time from {head.label!r}, converted from {found} to s", "clock", "t"))
     return Times(t, head.label, frozenset({head.label}), tuple(notes))
 
 

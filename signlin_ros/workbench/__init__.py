@@ -2,18 +2,20 @@
 
     signlin workbench my_motor.yaml monday.csv tuesday.csv
 
-========== ====================================================================================
-`server`   the web application and how it is started: handlers only, no numerics
-`safety`   who may ask for what: Host, Origin, token, headers
-`session`  one project with its two worker processes, and what a click does
-`stages`   what the page shows: sentence, command, result and next step of every stage
-`project`  the folder ``.signlin/<id>``: choices, undo, results; nothing is lost when the server is killed
-`commands` command lines that do the same as the clicks, and the script of them all
-`lane`     a worker process that can be cancelled at any moment
-`worker`   what runs in it
-`calls`    the one place that calls the numerics: the functions behind the command line
-`ranking`  what a diagnosis has tried so far
-========== ====================================================================================
+=========== ====================================================================================
+`server`    the web application and how it is started: handlers only, no numerics
+`safety`    who may ask for what: Host, Origin, token, headers
+`session`   one project with its two worker processes, and what a click does
+`stages`    what the page shows: sentence, command, result and next step of every stage
+`project`   the folder ``.signlin/<id>``: choices, undo, results; nothing is lost when the server is killed
+`columns`   which column of which record is which signal
+`questions` what is asked of the worker, by stage
+`commands`  command lines that do the same as the clicks, and the script of them all
+`lane`      a worker process that can be cancelled at any moment
+`worker`    what runs in it
+`calls`     the one place that calls the numerics: the functions behind the command line
+`ranking`   what a diagnosis has tried so far
+=========== ====================================================================================
 
 The event loop imports none of the numerics; they run in worker processes. Names are loaded when first asked for.
 """

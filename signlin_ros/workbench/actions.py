@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any
 
 from signlin_ros.errors import InputError
-from signlin_ros.workbench import stages
+from signlin_ros.workbench import columns, questions
 from signlin_ros.workbench.session import Session
 
 Args = dict[str, Any]
@@ -29,9 +29,9 @@ async def sample(s: Session, args: Args) -> None:
 async def model(s: Session, args: Args) -> None:
     """Choose a shipped model."""
     name = str(args.get("name"))
-    if name not in [m["name"] for m in s.shipped]:
+    if name not in [m["name"] for m in await s.models()]:
         raise InputError(f"no such model: {name!r}")
-    s.project.change(f"choose {name}", model=name, signals={}, path=[], guessed=False)
+    s.project.change(f"choose {name}", model=name, path=[], guessed=False)
     s.start("record", "reading", s.look)
 
 
@@ -65,15 +65,45 @@ def _one(records: list[dict[str, str]], args: Args) -> dict[str, str]:
 
 
 async def map_signal(s: Session, args: Args) -> None:
-    """Say which column a signal is, in which unit, times which factor."""
-    signal, column = str(args.get("signal")), str(args.get("column") or "")
-    known = {row["signal"] for row in stages.mapping(s)}
-    if signal not in known:
+    """Say which column a signal of a record is, in which unit, times which factor; or give a formula.
+
+    The records that share the mapping are read so too. An empty formula takes back what was said before.
+    """
+    signal, table = str(args.get("signal")), columns.of(s, str(args.get("file") or ""))
+    if table is None:
+        raise InputError("no such record")
+    if signal not in {columns.TIME, *(row["signal"] for row in table["rows"])}:
         raise InputError(f"no such signal: {signal!r}")
-    signals = {k: v for k, v in s.project.choices["signals"].items() if k != signal}
-    if column:
-        signals[signal] = _specification(column, str(args.get("unit") or ""), float(args.get("factor") or 1.0))
-    s.project.change(f"{signal} = {signals.get(signal, 'by its name')}", signals=signals, path=[])
+    said: str | None = str(args.get("column") or "")
+    if "formula" in args:
+        said = str(args["formula"]).strip() or None
+    elif said:
+        said = _specification(said, str(args.get("unit") or ""), float(args.get("factor") or 1.0))
+    _remap(s, table["files"], {signal: said})
+
+
+async def remap(s: Session, args: Args) -> None:
+    """Map columns anew as a finding of the check proposes."""
+    findings = next(b for b in s.shown()["stages"] if b["id"] == "check").get("findings", ())
+    k = int(args.get("finding", -1))
+    offered = findings[k]["remap"] if 0 <= k < len(findings) else None
+    if not offered:
+        raise InputError("no such proposal")
+    _remap(s, offered["files"], offered["signals"])
+
+
+def _remap(s: Session, files: Sequence[str], said: Mapping[str, str | None]) -> None:
+    told = ", ".join(f"{signal} = {spec or 'by its name'}" for signal, spec in said.items())
+    s.project.change(told, records=columns.with_signals(s, files, said), path=[])
+    s.start("record", "reading", s.look)
+
+
+async def apart(s: Session, args: Args) -> None:
+    """Map records with the same columns one by one, or all alike again."""
+    table = columns.of(s, str(args.get("file") or ""))
+    if table is None or table["alike"] < 2:
+        raise InputError("no such record with others of the same columns")
+    s.project.change("map records apart", records=columns.turned(s, table["files"][0]), path=[])
     s.start("record", "reading", s.look)
 
 
@@ -87,7 +117,7 @@ async def cure(s: Session, args: Args) -> None:
     """Apply a cure that the check has offered, or take it back."""
     name, cures = str(args.get("name")), list(s.project.choices["cures"])
     offered = {f["cure"] for b in s.shown()["stages"] for f in b.get("findings", ()) if f.get("cure")}
-    if name not in {*offered, *cures, stages.AS_THEY_ARE}:
+    if name not in {*offered, *cures, questions.AS_THEY_ARE}:
         raise InputError(f"no such cure: {name!r}")
     changed = [c for c in cures if c != name] if name in cures else [*cures, name]
     s.project.change(f"{'without ' * (name in cures)}cure {name}", cures=changed)
@@ -162,7 +192,7 @@ async def clear(s: Session, args: Args) -> None:
     """Begin anew in this project; nothing is deleted but what was exported, and it can be undone."""
     _idle(s)
     shutil.rmtree(s.project.folder / "export", ignore_errors=True)
-    s.project.change("clear", model=None, records=[], signals={}, cures=[], path=[])
+    s.project.change("clear", model=None, records=[], cures=[], path=[])
     s.errors = {}
 
 
@@ -175,8 +205,8 @@ def _possible(s: Session, stage: str) -> None:
 ACTIONS: dict[str, Callable[[Session, Args], Awaitable[None]]] = {
     f.__name__: f
     for f in (
-        *(take, sample, model, role, drop, map_signal, cure, undo, redo, check, compare, diagnose, add, keep, export),
-        *(cancel, clear),
+        *(take, sample, model, role, drop, map_signal, remap, apart, cure, undo, redo, check, compare, diagnose),
+        *(add, keep, export, cancel, clear),
     )
 }
 

@@ -6,6 +6,7 @@ command line prints for a verb is returned unchanged under ``json``; beside it s
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
@@ -17,9 +18,10 @@ from typing import Any
 import numpy as np
 
 from signlin_ros import console
+from signlin_ros.apart import of_record
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model, shipped_models
-from signlin_ros.records import ModelData, Record, read_record
+from signlin_ros.records import ModelData, Note, Record, read_record, read_runs
 from signlin_ros.workbench import arrays, proposing, tuning, uploaded
 from signlin_ros.workbench.ranking import Ranking
 
@@ -67,12 +69,16 @@ def describe(args: Args, say: Say) -> Answer:
         "effects": list(model.effects),
         "parameters": tuning.parameters(model),
         "yaml": file.read_text(encoding="utf-8"),
+        "file": str(file),
     }
 
 
 def columns(args: Args, say: Say) -> Answer:
-    """Return what a record holds: its columns with units and ranges, its length, what the reader noted."""
-    record = _record(args["file"])
+    """Return what a record holds: its columns with units and ranges, its length, what the reader noted.
+
+    ``texts``: columns of text, which a formula may use where they hold a direction.
+    """
+    record = _record(args["file"], args.get("time"))
     found = [
         {"name": name, "label": s.label or name, "unit": s.unit, **_range(s.values)}
         for name, s in record.signals.items()
@@ -85,18 +91,45 @@ def columns(args: Args, say: Say) -> Answer:
         "end": float(record.t[-1]),
         "step": step,
         "notes": list(record.notes),
+        "texts": [name for name, why in _left_out(record).items() if "infinite" not in why],
     }
 
 
 def propose(args: Args, say: Say) -> Answer:
-    """Return which column seems to be which signal of the model, and why."""
-    records = [_record(file) for file in args["files"]]
-    return {"mapping": proposing.mapping(Model.load(args["model"]), records, args.get("signals") or {})}
+    """Return which column seems to be which signal of the model, and why; ``error``: why it cannot be read so."""
+    model, time = Model.load(args["model"]), args.get("time")
+    records = [_record(file, time) for file in args["files"]]
+    rows = proposing.mapping(model, records, args.get("signals") or {})
+    said = {r["signal"]: r["column"] for r in rows if r["column"] and (r["set"] or r["proposed"])}
+    lacking = any(r["needed"] and not r["column"] for r in rows)
+    return {"mapping": rows, "error": None if lacking else _unreadable(model, args["files"], said, time)}
+
+
+def _unreadable(model: Model, files: Sequence[str], said: Mapping[str, str], time: str | None) -> str | None:
+    """Return why records cannot be read as a mapping says; None where they can."""
+    signals = {**said, **({"t": time} if time else {})}
+    for file in files:
+        record = _record(file, time)
+        with contextlib.suppress(InputError):  # of text, and of fields of a bag, only the reader knows what is wanted
+            if not _left_out(record):
+                record.for_model(model, said)
+                continue
+        try:
+            read_runs(file, model, signals)
+        except InputError as error:
+            return " ".join(str(error).split())
+    return None
+
+
+def _left_out(record: Record) -> dict[str, str]:
+    """Return the columns that were left out, and the notes that say so."""
+    notes = (n for n in record.notes if isinstance(n, Note))
+    return {n.channel: n for n in notes if n.kind == "left_out" and n.channel}
 
 
 def record_curves(args: Args, say: Say) -> Answer:
     """Return the columns of a record between two times, few enough points to draw."""
-    record = _record(args["file"])
+    record = _record(args["file"], args.get("time"))
     curves = {name: s.values for name, s in record.signals.items()}
     units = {name: s.unit for name, s in record.signals.items()}
     plots = [
@@ -106,15 +139,15 @@ def record_curves(args: Args, say: Say) -> Answer:
     return {"plots": plots, "span": [float(record.t[0]), float(record.t[-1])]}
 
 
-def _record(file: str) -> Record:
+def _record(file: str, time: str | None = None) -> Record:
     path = Path(file)
     stamp = path.stat().st_mtime_ns if path.exists() else 0
-    return _read(file, stamp)
+    return _read(file, stamp, time)
 
 
 @lru_cache(maxsize=6)
-def _read(file: str, stamp: int) -> Record:
-    return read_record(file, wanted=())
+def _read(file: str, stamp: int, time: str | None) -> Record:
+    return read_record(file, {"t": time} if time else None, wanted=())
 
 
 def _range(values: Any) -> Answer:
@@ -165,12 +198,25 @@ def _of(records: Sequence[ModelData], own: Sequence[str], others: Sequence[str])
 
 
 def check(args: Args, say: Say) -> Answer:
-    """Return the findings of the record check."""
+    """Return the findings of the record check; ``directions``: for each, the mapping that would answer it, or None."""
     from signlin_ros import checks
 
-    model, records = _as_read(args, [*args["data"], *args["validation"]])
+    files = [*args["data"], *args["validation"]]
+    model, records = _as_read(args, files)
     _, findings = checks.check(model, records, _cures(args), validated=bool(args["validation"]))
-    return {"json": checks.to_json(findings)}
+    return {"json": checks.to_json(findings), "directions": [_direction(args, files, f) for f in findings]}
+
+
+def _direction(args: Args, files: Sequence[str], finding: Any) -> dict[str, str] | None:
+    """Return the mapping that gives an input its sign, where that stands in another column; None for other findings."""
+    from signlin_ros.checks.direction import with_direction
+    from signlin_ros.checks.unsigned_input import UnsignedInput
+
+    if finding.check != UnsignedInput.name:
+        return None
+    file = max((f for f in files if finding.source.startswith(f)), key=len, default=files[0])
+    signals = of_record(args.get("signals"), file)
+    return with_direction(Model.load(args["model"]), file, signals, finding.channel)
 
 
 def compare(args: Args, say: Say) -> Answer:
@@ -184,6 +230,7 @@ def compare(args: Args, say: Say) -> Answer:
     content = result.to_json()
     return {
         "json": content,
+        "lost": _lost(result),
         "errors": _errors(console.first_rows(content)),
         "channels": {name: channel.unit for name, channel in result.channels.items()},
         "stretches": [
@@ -191,6 +238,15 @@ def compare(args: Args, say: Say) -> Answer:
         ],
         "regions": [_intervals(result, region) for region in result.where],
     }
+
+
+def _lost(result: Any) -> str:
+    """Return the note of a comparison that some channels fit no model; empty where there is none."""
+    from signlin_ros.diagnosis.scores import follows_nothing, unfollowed
+
+    names = unfollowed({name: c.windowed for name, c in result.channels.items() if c.windowed})
+    both = [n for n in names if (one := result.channels[n].free_run) is None or unfollowed({n: one})]
+    return follows_nothing(both) if both else ""
 
 
 def _errors(rows: list[list[str]]) -> list[list[str]]:
@@ -237,7 +293,7 @@ def diagnose(args: Args, say: Say) -> Answer:
 
     result = _diagnosed("diagnose", args, say)
     content = result.to_json()
-    return {"json": content, "errors": _errors(console.ladder_rows(content)), "evidence": evidence.pictures(result)}
+    return {"json": content, "errors": _errors(console.ladder_rows(content)), **evidence.shown(result)}
 
 
 def add(args: Args, say: Say) -> Answer:
@@ -247,7 +303,7 @@ def add(args: Args, say: Say) -> Answer:
 
     result = _diagnosed("add", args, say)
     write_text(args["output"], result.yaml)
-    return {"json": result.to_json(), "evidence": evidence.pictures(result)}
+    return {"json": result.to_json(), **evidence.shown(result, args["effect"])}
 
 
 def _diagnosed(verb: str, args: Args, say: Say) -> Any:

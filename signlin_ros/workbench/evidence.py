@@ -8,13 +8,46 @@ import numpy as np
 
 from signlin_ros.diagnosis.curves import Band
 from signlin_ros.diagnosis.evidence import Explanation, evidence
+from signlin_ros.diagnosis.measures import changes_effort
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.told import Findings
+from signlin_ros.effects import find_effect
 from signlin_ros.workbench.arrays import encoded
 
 DOTS = 1500
 """So many samples of what the motion lacks are shown as dots."""
+
+
+def shown(result: Diagnosis, asked: str = "") -> dict[str, Any]:
+    """Return what the page shows of the effects that were found, or asked for: pictures, values, what has no picture.
+
+    ``evidence`` by effect; ``values``: effect -> parameter -> text; ``unseen``: effect -> why there is none.
+    """
+    found = pictures(result)
+    named = list(dict.fromkeys([*(entry.effect for entry in result.missing), *([asked] if asked else [])]))
+    return {
+        "evidence": found,
+        "values": {effect: _values(result, effect) for effect in named},
+        "unseen": {effect: _why(effect) for effect in named if effect not in found},
+    }
+
+
+def _values(result: Diagnosis, effect: str) -> dict[str, str]:
+    """Return the parameters of an effect as they were fitted, with their errors and units."""
+    keys = [key for key, use in result.model.effects.items() if use.type == effect]
+    parts = ((name.partition("."), estimate) for name, estimate in result.parameters.items())
+    return {own: str(estimate) for (key, _, own), estimate in parts if key in keys}
+
+
+def _why(effect: str) -> str:
+    """Return why there is no picture of an effect."""
+    if changes_effort(find_effect(effect, "effects")):
+        return "It changes the input, and is no force over speed or position: there is no picture of it."
+    return (
+        "The part of the records that no fit sees is too short for a picture of it: a second record, or a longer one,"
+        " gives one."
+    )
 
 
 def pictures(result: Diagnosis) -> dict[str, Any]:
@@ -77,4 +110,4 @@ def _left(x: Explanation) -> float:
     return float(np.sqrt(np.nanmean((x.measured - x.computed) ** 2)))
 
 
-__all__ = ["pictures"]
+__all__ = ["shown"]

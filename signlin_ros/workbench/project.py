@@ -24,6 +24,8 @@ from signlin_ros.files import BAGS, PACKED, TABLES, TEXT, write_text
 
 STORE = ".signlin"
 VERSION = 1
+ANSWERS = 2
+"""Version of what the worker answers: answers to another one are asked for anew."""
 MODELS = (".yaml", ".yml")
 RECORDS = (*TEXT, *TABLES, *BAGS, *PACKED)
 """Suffixes of what may be dropped; what this version's readers cannot read they refuse with the reason."""
@@ -31,7 +33,9 @@ LONGEST = 80
 """Characters of a file's name."""
 UNDO = 100
 """So many steps can be taken back."""
-EMPTY: dict[str, Any] = {"model": None, "records": [], "signals": {}, "cures": [], "path": []}
+EMPTY: dict[str, Any] = {"model": None, "records": [], "cures": [], "path": []}
+LATEST = 20
+"""So many projects are listed."""
 _ID = re.compile(r"[a-z0-9]{12}\Z")
 
 
@@ -78,6 +82,18 @@ class Project:
         """Return the projects of a store, the latest used first."""
         found = [f for f in store.glob("*/state.json") if _ID.match(f.parent.name)] if store.is_dir() else []
         return [f.parent.name for f in sorted(found, key=lambda f: f.stat().st_mtime, reverse=True)]
+
+    @classmethod
+    def titles(cls, store: Path) -> list[dict[str, Any]]:
+        """Return the latest projects: identity, what is in it, and when it was used last (s since 1970)."""
+        return [cls._title(store, identity) for identity in cls.listed(store)[:LATEST]]
+
+    @classmethod
+    def _title(cls, store: Path, identity: str) -> dict[str, Any]:
+        file = store / identity / "state.json"
+        choices = json.loads(file.read_text(encoding="utf-8"))["choices"]
+        names = [Path(name).name for name in (choices["model"], *(r["file"] for r in choices["records"])) if name]
+        return {"id": identity, "title": ", ".join(names) or "empty", "used": file.stat().st_mtime}
 
     # ---------------------------------------------------------------- choices
 
@@ -128,7 +144,8 @@ class Project:
         """Return how a file is called from where the server was started; the name of a shipped model stays."""
         if "." not in name and "/" not in name:
             return name
-        return os.path.relpath(name if Path(name).is_absolute() else self.folder / name)
+        found = os.path.relpath(name if Path(name).is_absolute() else self.folder / name)
+        return name if Path(name).is_absolute() and found.startswith(os.pardir) else found
 
     def place(self, name: str = "") -> str:
         """Return how the folder, or something in it, is called from where the server was started."""
@@ -157,7 +174,7 @@ class Project:
 
     def key(self, verb: str, asked: Mapping[str, Any]) -> str:
         """Return the key of a result: what was asked, and of which files as they are now."""
-        text = json.dumps([verb, asked], sort_keys=True)
+        text = json.dumps([ANSWERS, verb, asked], sort_keys=True)
         read = (asked.get(name) or () for name in ("model", "file", "files", "data", "validation"))
         files = [f for given in read for f in ([given] if isinstance(given, str) else given)]
         stats = [Path(f).stat() for f in files if Path(f).is_file()]

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros import units
+from signlin_ros.checks.factors import other_units
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.records import Record
@@ -56,14 +57,23 @@ def mapping(model: Model, records: Sequence[Record], given: Mapping[str, str]) -
 def _row(model: Model, name: str, records: Sequence[Record], given: Mapping[str, str]) -> dict[str, Any]:
     kind = "input" if name in model.inputs else "state" if name in model.states else "output"
     needed = name in model.inputs and name not in model.plant.optional_inputs
-    row = {"signal": name, "unit": model.units[name], "kind": kind, "needed": needed, "proposed": False}
+    unit = model.units[name]
+    row = {"signal": name, "unit": unit, "units": _units(unit), "kind": kind, "needed": needed}
+    row |= {"proposed": False, "set": name in given}
     if name in given:
-        return {**row, "column": given[name], "why": "as you set it"}
+        return {**row, "column": given[name] or None, "why": "as you set it"}
     if name in model.signals:
         return {**row, "column": model.signals[name], "why": "as the model file says"}
     aliases = [a for a in ("position", "velocity", "effort") if _is(model, a, name)]
     column = _found(records, [name, *aliases])
     return {**row, "column": column, "why": "found by its name" if column else "no column found"}
+
+
+def _units(unit: str) -> list[str]:
+    """Return the units in which a column for what a model has in ``unit`` may be."""
+    return list(
+        dict.fromkeys(other for one in unit.split(" or ") for other in (one, *other_units(one)) if other != "-")
+    )
 
 
 def _is(model: Model, alias: str, name: str) -> bool:
@@ -92,8 +102,13 @@ def _propose(row: dict[str, Any], records: Sequence[Record], taken: set[str]) ->
     if best is None or best[0] < CLEAR:
         return
     _, why, label, unit = best
-    row.update(column=label, why=why, proposed=True, column_unit=unit)
+    row.update(column=label, why=_guess(row, why, unit), proposed=True)
     taken.add(label)
+
+
+def _guess(row: Mapping[str, Any], why: str, unit: str) -> str:
+    """Return what a proposal rests on, and what it leaves open."""
+    return f"guessed: {why}" + ("" if unit else f"; in what unit? Taken in {row['unit']}")
 
 
 def _common(records: Sequence[Record]) -> list[tuple[str, str]]:
@@ -152,7 +167,7 @@ def _by_derivative(row: dict[str, Any], known: dict[str, Any], record: Record, t
     best = max(scored, default=(0.0, "", ""))
     if best[0] >= ALIKE:
         why = f"one is the derivative of the other (correlation {best[0]:.2f})"
-        row.update(column=best[1], why=why, proposed=True, column_unit=best[2])
+        row.update(column=best[1], why=_guess(row, why, best[2]), proposed=True)
         taken.add(best[1])
 
 

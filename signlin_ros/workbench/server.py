@@ -22,7 +22,7 @@ from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from signlin_ros.errors import InputError
-from signlin_ros.workbench import safety, stages
+from signlin_ros.workbench import columns, questions, safety
 from signlin_ros.workbench.actions import ACTIONS
 from signlin_ros.workbench.lane import CancelledError, FaultError, RefusedError
 from signlin_ros.workbench.live import Live
@@ -141,6 +141,11 @@ async def new(request: Request) -> Response:
     return JSONResponse({"id": bench.session(Project.create(bench.store).id).project.id})
 
 
+async def projects(request: Request) -> Response:
+    """Return the projects of this folder, the latest used first."""
+    return JSONResponse(Project.titles(_bench(request).store), headers={"cache-control": "no-store"})
+
+
 async def action(request: Request) -> Response:
     """Do what a click asks for."""
     session, args = _session(request), await request.json()
@@ -162,18 +167,19 @@ async def curves(request: Request) -> Response:
 def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return verb and arguments of a view; files are named by the project, never by the page."""
     wanted = {k: args.get(k) for k in ("from", "to", "points", "stretch", "how", "at")}
-    records = [session.project.path(r["file"]) for r in session.project.choices["records"]]
+    records = session.project.choices["records"]
     if what == "record" and records:
-        return "record_curves", {**wanted, "file": records[min(int(args.get("record") or 0), len(records) - 1)]}
+        record = records[min(int(args.get("record") or 0), len(records) - 1)]
+        return "record_curves", {**wanted, **columns.asked_of(session, record)}
     if what == "compare":
-        asked = stages.question(session, "compare")
+        asked = questions.question(session, "compare")
         key = session.project.key("compare", asked)
         found = session.project.result(key)
         if found is not None:
             store = str(session.project.array_file(key))
             return "compare_curves", {**wanted, "store": store, "channels": found["channels"]}
-    if what == "tune" and stages.mapped(session):
-        asked = stages.question(session, "compare")
+    if what == "tune" and columns.complete(session):
+        asked = questions.question(session, "compare")
         values = {str(k): float(v) for k, v in (args.get("values") or {}).items()}
         return "tune", {**wanted, **asked, "file": asked["data"][0], "values": values}
     raise InputError(f"nothing to show for {what!r}")
@@ -260,7 +266,7 @@ async def take_live(request: Request) -> Response:
     """Take the last seconds of a running system as a record of the project."""
     session, args = _session(request), await request.json()
     target = session.project.free_name("live.csv")
-    model = stages.described(session) or {}
+    model = questions.described(session) or {}
     names = [list(model.get(k, ())) for k in ("states", "inputs")]
     done = await _bench(request).live.take(float(args.get("seconds") or 30.0), str(target), *names)
     if not done["taken"]:
@@ -309,6 +315,7 @@ def application(bench: Workbench, hosts: Sequence[str] = safety.LOCAL, token: st
     routes = [
         Route("/", entry),
         Route("/new", new, methods=["POST"]),
+        Route("/projects", projects),
         Mount("/static", StaticFiles(directory=STATIC)),
         Route("/p/{project}", page),
         Mount("/p/{project}", routes=project),

@@ -11,7 +11,7 @@ from typing import Any
 
 from signlin_ros.errors import InputError
 from signlin_ros.files import write_text
-from signlin_ros.workbench import stages
+from signlin_ros.workbench import columns, questions, stages
 from signlin_ros.workbench.lane import CancelledError, FaultError, Lane, RefusedError
 from signlin_ros.workbench.project import MODELS, Project
 
@@ -97,10 +97,9 @@ class Session:
         task.add_done_callback(self._tasks.discard)
 
     async def _guarded(self, busy: dict[str, Any], job: Job) -> None:
-        stage = busy["stage"]
         async with self._turn:
             self.busy = busy
-            self.errors.pop(stage, None)
+            self.errors.pop(busy["stage"], None)
             self.tell()
             before = self.project.step
             try:
@@ -108,16 +107,17 @@ class Session:
             except CancelledError:
                 now = self.project.step
                 kept = "Nothing was changed" if now == before else f'"{now[1]}" was done before; undo takes it back'
-                self.errors[stage] = {"what": "Cancelled.", "do": f"{kept}; start it again when you like."}
+                self.errors[busy["stage"]] = {"what": "Cancelled.", "do": f"{kept}; start it again when you like."}
             except (RefusedError, InputError) as error:
-                self.errors[stage] = stages.advice(stage, str(error))
+                self.errors[busy["stage"]] = stages.advice(busy["stage"], str(error))
             except OSError as error:
                 what = f"{error.filename or self.project.place()}: {error.strerror or error}"
-                self.errors[stage] = {"what": what, "do": "Make room, or the right to write there, and try again."}
+                do = "Make room, or the right to write there, and try again."
+                self.errors[busy["stage"]] = {"what": what, "do": do}
             except FaultError as error:
-                self.errors[stage] = {"what": str(error), "do": FAULT}
+                self.errors[busy["stage"]] = {"what": str(error), "do": FAULT}
             except Exception as error:
-                self.errors[stage] = {"what": f"{type(error).__name__}: {error}", "do": FAULT}
+                self.errors[busy["stage"]] = {"what": f"{type(error).__name__}: {error}", "do": FAULT}
                 raise
             finally:
                 self.busy = None
@@ -125,16 +125,21 @@ class Session:
 
     def wake(self) -> None:
         """Start the workers: somebody looks; read again what has changed."""
-        if stages.changed(self) and "record" not in self.errors:
+        if (stages.changed(self) or columns.unread(self)) and "record" not in self.errors:
             self.start("record", "reading", self.look)
         if not self._awake:
             self._awake = True
             self.later(self._look_around)
 
+    async def models(self) -> list[dict[str, Any]]:
+        """Return the shipped models."""
+        self.shipped = self.shipped or (await self.view.call("models", {}))["models"]
+        return self.shipped
+
     async def _look_around(self) -> None:
         """Start the workers, and learn which models are shipped; what was cancelled is done for the next who looks."""
         try:
-            self.shipped = (await self.view.call("models", {}))["models"]
+            await self.models()
             self.tell()
             await self.view.call("reader", {})
             await self.work.call("ready", {})
@@ -166,14 +171,14 @@ class Session:
         model = made[-1] if made else choices["model"]
         label = ", ".join(Path(f).name for f in files)
         guessed = not made and choices.get("guessed", False)
-        anew: Args = {"path": [], "cures": [], "signals": {}, "guessed": guessed}
+        anew: Args = {"path": [], "cures": [], "guessed": guessed}
         self.project.change(f"drop {label}", records=_with_roles(records), model=model, **anew)
         await self.look()
 
     async def take_sample(self) -> None:
         """Make the sample, and take it."""
         files = (await self.work.call("sample", {"folder": str(self.project.folder)}))["files"]
-        self.project.change("sample", model=None, records=[], signals={}, cures=[], path=[])
+        self.project.change("sample", model=None, records=[], cures=[], path=[])
         await self.take([Path(file).name for file in files])
 
     async def look(self) -> None:
@@ -181,59 +186,56 @@ class Session:
         self.errors = {}
         choices = self.project.choices
         for record in choices["records"]:
-            await self.asked(self.view, "columns", {"file": self.project.path(record["file"])})
+            await self.asked(self.view, "columns", columns.asked_of(self, record))
             self.tell()
+        self.project.amend(records=columns.inherited(self))
         if choices["model"] is None and choices["records"]:
             await self._guess_model()
         if self.project.choices["model"] is not None:
             await self._map()
-        if stages.mapped(self):
+        if columns.complete(self):
+            if self.busy is not None:
+                self.busy.update(stage="check", what="checking")
+                self.tell()
             await self._checked()
 
     async def _guess_model(self) -> None:
         """Choose the shipped model whose inputs are all in the records, if one is."""
-        files = [self.project.path(r["file"]) for r in self.project.choices["records"]]
         for name in ("dc_motor", "mass_spring_damper", "force_element"):
-            rows = (await self.asked(self.view, "propose", {"model": name, "files": files}))["mapping"]
-            sure = [r for r in rows if r["column"] and not r["proposed"]]
-            if {r["signal"] for r in rows if r["needed"]} <= {r["signal"] for r in sure} and len(sure) > 1:
+            asked = [columns.question(self, group, name) for group in columns.groups(self)]
+            found = [await self.asked(self.view, "propose", one) for one in asked]
+            if all(_sure(answer["mapping"]) for answer in found):
                 self.project.amend(model=name, guessed=True)
                 return
 
     async def _map(self) -> None:
-        """Describe the model, and take over what is proposed for signals that the reader does not find."""
+        """Describe the model, and ask which columns of the records it is read from."""
         await self.asked(self.view, "describe", {"model": self.project.path(self.project.choices["model"])})
-        question = stages.mapping_question(self)
-        if not question["files"]:
-            return
-        rows = (await self.asked(self.view, "propose", question))["mapping"]
-        proposed = {r["signal"]: r["column"] for r in rows if r["proposed"]}
-        if proposed:
-            self.project.amend(signals={**self.project.choices["signals"], **proposed})
-            await self.asked(self.view, "propose", stages.mapping_question(self))
+        for group in columns.groups(self):
+            await self.asked(self.view, "propose", columns.question(self, group))
 
     async def _checked(self) -> None:
-        await self.asked(self.work, "check", stages.question(self, "check"))
-        self._done(stages.step(self, "check"))
+        await self.asked(self.work, "check", questions.question(self, "check"))
+        self._done(questions.step(self, "check"))
 
     # ---------------------------------------------------------------- compare, diagnose, add
 
     async def compare(self) -> None:
         """Compare the model with the records that no fit sees, or with all where there are none."""
-        question = stages.question(self, "compare")
+        question = questions.question(self, "compare")
         await self.asked(self.work, "compare", question)
-        self._done(stages.step(self, "compare"))
+        self._done(questions.step(self, "compare"))
 
     async def diagnose(self) -> None:
         """Ask what is missing."""
-        step = stages.question(self, "diagnose")
+        step = questions.question(self, "diagnose")
         await self.asked(self.work, "diagnose", step)
         self._done({"verb": "diagnose", **step})
 
     async def add(self, effect: str) -> None:
         """Add an effect, fit it, and compare anew."""
         output = self.project.next_model()
-        asked = {**stages.question(self, "add"), "effect": effect, "output": self.project.path(output)}
+        asked = {**questions.question(self, "add"), "effect": effect, "output": self.project.path(output)}
         await self.asked(self.work, "add", asked)
         path = [*self.project.choices["path"], {"verb": "add", **asked}]
         self.project.change(f"add {effect.replace('_', ' ')}", model=output, path=path, guessed=False)
@@ -266,13 +268,19 @@ class Session:
         folder = self.project.folder / "export"
         folder.mkdir(exist_ok=True)
         model = Path(self.project.path(self.project.choices["model"]))
-        described = stages.described(self)
+        described = questions.described(self)
         write_text(folder / "model.yaml", described["yaml"] if described else model.read_text(encoding="utf-8"))
-        write_text(folder / "replay.sh", stages.script(self))
+        write_text(folder / "replay.sh", questions.script(self))
         with contextlib.suppress(RefusedError):
-            args = {**stages.reported(self), "report": str(folder / "report.html")}
+            args = {**questions.reported(self), "report": str(folder / "report.html")}
             await self.work.call("report", args, self._progress)
         self.project.amend(exported=True)
+
+
+def _sure(rows: list[Args]) -> bool:
+    """Tell whether all that a model needs, and more, is found in records by its name."""
+    sure = [r for r in rows if r["column"] and not r["proposed"]]
+    return {r["signal"] for r in rows if r["needed"]} <= {r["signal"] for r in sure} and len(sure) > 1
 
 
 def _with_roles(records: list[dict[str, str]]) -> list[dict[str, str]]:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from signlin_ros.names import AS_GIVEN, REFITTED
-from signlin_ros.workbench import commands
+from signlin_ros.workbench import columns, commands
+from signlin_ros.workbench.questions import AS_THEY_ARE, asked_of, described, question, result, script
 
 if TYPE_CHECKING:
     from signlin_ros.workbench.session import Session
@@ -19,8 +21,13 @@ TITLES = {
     "add": "Add",
     "use": "Use",
 }
-AS_THEY_ARE = "none"
-"""The cure that takes records as they are."""
+EXCHANGED = "exchanged"
+"""The check that finds columns mixed up."""
+LOOKED_FOR = (
+    "Looked for, by what the model would make of the record: other units and signs, columns mixed up, clocks; and in"
+    " each column: jumps, zeros, what is clipped, dead or slow."
+)
+UNKNOWN = "A wrong column that behaves as the right one would cannot be told from it."
 ADVICE = {
     "record": "Drop another file, or correct the mapping below.",
     "check": "Correct the mapping in Record, or drop another record.",
@@ -36,95 +43,6 @@ def advice(stage: str, what: str) -> dict[str, str]:
     return {"what": what, "do": ADVICE[stage]}
 
 
-# -------------------------------------------------------------------- questions
-
-
-def mapping_question(s: Session) -> dict[str, Any]:
-    """Return what is asked about the mapping."""
-    c = s.project.choices
-    files = [s.project.path(r["file"]) for r in c["records"]]
-    return {"model": s.project.path(c["model"]), "files": files, "signals": c["signals"]}
-
-
-def question(s: Session, verb: str) -> dict[str, Any]:
-    """Return what a verb is asked about: model, records, mapping, cures."""
-    p, c = s.project, s.project.choices
-    data, validation = p.files("estimation"), p.files("validation")
-    if verb == "compare":
-        data, validation = validation or data, []
-    base = {"model": p.path(c["model"]), "data": data, "validation": validation, "signals": c["signals"]}
-    cures = _cures(s, [*data, *validation]) if verb == "compare" else c["cures"]
-    return {**base, "cures": cures} if cures else base
-
-
-def _cures(s: Session, files: list[str]) -> list[str]:
-    """Return the chosen cures that the check offers for some of the records: the others would be refused there."""
-    chosen: list[str] = s.project.choices["cures"]
-    found = _result(s, "check", question(s, "check"))
-    findings = found["json"]["findings"] if found else []
-    offered = {f["cure"] for f in findings if str(f.get("record", "")).startswith(tuple(files))}
-    return [cure for cure in chosen if cure in offered or cure == AS_THEY_ARE]
-
-
-def step(s: Session, verb: str) -> dict[str, Any] | None:
-    """Return the step that a verb is on the command line; None for a check that was not done."""
-    asked = question(s, verb)
-    if verb == "check":
-        found = _result(s, "check", asked)
-        if found is None:
-            return None
-        return {"verb": verb, **asked, "data": [*asked["data"], *asked["validation"]], "validation": []}
-    return {"verb": verb, **asked}
-
-
-def _result(s: Session, verb: str, asked: dict[str, Any]) -> Any:
-    return s.project.result(s.project.key(verb, asked))
-
-
-def _asked(done: dict[str, Any]) -> dict[str, Any]:
-    """Return what a step was asked."""
-    return {k: v for k, v in done.items() if k != "verb"}
-
-
-def described(s: Session) -> Any:
-    """Return what is known of the model."""
-    model = s.project.choices["model"]
-    return None if model is None else _result(s, "describe", {"model": s.project.path(model)})
-
-
-def mapping(s: Session) -> list[dict[str, Any]]:
-    """Return the mapping, a row for each signal; empty before it is known."""
-    if s.project.choices["model"] is None:
-        return []
-    found = _result(s, "propose", mapping_question(s))
-    return found["mapping"] if found else []
-
-
-def mapped(s: Session) -> bool:
-    """Tell whether there is a record with all that the model needs."""
-    rows = mapping(s)
-    records = s.project.choices["records"]
-    driven = all(r["column"] for r in rows if r["needed"])
-    return bool(records and driven and any(r["column"] for r in rows if r["kind"] != "input"))
-
-
-def script(s: Session) -> str:
-    """Return the script of what was done."""
-    steps = commands.distinct(s.project.choices["path"])
-    texts = {step["output"]: step["text"] for step in steps if step["verb"] == "set"}
-    return commands.script(Path.cwd(), s.project.place("replay"), steps, texts)
-
-
-def reported(s: Session) -> dict[str, Any]:
-    """Return what a report is asked about: the last diagnosis or addition by its key, or else the comparison."""
-    asked = question(s, "compare")
-    done = [x for x in s.project.choices["path"] if x["verb"] in ("diagnose", "add")]
-    if not done:
-        return {**asked, "command": commands.command({"verb": "compare", **asked})}
-    key = s.project.key(done[-1]["verb"], _asked(done[-1]))
-    return {**asked, "diagnosis": key, "command": commands.command(done[-1])}
-
-
 # -------------------------------------------------------------------- what is shown
 
 
@@ -135,7 +53,7 @@ def shown(s: Session) -> dict[str, Any]:
     blocks = [f(s) for f in (_record, _check, _compare, _diagnose, _add, _use)]
     for block in blocks:
         block["title"] = TITLES[block["id"]]
-        block["error"] = s.errors.get(block["id"])
+        block["error"] = s.errors.get(block["id"]) or block.get("error")
     return {
         "id": p.id,
         "serial": s.serial,
@@ -147,13 +65,13 @@ def shown(s: Session) -> dict[str, Any]:
         "model_name": Path(c["model"]).name if c["model"] else None,
         "shipped": s.shipped,
         "records": [_record_shown(s, r) for r in c["records"]],
-        "mapping": mapping(s),
+        "mapping": columns.tables(s),
         "stages": blocks,
     }
 
 
 def _record_shown(s: Session, record: dict[str, str]) -> dict[str, Any]:
-    found = _result(s, "columns", {"file": s.project.path(record["file"])})
+    found = columns.read(s, record)
     return {**record, "name": Path(record["file"]).name, "path": s.project.path(record["file"]), "found": found}
 
 
@@ -169,19 +87,29 @@ def _record(s: Session) -> dict[str, Any]:
     samples, seconds = sum(f["samples"] for f in read), sum(f["end"] - f["start"] for f in read)
     count = f"{len(records)} record{'s' if len(records) > 1 else ''}"
     text = f"{count}, {samples:,} samples, {seconds:.4g} s. "
-    lacking = [r["signal"] for r in mapping(s) if r["needed"] and not r["column"]]
+    wrong, lacking = _first(s, columns.wrong), _first(s, columns.lacks)
     if s.project.choices["model"] is None:
         text += "Choose a model for it."
+    elif wrong:
+        text += "The columns cannot be read as they are mapped."
     elif lacking:
-        text += f"No column for {', '.join(lacking)}: choose one below."
-    elif mapped(s):
-        text += "All that the model needs was found."
-    elif mapping(s):
-        seen = " or ".join(dict.fromkeys(r["signal"].replace("_", " ") for r in mapping(s) if r["kind"] != "input"))
-        text += f"No column for what was measured: choose one for {seen} below."
+        text += lacking
+    elif columns.complete(s):
+        text += "All that the model needs is there."
     if s.project.choices.get("guessed") and s.project.choices["model"]:
         text += f" {_example(s)} Drop the model file of your machine, or choose another one."
-    return _block("record", "", mapped(s), text)
+    done, error = columns.complete(s), advice("record", wrong) if wrong else None
+    return _block("record", "", done, text, needs=not done, lacking=bool(wrong or lacking), error=error)
+
+
+def _first(s: Session, what: Callable[[columns.Table], str]) -> str:
+    """Return the first thing that mappings lack, or have wrong, and whose it is."""
+    tables = columns.tables(s)
+    found = [(table, text) for table in tables if (text := what(table))]
+    if not found:
+        return ""
+    whose = f"{', '.join(found[0][0]['names'])}: " if len(tables) > 1 and what is columns.lacks else ""
+    return whose + found[0][1].replace(f"{s.project.place()}/", "")
 
 
 def _example(s: Session) -> str:
@@ -198,13 +126,12 @@ def _before(s: Session) -> str:
         return "Choose a model first."
     if changed(s):
         return "The files have changed: open the page anew to read them again."
-    return "" if mapped(s) else "The mapping is not complete: see Record."
+    return "" if columns.complete(s) else "The mapping is not complete: see Record."
 
 
 def changed(s: Session) -> bool:
     """Tell whether files are not as they were when they were read."""
-    files = [s.project.path(r["file"]) for r in s.project.choices["records"]]
-    return s.busy is None and any(_result(s, "columns", {"file": file}) is None for file in files)
+    return s.busy is None and any(columns.read(s, record) is None for record in s.project.choices["records"])
 
 
 def _check(s: Session) -> dict[str, Any]:
@@ -212,23 +139,46 @@ def _check(s: Session) -> dict[str, Any]:
     if why:
         return _block("check", why, False, "")
     asked = question(s, "check")
-    found = _result(s, "check", asked)
+    found = result(s, "check", asked)
     files = {"data": [*asked["data"], *asked["validation"]], "validation": []}
     command = commands.command({"verb": "check", **asked, **files})
     if found is None:
         return _block("check", "", False, "Not checked yet.", command)
-    findings = found["json"].get("findings", [])
+    findings = [{**f, "remap": remap} for f, remap in zip(found["json"]["findings"], _remaps(s, found), strict=True)]
     cures = s.project.choices["cures"]
     done = AS_THEY_ARE in cures or not any(f["severity"] == "refuse" and not f.get("applied") for f in findings)
-    return _block(
-        "check",
-        "",
-        done,
-        _checked(findings) + _whose_numbers(s, findings),
-        command,
-        findings=findings,
-        cures=s.project.choices["cures"],
-    )
+    text = _checked(findings) + _named(s) + _whose_numbers(s, findings)
+    more = {"findings": findings, "cures": cures, "looked": _looked(s), "needs": not done}
+    return _block("check", "", done, text, command, **more)
+
+
+def _named(s: Session) -> str:
+    """Return that columns are what somebody said they are, where somebody did."""
+    said = any(row["set"] for table in columns.tables(s) for row in table["rows"])
+    return " The columns are taken as you named them." if said else ""
+
+
+def _remaps(s: Session, found: Any) -> list[dict[str, Any] | None]:
+    """Return for every finding what would answer it in the mapping: columns exchanged, a sign from another one."""
+    return [
+        _remap(s, f, direction) for f, direction in zip(found["json"]["findings"], found["directions"], strict=True)
+    ]
+
+
+def _remap(s: Session, finding: dict[str, Any], direction: dict[str, str] | None) -> dict[str, Any] | None:
+    table = columns.of(s, finding["record"])
+    if table is None or finding["applied"]:
+        return None
+    mixed = finding["check"] == EXCHANGED
+    signals = columns.exchanged(table, finding["channel"].split(", ")) if mixed else direction
+    return {"files": table["files"], "signals": signals} if signals else None
+
+
+def _looked(s: Session) -> list[str]:
+    """Return what a check has looked for, and what it cannot know."""
+    tables = columns.tables(s)
+    said = [(f"{', '.join(t['names'])}: " if len(tables) > 1 else "") + columns.said(t) for t in tables]
+    return [LOOKED_FOR, *(f"Columns as mapped. {text}." for text in said), UNKNOWN]
 
 
 def _whose_numbers(s: Session, findings: list[dict[str, Any]]) -> str:
@@ -255,7 +205,9 @@ def _checked_first(s: Session) -> str:
     if why:
         return why
     check = _check(s)
-    return "" if check["done"] else "Check comes first: see there what is to be cured."
+    if check["done"]:
+        return ""
+    return "Check comes first: see there what is to be cured." if "findings" in check else "Check comes first."
 
 
 def _compare(s: Session) -> dict[str, Any]:
@@ -263,11 +215,18 @@ def _compare(s: Session) -> dict[str, Any]:
     if why:
         return _block("compare", why, False, "")
     asked = question(s, "compare")
-    found, command = _result(s, "compare", asked), commands.command({"verb": "compare", **asked})
+    found, command = result(s, "compare", asked), commands.command({"verb": "compare", **asked})
     if found is None:
         return _block("compare", "", False, "Model and measurement, on top of each other.", command)
     key = s.project.key("compare", asked)
-    return _block("compare", "", True, _compared(found["json"]), command, result=found, key=key)
+    text = f"{found['lost']}{_mixed_up(s)}" if found["lost"] else _compared(found["json"])
+    return _block("compare", "", True, text, command, result=found, key=key, lost=bool(found["lost"]))
+
+
+def _mixed_up(s: Session) -> str:
+    """Return what the check says of columns that are mixed up; empty where it says nothing."""
+    told = [f["sentence"] for f in _check(s).get("findings", ()) if f["check"] == EXCHANGED and not f["applied"]]
+    return f" The check: {told[0]}" if told else ""
 
 
 def _compared(content: dict[str, Any]) -> str:
@@ -281,7 +240,8 @@ def _compared(content: dict[str, Any]) -> str:
         return f"On {names} nothing can be scored: see the notes."
     worst = max(scored, key=lambda n: scored[n]["rmse_over_noise"])
     ratio = scored[worst]["rmse_over_noise"]
-    ahead = f"over the next {(first or content)['horizon']:g} s" + (", on unseen data," if first else "")
+    ahead = f"over the next {(first or content)['horizon']:g} s (the model's update_period)"
+    ahead += ", on the last third, held out," if first else ""
     if ratio < 1.1:
         return f"On {names} every prediction {ahead} is no further off than the noise."
     where = f" Most of the error: {content['where'][0]['region']}." if content["where"] else ""
@@ -293,7 +253,7 @@ def _diagnose(s: Session) -> dict[str, Any]:
     if why:
         return _block("diagnose", why, False, "")
     asked = question(s, "diagnose")
-    found, command = _result(s, "diagnose", asked), commands.command({"verb": "diagnose", **asked})
+    found, command = result(s, "diagnose", asked), commands.command({"verb": "diagnose", **asked})
     if found is None:
         judge = "the record that no fit sees decides" if asked["validation"] else "the last third, held out, decides"
         text = f"Which effect is missing? All of the catalogue compete; {judge}."
@@ -302,7 +262,13 @@ def _diagnose(s: Session) -> dict[str, Any]:
         return _block("diagnose", "", False, text, command)
     content = found["json"]
     text = f"{content['verdict'].capitalize()}: {content['sentence']}"
-    return _block("diagnose", "", True, text, command, result=found)
+    return _block("diagnose", "", True, text, command, result=found, unseen=_unseen(s))
+
+
+def _unseen(s: Session) -> str:
+    """Return in words what the unseen data are."""
+    files = [Path(file).name for file in s.project.files("validation")]
+    return ", ".join(files) if files else "the last third of the record, held out"
 
 
 def _add(s: Session) -> dict[str, Any]:
@@ -316,7 +282,7 @@ def _add(s: Session) -> dict[str, Any]:
     if diagnosis is not None:
         text = "Add the effect that is missing, and watch the error on unseen data."
         if not offers:
-            text = "Nothing was named that is not in the model. Another effect may be added all the same."
+            text = "Nothing is named that the model does not have. Another effect may be added all the same."
     if last is not None:
         text = last["json"]["sentence"]
     command = commands.command(last["step"]) if last else ""
@@ -324,7 +290,8 @@ def _add(s: Session) -> dict[str, Any]:
         command = commands.command({"verb": "add", **question(s, "add"), "effect": offers[0], "output": "NEW.yaml"})
     fitted = last["json"]["parameters"] if last else {}
     std = {name: p["std"] for name, p in fitted.items() if p.get("std")}
-    more = {"std": std, "offers": offers, "ladder": _ladder(added), "others": _others(s, diagnosis)}
+    more: dict[str, Any] = {"std": std, "offers": offers, "ladder": _ladder(added), "others": _others(s, diagnosis)}
+    more |= {"result": last["found"] if last else None, "unseen": _unseen(s)}
     return _block("add", "", bool(added), text, command, **more)
 
 
@@ -332,16 +299,16 @@ def _last(s: Session, verb: str) -> Any:
     """Return the last result of a verb on the way to this model."""
     for done in reversed(s.project.choices["path"]):
         if done["verb"] == verb:
-            return _result(s, verb, _asked(done))
+            return result(s, verb, asked_of(done))
     return None
 
 
 def _added(s: Session) -> list[dict[str, Any]]:
     found = []
     for done in s.project.choices["path"]:
-        result = _result(s, "add", _asked(done)) if done["verb"] == "add" else None
-        if result is not None:
-            found.append({"json": result["json"], "step": done})
+        answer = result(s, "add", asked_of(done)) if done["verb"] == "add" else None
+        if answer is not None:
+            found.append({"json": answer["json"], "step": done, "found": answer})
     return found
 
 
@@ -393,11 +360,19 @@ def _use(s: Session) -> dict[str, Any]:
     folder = s.project.folder / "export"
     there = [n for n in ("model.yaml", "report.html", "replay.sh") if (folder / n).is_file()]
     done = bool(s.project.choices.get("exported")) and bool(there)
-    model = s.project.path(s.project.choices["model"])
+    model = s.project.place("export/model.yaml") if done else _launched(s)
     text = "Take the model, the report, and the script of what was done."
     text = f"Written to {s.project.place('export')}." if done else text
     files = there if done else []
     return _block("use", "", done, text, commands.launch_line(model), files=files, script=script(s))
 
 
-__all__ = ["advice", "described", "mapped", "mapping_question", "question", "reported", "script", "shown", "step"]
+def _launched(s: Session) -> str:
+    """Return the file of the model, also where it was chosen by the name of a shipped one."""
+    found = described(s)
+    if found and Path(found["file"]).is_absolute():
+        return s.project.path(found["file"])
+    return str(found["file"] if found else s.project.path(s.project.choices["model"]))
+
+
+__all__ = ["advice", "changed", "shown"]

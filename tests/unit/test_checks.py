@@ -16,7 +16,9 @@ import pytest
 from numpy.typing import NDArray
 
 from signlin_ros.checks import CHECKS, Finding, check, require_sound, to_json
-from signlin_ros.checks.base import with_channel
+from signlin_ros.checks.base import values_of, with_channel
+from signlin_ros.checks.direction import with_direction
+from signlin_ros.checks.exchanged import exchanged
 from signlin_ros.cli import main
 from signlin_ros.errors import InputError, RecordError
 from signlin_ros.model import Model
@@ -303,6 +305,37 @@ def test_an_input_without_a_sign_is_refused() -> None:
     assert finding.open
     assert "'dir'" in finding.sentence
     assert "sign(dir)" in finding.sentence
+
+
+@pytest.mark.parametrize("order", [("current", "speed"), ("voltage", "speed"), ("voltage", "current", "speed")])
+def test_columns_that_are_mixed_up_are_named_and_put_right(order: tuple[str, ...]) -> None:
+    model, data = motor()
+    model, data = Model.load("dc_motor"), replace(data, measured={n: data.measured[n] for n in ("current", "speed")})
+    mixed = exchanged(data, order)
+    back = (order[0], *reversed(order[1:]))
+    finding = the("exchanged", model, mixed)
+    assert finding.severity == "refuse"
+    assert set(finding.about) == set(order)
+    right, left = found(model, mixed, (finding.cure,))
+    assert left["exchanged"].applied
+    for name in order:
+        np.testing.assert_array_equal(values_of(right, name), values_of(data, name))
+        np.testing.assert_array_equal(values_of(exchanged(mixed, back), name), values_of(data, name))
+
+
+def test_columns_of_a_model_that_fits_no_order_are_not_said_to_be_mixed_up() -> None:
+    model, data = motor()
+    noise = np.random.default_rng(3).normal(size=len(data))
+    _, findings = found(model, with_channel(data, "current", noise))
+    assert "exchanged" not in findings
+
+
+@field
+def test_the_column_of_the_direction_is_found() -> None:
+    file = str(FIELD / "csv" / "sign_column.csv")
+    model = Model.load("dc_motor")
+    assert with_direction(model, file, {"voltage": "pwm"}, "voltage") == {"voltage": "sign(dir) * pwm"}
+    assert with_direction(model, str(FIELD / "channels" / "plain.csv"), {}, "voltage") is None
 
 
 def test_a_one_way_input_of_a_drive_that_swings_back_is_right() -> None:

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
@@ -194,6 +194,65 @@ class Page:
 
         self.wait(clicked, f"{identity} to be clicked on")
         self.clicks += 1
+
+    def choose(self, identity: str, value: str) -> None:
+        """Choose an option of a list, and wait until what follows from it is done."""
+        from selenium.webdriver.support.ui import Select
+
+        def chosen() -> bool:
+            Select(self.driver.find_element("id", identity)).select_by_value(value)
+            return True
+
+        with self.settling():
+            self.wait(chosen, f"{value} of {identity} to be chosen")
+        self.clicks += 2
+
+    def chosen(self, identity: str) -> str:
+        """Return the value of a list or a field."""
+        (value,) = self.wait(lambda: (self.driver.find_element("id", identity).get_attribute("value"),), identity)
+        return str(value)
+
+    def shows(self, stage: str, text: str) -> None:
+        """Wait until a text stands in a stage."""
+        self.wait(lambda: text in self.stage(stage).text, f"{text!r} in {stage}")
+
+    def write(self, identity: str, text: str) -> None:
+        """Write something into a field in place of what stands there, and wait until what follows from it is done."""
+        from selenium.webdriver import Keys
+
+        with self.settling():
+            self.type(identity, Keys.CONTROL, "a", Keys.NULL, text or Keys.DELETE, Keys.ENTER)
+
+    def type(self, identity: str, *keys: str) -> None:
+        """Press keys in a field."""
+
+        def typed() -> bool:
+            self.driver.find_element("id", identity).send_keys(*keys)
+            return True
+
+        self.wait(typed, f"{identity} to be written into")
+
+    def press(self, identity: str) -> None:
+        """Click, and wait until what follows from it is done."""
+        with self.settling():
+            self.click(identity)
+
+    @contextmanager
+    def settling(self) -> Iterator[None]:
+        """Wait until something is changed, the server does nothing any more, and the page shows the state it is in."""
+        before = self._state()["serial"]
+        yield
+        shown = "return document.documentElement.dataset.serial"
+
+        def settled() -> bool:
+            now = self._state()
+            return now["serial"] != before and not now["busy"] and now["serial"] == self.driver.execute_script(shown)
+
+        self.wait(settled, "the page to settle")
+
+    def _state(self) -> Any:
+        ask = "const done = arguments[0]; fetch(`${location.pathname}/state`).then((r) => r.json()).then(done)"
+        return self.driver.execute_async_script(ask)
 
     def drop(self, *files: Path) -> None:
         """Drop files onto the page."""

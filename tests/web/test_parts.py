@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from signlin_ros import units
 from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model
 from signlin_ros.nodes.feed_logic import POINTS, Feed, predicted
@@ -122,11 +123,12 @@ def test_a_script_reads_the_models_that_it_has_made(tmp_path: Path) -> None:
 def test_what_the_check_found_decides_whether_one_may_go_on(
     findings: list[dict[str, Any]], cures: list[str], done: bool, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = {"json": {"findings": [{"channel": "speed", **f} for f in findings]}}
-    choices = {"cures": cures, "records": [1], "model": "dc_motor", "signals": {}}
+    rows = [{"check": "clipped", "record": "a.csv", "applied": False, "channel": "speed", **f} for f in findings]
+    found = {"json": {"findings": rows}, "directions": [None] * len(rows)}
+    choices = {"cures": cures, "records": [], "model": "dc_motor"}
     session: Any = SimpleNamespace(project=SimpleNamespace(choices=choices, files=lambda _: ["a.csv"], path=str))
     monkeypatch.setattr(stages, "_before", lambda _: "")
-    monkeypatch.setattr(stages, "_result", lambda *_: found)
+    monkeypatch.setattr(stages, "result", lambda *_: found)
     block = stages._check(session)
     assert block["done"] is done
     assert says in block["sentence"]
@@ -194,6 +196,19 @@ def test_columns_are_proposed_by_name_unit_and_derivative() -> None:
     assert rows["velocity"]["why"] == "found by its name"
     assert rows["displacement"]["column"] == "c1"
     assert "derivative" in rows["displacement"]["why"]
+
+
+def test_a_proposal_says_that_it_is_one_and_asks_for_the_unit() -> None:
+    t = np.arange(500) / 100.0
+    given = record(pwm=(np.sin(t), ""), current=(np.cos(t), "mA"), rate=(np.cos(2 * t), "deg/s"), c=(t, ""))
+    rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [given], {})}
+    assert rows["voltage"]["why"] == "guessed: called 'pwm'; in what unit? Taken in V"
+    assert rows["speed"]["why"] == "guessed: called 'rate' and in deg/s"
+    assert rows["current"]["why"] == "found by its name"
+    left_out = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [given], {"speed": ""})}["speed"]
+    assert (left_out["column"], left_out["set"], left_out["why"]) == (None, True, "as you set it")
+    assert rows["speed"]["units"] == ["rad/s", "rpm", "deg/s", "turns/s"]
+    assert all(units.conversion(u, r["unit"]) for r in rows.values() for u in r["units"])
 
 
 def test_what_was_asked_for_is_not_what_was_measured() -> None:

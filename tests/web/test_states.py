@@ -148,13 +148,13 @@ def test_steps_are_taken_back_and_taken_again(
     page.open(server(str(hidden_effect / "model.yaml")).address)
     page.drop(hidden_effect / "estimation.csv", hidden_effect / "validation.csv")
     page.done("check")
-    page.click("role-validation.csv")
-    page.wait(lambda: "unseen" not in page.stage("record").text, "the role to change")
+    page.choose("role-validation.csv", "estimation")
+    page.wait(lambda: page.chosen("role-validation.csv") == "estimation", "the role to change")
     page.wait(lambda: not page.busy, "the check")
     page.click("undo")
-    page.wait(lambda: "unseen by the fit" in page.stage("record").text, "the role to be back")
+    page.wait(lambda: page.chosen("role-validation.csv") == "validation", "the role to be back")
     page.click("redo")
-    page.wait(lambda: "unseen by the fit" not in page.stage("record").text, "the role to change again")
+    page.wait(lambda: page.chosen("role-validation.csv") == "estimation", "the role to change again")
 
 
 @pytest.mark.parametrize("dark", [False, True])

@@ -21,6 +21,7 @@ export const post = async (path, args = {}) =>
   answered(await fetch(`${base}${path}`, { method: "POST", headers: HEADERS, body: JSON.stringify(args) }));
 export const act = (name, args) => post(`/do/${name}`, args);
 export const show = (what, args) => post(`/show/${what}`, args);
+export const projects = async () => answered(await fetch("/projects", { cache: "no-store" }));
 export const newProject = async () => answered(await fetch("/new", { method: "POST", headers: HEADERS, body: "{}" }));
 export const exported = (name) => `${base}/export/${name}`;
 export const events = () => new EventSource(`${base}/events`);

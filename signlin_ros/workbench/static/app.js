@@ -6,12 +6,13 @@ import { RENDER, command, restyle, restyleTuner } from "./stages.js";
 import { live, restyleLive } from "./live.js";
 import { latest } from "./sync.js";
 
-const DO = { compare: "Compare", diagnose: "Diagnose", use: "Export" };
+const DO = { check: "Check", compare: "Compare", diagnose: "Diagnose", use: "Export" };
 const NAMES = { use: "export" };
 const main = document.getElementById("stages");
 let state = null;
 let uploading = null;
 let trouble = {};
+let wasBusy = false;
 const opened = new Map(); // which details were, by their names; what is lacking in the mapping opens it again
 
 const RETRY = 1000; // ms after which a state that did not come is asked for again
@@ -44,7 +45,7 @@ async function go(name, args) {
     if (name === "files") await take(args);
     else await api.act(name, args ?? {});
   } catch (error) {
-    const place = { map_signal: "record", model: "record", role: "record", drop: "record", sample: "record", files: "record", cure: "check", keep: "add", export: "use" }[name] ?? name;
+    const place = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", sample: "record", files: "record", cure: "check", keep: "add", export: "use" }[name] ?? name;
     trouble[place in RENDER ? place : "record"] = error.message;
     say(error.message);
   }
@@ -75,14 +76,16 @@ function draw() {
   if (!state) return;
   for (const block of state.stages) stage(block);
   document.getElementById("loading")?.remove();
-  document.getElementById("folder").textContent = state.folder;
   const busy = Boolean(state.busy);
+  if (!busy && wasBusy) say("Done.");
+  wasBusy = busy;
   for (const [id, label, name] of [["undo", state.undo, "Undo"], ["redo", state.redo, "Redo"]]) {
     const button = document.getElementById(id);
     button.disabled = !label || busy;
     button.title = label ? `${name}: ${label}` : `Nothing to ${name.toLowerCase()}`;
   }
   rail();
+  document.documentElement.dataset.serial = state.serial; // which state is shown
 }
 
 function stage(block) {
@@ -99,14 +102,20 @@ function stage(block) {
   fill(section.querySelector(".head"), head(block, working));
   const body = section.querySelector(".body");
   for (const d of body.querySelectorAll("details[id]")) opened.set(d.id, d.open);
-  fill(body, block.why ? null : RENDER[block.id](block, state, go));
+  if (!typing(body)) fill(body, block.why ? null : RENDER[block.id](block, state, go));
   for (const d of body.querySelectorAll("details[id]")) if (opened.has(d.id)) d.open = opened.get(d.id) || (d.open && d.id === "mapping");
   fill(section.querySelector(".foot"), next(block));
 }
 
+// Whether somebody types there.
+function typing(body) {
+  const field = document.activeElement;
+  return body.contains(field) && field.matches("input.formula") && field.value !== field.dataset.shown;
+}
+
 function head(block, working) {
   const error = trouble[block.id] ? { what: trouble[block.id], do: "" } : block.error;
-  const can = DO[block.id] && !block.why && !working;
+  const can = DO[block.id] && !block.why && !working && !checked(block);
   const fresh = can && !block.done;
   const offered = state.stages.some((b) => b.offers?.length > 0); // then adding is what comes next
   const first = !offered && state.stages.find((b) => !b.done && !b.why)?.id === block.id;
@@ -123,6 +132,9 @@ function head(block, working) {
   ];
 }
 
+// The check is done by itself; it is only asked for where that failed.
+const checked = (block) => block.id === "check" && Boolean(block.findings);
+
 // After an addition the model may be taken, whatever else one may ask.
 const added = (block) => block.id === "use" && state.stages.some((b) => b.id === "add" && b.done);
 
@@ -130,7 +142,7 @@ const added = (block) => block.id === "use" && state.stages.some((b) => b.id ===
 function next(block) {
   const order = state.stages.map((b) => b.id);
   const after = state.stages[order.indexOf(block.id) + 1];
-  if (!block.done || !after || after.done || after.why || !DO[after.id] || state.busy) return null;
+  if (!block.done || !after || after.done || after.why || !DO[after.id] || checked(after) || state.busy) return null;
   const does = () => {
     document.getElementById(`stage-${after.id}`).scrollIntoView();
     go(NAMES[after.id] ?? after.id);
@@ -138,13 +150,21 @@ function next(block) {
   return h("div", { class: "row" }, h("button", { id: `next-${block.id}`, onclick: does }, `Next: ${DO[after.id]}`));
 }
 
+// In a word, how a stage stands.
+function standing(b) {
+  if (state.busy?.stage === b.id) return "running";
+  if (b.why) return "not yet";
+  if (b.error || trouble[b.id] || (b.needs && state.records.length)) return "needs you";
+  return b.done ? "done" : "ready";
+}
+
 function rail() {
   const here = state.busy?.stage ?? state.stages.find((b) => !b.done && !b.why)?.id;
   fill(document.getElementById("rail"), h("ol", {}, state.stages.map((b) => h("li", {},
     h("a", { href: `#stage-${b.id}`, id: `to-${b.id}`, "aria-current": b.id === here ? "step" : null },
-      h("span", { "aria-hidden": "true" }, state.busy?.stage === b.id ? "◌" : b.error || trouble[b.id] ? "!" : b.done ? "✓" : b.why ? "·" : "○"),
+      h("span", { "aria-hidden": "true" }, state.busy?.stage === b.id ? "◌" : standing(b) === "needs you" ? "!" : b.done ? "✓" : b.why ? "·" : "○"),
       h("span", {}, b.title, h("span", { class: "hidden" }, b.done ? ", done" : b.why ? ", not possible yet" : "")),
-      h("small", {}, b.why ? "not yet" : state.busy?.stage === b.id ? "running" : b.done ? "done" : "ready"))))));
+      h("small", {}, standing(b)))))));
 }
 
 // -------------------------------------------------------------------- what happens
@@ -212,6 +232,19 @@ function tabs() {
   });
 }
 
+// The projects of this folder; which one is shown, and the others to go to.
+async function projects() {
+  const select = document.getElementById("projects");
+  const here = location.pathname.split("/")[2];
+  const clock = { month: "short", day: "numeric", hour: "2-digit", minute: "2-digit" };
+  const found = await api.projects().catch(() => []);
+  const others = found.filter((p) => p.id !== here);
+  fill(select, h("option", { value: here, selected: true }, `.signlin/${here}`),
+    others.map((p) => h("option", { value: p.id }, `${p.title} (${new Date(1000 * p.used).toLocaleString("en", clock)})`)));
+  select.disabled = !others.length;
+  select.onchange = () => { location.href = `/p/${select.value}`; };
+}
+
 document.getElementById("undo").addEventListener("click", () => go("undo"));
 document.getElementById("redo").addEventListener("click", () => go("redo"));
 document.getElementById("new").addEventListener("click", async () => { location.href = `/p/${(await api.newProject()).id}`; });
@@ -219,4 +252,5 @@ dropping();
 theme();
 tabs();
 listen();
+projects();
 refresh();

@@ -54,13 +54,13 @@ function record(block, state, go) {
     models(state, go),
     small && records(state, go),
     small && state.records.some((r) => r.found) && recorded(state),
-    state.mapping.length > 0 && mapping(state, go),
+    state.mapping.length > 0 && mapping(state, block.lacking, go),
   ];
 }
 
 function models(state, go) {
   const select = h("select", { id: "model", onchange: (e) => e.target.value && go("model", { name: e.target.value }) },
-    h("option", { value: "" }, state.model ? `${state.model_name} (${words(state.model.plant)})` : "choose one ..."),
+    h("option", { value: "" }, state.model ? state.model_name : "choose one ..."),
     state.shipped.map((m) => h("option", { value: m.name }, `${m.name}: ${m.summary}`)));
   const effects = state.model?.effects.length ? ` with ${state.model.effects.map(words).join(", ")}` : "";
   return h("div", { class: "row" }, h("label", { for: "model" }, "Model"), select,
@@ -68,10 +68,13 @@ function models(state, go) {
 }
 
 function records(state, go) {
+  const only = state.records.length === 1;
+  const role = (r) => h("select", { id: `role-${r.file}`, "aria-label": `What ${r.name} is for`, disabled: only,
+    onchange: () => go("role", { file: r.file }) },
+    [["estimation", "for the fit"], ["validation", "unseen by the fit"]].map(([value, text]) => h("option", { value, selected: r.role === value }, text)));
   const row = (r) => h("tr", {},
     h("td", { class: "name" }, r.name),
-    h("td", {}, h("button", { class: "small", id: `role-${r.file}`, onclick: () => go("role", { file: r.file }) },
-      r.role === "estimation" ? "for the fit" : "unseen by the fit")),
+    h("td", {}, role(r), only && h("div", { class: "quiet" }, "but its last third")),
     h("td", { class: "number" }, r.found ? r.found.samples.toLocaleString("en") : "reading ..."),
     h("td", { class: "number" }, r.found ? `${number(r.found.end - r.found.start, 4)} s` : ""),
     h("td", { class: "number" }, r.found ? `${number(1 / r.found.step, 4)} Hz` : ""),
@@ -86,7 +89,8 @@ function recorded(state) {
   const r = state.records[picked];
   const choose = state.records.length > 1 && h("div", { class: "row", role: "group", "aria-label": "Which record is shown" },
     state.records.map((one, k) => h("button", { class: "small", "aria-pressed": k === picked, id: `see-${k}`, onclick: (e) => { picked = k; show(e.target); } }, one.name)));
-  const units = Object.fromEntries(state.mapping.filter((m) => m.column).map((m) => [m.column, m.unit]));
+  const own = state.mapping.find((table) => table.files.includes(r.file))?.rows ?? [];
+  const units = Object.fromEntries(own.filter((m) => m.column).map((m) => [m.column, m.unit]));
   const ask = async (span) => {
     const found = await api.show("record", { ...span, record: picked });
     for (const p of found.plots) p.unit ||= units[p.name] ?? "unit?";
@@ -101,29 +105,70 @@ function recorded(state) {
   return h("details", { open: true, id: "recorded" }, h("summary", {}, "What was recorded"), choose, holder);
 }
 
-function mapping(state, go) {
-  const columns = [...new Set(state.records.flatMap((r) => r.found?.columns.map((c) => c.label) ?? []))];
-  const unitOf = (label) => state.records.flatMap((r) => r.found?.columns ?? []).find((c) => c.label === label)?.unit ?? "";
-  const row = (m) => {
-    const parts = taken(m.column, columns);
-    const send = (change) => go("map_signal", { signal: m.signal, column: parts.column, unit: parts.unit, factor: parts.factor, ...change });
-    return h("tr", {},
-      h("td", {}, h("b", {}, words(m.signal)), unit(m.unit)),
-      h("td", {}, { input: "drives the machine", state: "measured state", output: "measured output" }[m.kind]),
-      h("td", {}, h("select", { id: `map-${m.signal}`, "aria-label": `Column for ${words(m.signal)}`, onchange: (e) => send({ column: e.target.value, unit: "" }) },
-        h("option", { value: "", selected: !m.column }, m.needed ? "choose a column ..." : "not measured"),
-        [...new Set([...columns, ...(parts.column ? [parts.column] : [])])].map((c) => h("option", { value: c, selected: c === parts.column }, c)))),
-      h("td", {}, h("select", { id: `unit-${m.signal}`, "aria-label": `Unit of the column for ${words(m.signal)}`, onchange: (e) => send({ unit: e.target.value }) },
-        units(m.unit, parts.unit || unitOf(parts.column)).map((u) => h("option", { value: u, selected: u === (parts.unit || unitOf(parts.column)) }, u || "as the model")))),
-      h("td", {}, h("select", { id: `factor-${m.signal}`, "aria-label": `Factor for ${words(m.signal)}`, onchange: (e) => send({ factor: Number(e.target.value) }) },
-        [...new Set([1, 0.001, 0.01, 0.1, 10, 100, 1000, Math.abs(parts.factor)])].sort((a, b) => a - b).map((f) => h("option", { value: f * Math.sign(parts.factor), selected: f === Math.abs(parts.factor) }, `× ${number(f, 6)}`)))),
-      h("td", {}, h("button", { class: "small", id: `sign-${m.signal}`, disabled: !m.column, "aria-pressed": parts.factor < 0, onclick: () => send({ factor: -parts.factor }) }, parts.factor < 0 ? "sign reversed" : "reverse sign")),
-      h("td", { class: "quiet" }, m.why));
+// A table for each group of records that have the same columns; ids of all but the first end in its number.
+function mapping(state, lacking, go) {
+  const guessed = state.mapping.some((table) => table.rows.some((m) => m.proposed));
+  return h("details", { open: lacking || guessed, id: "mapping" }, h("summary", {}, "Columns and signals"),
+    state.mapping.map((table, k) => signals(table, k ? `-${k}` : "", state.mapping.length > 1, go)));
+}
+
+function signals(table, end, several, go) {
+  const file = table.files[0];
+  const map = (signal, change) => go("map_signal", { file, signal, ...change });
+  const apart = table.alike > 1 && h("button", { class: "small", id: `apart${end}`, onclick: () => go("apart", { file }) }, table.apart ? "Map them all like this one" : "Map them one by one");
+  return [
+    (several || table.alike > 1) && h("div", { class: "row" }, h("b", {}, table.names.join(", ")), apart),
+    h("table", { class: "mapping" }, h("thead", {}, h("tr", {}, ["signal", "column", "its unit", "factor", "sign", "or a formula", "why"].map((t) => h("th", { scope: "col" }, t)))),
+      h("tbody", {}, table.rows.map((m) => signal(m, table, end, map)), time(table, end, map))),
+    table.texts.length > 0 && h("p", { class: "quiet" }, `Columns of text, which a formula may take the sign of: ${table.texts.join(", ")}.`),
+  ];
+}
+
+const KINDS = { input: "drives the machine", state: "measured state", output: "measured output" };
+
+function signal(m, table, end, map) {
+  const columns = table.columns.map((c) => c.label);
+  const parts = taken(m.column, columns);
+  const formula = Boolean(parts.column) && !columns.includes(parts.column);
+  const own = table.columns.find((c) => c.label === parts.column)?.unit ?? "";
+  const now = parts.unit || own;
+  const send = (change) => map(m.signal, { column: parts.column, unit: parts.unit, factor: parts.factor, ...change });
+  const name = words(m.signal);
+  return h("tr", {},
+    h("td", {}, h("b", {}, name), unit(m.unit), h("br"), h("span", { class: "quiet" }, KINDS[m.kind])),
+    h("td", {}, h("select", { id: `map-${m.signal}${end}`, "aria-label": `Column for ${name}`, onchange: (e) => send({ column: e.target.value, unit: "" }) },
+      h("option", { value: "", selected: !m.column }, m.needed ? "choose a column ..." : "not measured"),
+      formula && h("option", { value: parts.column, selected: true }, "by the formula"),
+      table.columns.map((c) => h("option", { value: c.label, selected: c.label === parts.column }, `${c.label}: ${range(c)}`)))),
+    h("td", {}, h("select", { id: `unit-${m.signal}${end}`, disabled: !m.column || formula, "aria-label": `Unit of the column for ${name}`, onchange: (e) => send({ unit: e.target.value }) },
+      !own && h("option", { value: "", selected: !now }, "as the model"),
+      [...new Set([...(own || parts.unit ? [now] : []), ...m.units])].map((u) => h("option", { value: u, selected: u === now }, u)))),
+    h("td", {}, h("select", { id: `factor-${m.signal}${end}`, disabled: !m.column || formula, "aria-label": `Factor for ${name}`, onchange: (e) => send({ factor: Number(e.target.value) }) },
+      [...new Set([1, 0.001, 0.01, 0.1, 10, 100, 1000, Math.abs(parts.factor)])].sort((a, b) => a - b).map((f) => h("option", { value: f * Math.sign(parts.factor), selected: f === Math.abs(parts.factor) }, `× ${number(f, 6)}`)))),
+    h("td", {}, h("button", { class: "small", id: `sign-${m.signal}${end}`, disabled: !m.column || formula, "aria-pressed": parts.factor < 0, onclick: () => send({ factor: -parts.factor }) }, parts.factor < 0 ? "sign reversed" : "reverse sign")),
+    h("td", {}, field(`formula-${m.signal}${end}`, `Formula of columns for ${name}`, formula ? m.column : "", m.kind === "input" ? "sign(dir) * pwm" : "0.0105 * c2 - 1", (text) => map(m.signal, { formula: text }))),
+    h("td", { class: "quiet" }, m.why));
+}
+
+// A field for a formula; while something is typed that was not taken yet, the page does not draw it anew.
+function field(id, label, value, placeholder, take) {
+  const taken = (e) => {
+    e.target.dataset.shown = e.target.value;
+    take(e.target.value);
   };
-  const driven = state.mapping.every((m) => !m.needed || m.column), seen = state.mapping.some((m) => m.kind !== "input" && m.column);
-  const open = !driven || !seen || state.mapping.some((m) => m.proposed);
-  return h("details", { open, id: "mapping" }, h("summary", {}, "Columns and signals"),
-    h("table", {}, h("thead", {}, h("tr", {}, ["signal", "", "column", "its unit", "factor", "sign", "why"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, state.mapping.map(row))));
+  return h("input", { type: "text", class: "formula", id, "aria-label": label, spellcheck: "false", autocomplete: "off", value, "data-shown": value, placeholder, onchange: taken });
+}
+
+// What the time is, where the reader is to be told.
+function time(table, end, map) {
+  return h("tr", {}, h("td", {}, h("b", {}, "time"), unit("s")), h("td", { class: "quiet", colspan: 4 }, table.time ? "" : "as it was read; a column, a formula, or the s from row to row"),
+    h("td", {}, field(`formula-t${end}`, "Column or formula of the time", table.time, "stamp [ms]", (text) => map("t", { formula: text }))),
+    h("td", { class: "quiet" }, table.time ? "as you set it" : "found by the reader"));
+}
+
+function range(c) {
+  if (c.low === null) return "no numbers";
+  return c.low === c.high ? `${number(c.low, 4)} throughout` : `${number(c.low, 3)} to ${number(c.high, 3)}`;
 }
 
 // Take "-0.1 * column [unit]" apart.
@@ -136,15 +181,6 @@ function taken(specification, columns) {
   return bare && !columns.includes(rest) ? { factor, column: bare, unit: stated[2] } : { factor, column: rest, unit: "" };
 }
 
-const FAMILIES = [
-  ["rad", "deg", "rev", "mm", "m"], ["rad/s", "deg/s", "rpm", "m/s", "mm/s"], ["A", "mA"], ["V", "mV"], ["N", "kN", "N·m", "mN·m"],
-];
-
-function units(wanted, now) {
-  const family = FAMILIES.filter((f) => wanted.split(" or ").some((u) => f.includes(u))).flat();
-  return [...new Set(["", ...family, now])];
-}
-
 // -------------------------------------------------------------------- check
 
 const MARKS = { note: "ℹ noted", offer: "△ on offer", refuse: "✕ in the way" };
@@ -152,6 +188,7 @@ const MARKS = { note: "ℹ noted", offer: "△ on offer", refuse: "✕ in the wa
 function check(block, state, go) {
   const chosen = block.cures ?? [];
   const button = (f, k) => {
+    if (f.remap) return h("button", { id: `remap-${k}`, class: "small primary", onclick: () => go("remap", { finding: k }) }, `Use ${Object.entries(f.remap.signals).map(([name, spec]) => `${words(name)} = ${spec}`).join(", ")}`);
     if (!f.cure || (f.applied && !chosen.includes(f.cure))) return null;
     const urgent = f.severity === "refuse" && !f.applied;
     return h("button", { id: `cure-${k}`, class: urgent ? "small primary" : "small", onclick: () => go("cure", { name: f.cure }) },
@@ -167,6 +204,7 @@ function check(block, state, go) {
     rows.length > 0 && h("table", {}, h("thead", {}, h("tr", {}, ["", "record", "channel", "finding", "cure"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, rows)),
     (open || asTheyAre) && h("div", { class: "row" }, h("button", { id: "as-they-are", onclick: () => go("cure", { name: "none" }) },
       asTheyAre ? "Cure the records after all" : "Take the records as they are")),
+    block.looked && h("details", { id: "looked" }, h("summary", {}, "What was looked for, in which columns"), block.looked.map((t) => h("p", { class: "quiet" }, t))),
   ];
 }
 
@@ -199,14 +237,24 @@ function compare(block, state, go) {
     h("button", { class: "small", id: "whole", onclick: () => { stackOf("compare").setShaded([]); stackOf("compare").load([null, null]); } }, "Show all"),
     stretches.length > 1 && h("select", { id: "stretch", "aria-label": "Stretch shown", onchange: (e) => { shownStretch = Number(e.target.value); again(); } },
       stretches.map((s, k) => h("option", { value: k, selected: k === shownStretch }, `${s.source.split("/").at(-1)}, ${number(s.span[0], 4)} to ${number(s.span[1], 4)} s`))));
+  const toColumns = () => {
+    const table = document.getElementById("mapping");
+    table.open = true;
+    table.scrollIntoView();
+    table.querySelector("select")?.focus({ preventScroll: true });
+  };
   return [
+    block.lost && h("div", { class: "row" }, h("button", { id: "to-columns", class: "primary", onclick: toColumns }, "See the columns")),
     h("p", { class: "quiet" }, "Drag to zoom, double-click to see all; with the keyboard: plus, minus, arrows, 0."),
     modes, legend(["measured", "simulated", "residual"]), holder,
     where.length ? [h("h3", {}, "Where it fails"), h("ul", { class: "regions" }, where)] : null,
     h("details", { id: "scores" }, h("summary", {}, "Scores"), errors(rows), scores(json, channels)),
-    json.notes.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
+    json.notes.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, short(n, state))))),
   ];
 }
+
+// A note without the folder of the project in front of each file.
+const short = (note, state) => note.replaceAll(`${state.folder}/`, "");
 
 // The rows by which models are told apart, as the command line prints them; the first row is the head.
 function errors(rows) {
@@ -228,18 +276,33 @@ function diagnose(block, state, go) {
   const busy = state.busy?.stage === "diagnose" ? state.busy.found : null;
   if (busy?.tried?.length) return [h("h3", {}, `Tried so far: ${busy.count}, best first`), tried(busy.tried)];
   if (!block.result) return [];
-  const { json, errors: rows, evidence: seen } = block.result;
-  const pictures = Object.entries(seen).map(([name, e]) => [
-    h("h3", {}, `${words(name)}: what unseen data show`),
-    h("div", { class: "pair" }, evidence(e, "named", "curve"), e.rival && evidence(e, "rival", "rival")),
-  ]);
+  const { json, errors: rows } = block.result;
   return [
-    pictures,
+    found(block.result, block.unseen),
     rows?.length > 0 && h("details", { id: "errors" }, h("summary", {}, "The error, step by step"), errors(rows)),
     h("details", { id: "ranking" }, h("summary", {}, "All effects that competed, best first"), ranking(json.ranking)),
     json.experiments?.length > 0 && h("details", {}, h("summary", {}, "What to record to find out more"), h("ul", {}, json.experiments.map((n) => h("li", {}, n)))),
-    json.notes?.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, n)))),
+    json.notes?.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, short(n, state))))),
   ];
+}
+
+// The effects that were found: their values, and what unseen data show of them; an effect that was refused is folded.
+function found({ evidence: seen, values, unseen: none }, data) {
+  const named = Object.keys(values).map((name) => [valued(name, values[name]), pictured(seen[name], none[name], data)]);
+  const refused = Object.entries(seen).filter(([name]) => !(name in values)).map(([name, e]) =>
+    h("details", { id: `refused-${name}` }, h("summary", {}, `The best effect that was refused: ${words(name)}`), pictured(e, "", data)));
+  return [named, refused];
+}
+
+const valued = (name, own) => {
+  const text = Object.entries(own).map(([parameter, value]) => `${parameter} = ${value}`).join(", ");
+  return h("h3", {}, words(name), text && [": ", h("span", { class: "value" }, text)]);
+};
+
+function pictured(e, why, data) {
+  if (!e) return h("p", { class: "quiet" }, why);
+  return [h("p", { class: "quiet" }, `What unseen data show of it (${data}):`),
+    h("div", { class: "pair" }, evidence(e, "named", "curve"), e.rival && evidence(e, "rival", "rival"))];
 }
 
 // What was tried while a diagnosis runs.
@@ -274,9 +337,13 @@ function add(block, state, go) {
   const forces = (block.ladder ?? []).map((r) => ({ label: r.label, validation: { force: r.force } }));
   if (!tuner || tuner.model !== state.model?.name) tuner = state.model ? new Tuner(state, block.std ?? {}, (values) => go("keep", { values })) : null;
   return [
-    h("div", { class: "row" }, buttons, other, !buttons.length && block.others?.length > 0 && h("span", { class: "quiet" }, "Nothing that was named is left to add.")),
+    h("div", { class: "row" }, buttons, other),
+    block.result && Object.entries(block.result.values).map(([name, own]) => valued(name, own)),
     block.ladder?.length > 0 && h("div", { class: "pair", id: "ladder" }, channels.map((c) => ladder(block.ladder, c, state.model?.signals[c] ?? "")),
       forces.some((r) => r.validation.force) && ladder(forces, "force", "% of the effort", "missing on unseen data")),
+    block.ladder?.length > 0 && h("p", { class: "quiet" }, `Unseen data: ${block.unseen}. "refitted": the model without the effect, its other parameters fitted anew; they then imitate what it lacks, and may do worse on unseen data than as given.`),
+    block.result && Object.keys(block.result.values).map((name) => h("details", { id: `shown-${name}` }, h("summary", {}, `The evidence for ${words(name)}`),
+      pictured(block.result.evidence[name], block.result.unseen[name], block.unseen))),
     tuner && h("details", { id: "tuner", ontoggle: (e) => e.target.open && tuner.start() }, h("summary", {}, "Parameters by hand: drag, and see curve, A", h("sub", {}, "k"), " and poles move"), tuner.element),
   ];
 }

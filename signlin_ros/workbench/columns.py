@@ -1,0 +1,196 @@
+"""Which column of which record is which signal: records with the same columns share a mapping. No numerics.
+
+A record of the project holds under ``signals`` what was said of it by hand: signal -> column or formula, "" for what
+was not measured, ``t`` for the time. What the reader finds by itself and what is proposed comes from the worker
+(`proposing`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from signlin_ros.apart import together
+
+if TYPE_CHECKING:
+    from signlin_ros.workbench.session import Session
+
+TIME = "t"
+Entry = dict[str, Any]
+Table = dict[str, Any]
+
+
+def asked_of(s: Session, record: Entry) -> dict[str, Any]:
+    """Return what is asked about the columns of a record."""
+    time = record.get("signals", {}).get(TIME)
+    return {"file": s.project.path(record["file"]), **({"time": time} if time else {})}
+
+
+def read(s: Session, record: Entry) -> Any:
+    """Return the columns of a record; None before they are known."""
+    return s.project.result(s.project.key("columns", asked_of(s, record)))
+
+
+def layout(s: Session, record: Entry) -> tuple[str, ...]:
+    """Return what the columns of a record are called; of one that is not read yet, its own name."""
+    found = read(s, record)
+    return tuple(c["label"] for c in found["columns"]) if found else (record["file"],)
+
+
+def groups(s: Session) -> list[list[Entry]]:
+    """Return the records, those together that have the same columns and of which the same was said."""
+    found: dict[Any, list[Entry]] = {}
+    for record in s.project.choices["records"]:
+        said = json.dumps(record.get("signals", {}), sort_keys=True)
+        own = record["file"] if record.get("apart") else ""
+        found.setdefault((layout(s, record), said, own), []).append(record)
+    return list(found.values())
+
+
+def question(s: Session, group: Sequence[Entry], model: str | None = None) -> dict[str, Any]:
+    """Return what is asked about the mapping of records, for the chosen model or another one."""
+    said = group[0].get("signals", {})
+    files = [s.project.path(record["file"]) for record in group]
+    asked = {"model": model or s.project.path(s.project.choices["model"]), "files": files}
+    time = {TIME: said[TIME]} if said.get(TIME) else {}
+    return {**asked, "signals": {k: v for k, v in said.items() if k != TIME}, "time": time.get(TIME, "")}
+
+
+def tables(s: Session) -> list[Table]:
+    """Return the mappings as the page shows them, one for each group of records that are known; see `_table`."""
+    if s.project.choices["model"] is None:
+        return []
+    found = [(group, s.project.result(s.project.key("propose", question(s, group)))) for group in groups(s)]
+    return [_table(s, group, answer) for group, answer in found if answer is not None]
+
+
+def _table(s: Session, group: Sequence[Entry], answer: Any) -> Table:
+    columns = read(s, group[0]) or {"columns": [], "texts": []}
+    same = [r for r in s.project.choices["records"] if layout(s, r) == layout(s, group[0])]
+    return {
+        "files": [r["file"] for r in group],
+        "names": [Path(r["file"]).name for r in group],
+        "rows": answer["mapping"],
+        "error": answer["error"],
+        "columns": columns["columns"],
+        "texts": columns["texts"],
+        "time": group[0].get("signals", {}).get(TIME, ""),
+        "alike": len(same),
+        "apart": bool(group[0].get("apart")),
+    }
+
+
+def unread(s: Session) -> bool:
+    """Tell whether there is a model, and records of which it is not known how it is read from them."""
+    return s.busy is None and s.project.choices["model"] is not None and len(tables(s)) < len(groups(s))
+
+
+def complete(s: Session) -> bool:
+    """Tell whether every record has all that the model needs, and can be read so."""
+    found = tables(s)
+    there = sum(len(t["files"]) for t in found) == len(s.project.choices["records"]) > 0
+    return there and not any(lacks(table) or wrong(table) for table in found)
+
+
+def wrong(table: Table) -> str:
+    """Return in words what is wrong with a mapping; empty where nothing is."""
+    return str(table["error"] or "")
+
+
+def lacks(table: Table) -> str:
+    """Return in words what a mapping lacks; empty where it is complete."""
+    lacking = [r["signal"] for r in table["rows"] if r["needed"] and not r["column"]]
+    if lacking:
+        return f"No column for {', '.join(lacking)}: choose one below."
+    measured = [r for r in table["rows"] if r["kind"] != "input"]
+    if any(r["column"] for r in measured):
+        return ""
+    seen = " or ".join(dict.fromkeys(r["signal"].replace("_", " ") for r in measured))
+    return f"No column for what was measured: choose one for {seen} below."
+
+
+def signals(s: Session, files: Sequence[str]) -> dict[str, str]:
+    """Return what ``--signal`` says of records, by their paths: what was said by hand, and what was proposed."""
+    found: dict[str, dict[str, str]] = {}
+    for table in tables(s):
+        said = {r["signal"]: r["column"] for r in table["rows"] if r["column"] and (r["set"] or r["proposed"])}
+        said |= {TIME: table["time"]} if table["time"] else {}
+        found |= {s.project.path(file): said for file in table["files"]}
+    return together({file: found.get(file, {}) for file in files})
+
+
+def of(s: Session, file: str) -> Table | None:
+    """Return the mapping of a record; by its name in the project, or what a finding calls it."""
+    for table in tables(s):
+        if any(file in (f, s.project.path(f)) or file.startswith(s.project.path(f)) for f in table["files"]):
+            return table
+    return None
+
+
+def said(table: Table) -> str:
+    """Return in words what is read from where, and who says so."""
+    by: dict[str, list[str]] = {"as you set it": [], "guessed": [], "by name": []}
+    for r in table["rows"]:
+        who = "as you set it" if r["set"] else "guessed" if r["proposed"] else "by name"
+        by[who] += [f"{r['signal']} = {r['column']}"] if r["column"] else []
+    return "; ".join(f"{who}: {', '.join(pairs)}" for who, pairs in by.items() if pairs)
+
+
+def exchanged(table: Table, order: Sequence[str]) -> dict[str, str]:
+    """Return the mapping in which each of some signals has the column of the next one."""
+    columns = {r["signal"]: r["column"] for r in table["rows"]}
+    pairs = zip(order, (*order[1:], *order[:1]), strict=True)
+    return {name: columns[other] for name, other in pairs if columns.get(other)}
+
+
+def with_signals(s: Session, files: Sequence[str], said: Mapping[str, str | None]) -> list[Entry]:
+    """Return the records of the project, with something said of some of them; None takes back what was."""
+
+    def changed(record: Entry) -> Entry:
+        if record["file"] not in files:
+            return record
+        merged = {**record.get("signals", {}), **said}
+        return {**record, "signals": {k: v for k, v in merged.items() if v is not None}}
+
+    return [changed(record) for record in s.project.choices["records"]]
+
+
+def turned(s: Session, file: str) -> list[Entry]:
+    """Return the records with those of the same columns as one mapped one by one, or all as that one again."""
+    one = next(r for r in s.project.choices["records"] if r["file"] == file)
+    more = {"apart": False, "signals": one.get("signals", {})} if one.get("apart") else {"apart": True}
+    same = layout(s, one)
+    return [{**r, **more} if layout(s, r) == same else r for r in s.project.choices["records"]]
+
+
+def inherited(s: Session) -> list[Entry]:
+    """Return the records of the project; those of which nothing was said yet are read as others with their columns."""
+    records: list[Entry] = []
+    for record in s.project.choices["records"]:
+        if "signals" not in record:
+            alike = [r for r in records if layout(s, r) == layout(s, record) and not r.get("apart")]
+            record = {**record, "signals": alike[0]["signals"] if alike else {}}  # noqa: PLW2901
+        records.append(record)
+    return records
+
+
+__all__ = [
+    "asked_of",
+    "complete",
+    "exchanged",
+    "groups",
+    "inherited",
+    "lacks",
+    "of",
+    "question",
+    "read",
+    "said",
+    "signals",
+    "tables",
+    "turned",
+    "unread",
+    "with_signals",
+    "wrong",
+]

@@ -1,0 +1,82 @@
+"""What the page asks of the worker, by stage; and the same as command lines, a script and a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from signlin_ros.workbench import columns, commands
+
+if TYPE_CHECKING:
+    from signlin_ros.workbench.session import Session
+
+AS_THEY_ARE = "none"
+"""The cure that takes records as they are."""
+
+
+def question(s: Session, verb: str) -> dict[str, Any]:
+    """Return what a verb is asked about: model, records, mapping, cures."""
+    p, c = s.project, s.project.choices
+    data, validation = p.files("estimation"), p.files("validation")
+    if verb == "compare":
+        data, validation = validation or data, []
+    base: dict[str, Any] = {"model": p.path(c["model"]), "data": data, "validation": validation}
+    base["signals"] = columns.signals(s, [*data, *validation])
+    cures = _cures(s, [*data, *validation]) if verb == "compare" else c["cures"]
+    return {**base, "cures": cures} if cures else base
+
+
+def _cures(s: Session, files: list[str]) -> list[str]:
+    """Return the chosen cures that the check offers for some of the records: the others would be refused there."""
+    chosen: list[str] = s.project.choices["cures"]
+    found = result(s, "check", question(s, "check"))
+    findings = found["json"]["findings"] if found else []
+    offered = {f["cure"] for f in findings if str(f.get("record", "")).startswith(tuple(files))}
+    return [cure for cure in chosen if cure in offered or cure == AS_THEY_ARE]
+
+
+def step(s: Session, verb: str) -> dict[str, Any] | None:
+    """Return the step that a verb is on the command line; None for a check that was not done."""
+    asked = question(s, verb)
+    if verb == "check":
+        found = result(s, "check", asked)
+        if found is None:
+            return None
+        return {"verb": verb, **asked, "data": [*asked["data"], *asked["validation"]], "validation": []}
+    return {"verb": verb, **asked}
+
+
+def result(s: Session, verb: str, asked: dict[str, Any]) -> Any:
+    """Return what was answered, None before it was."""
+    return s.project.result(s.project.key(verb, asked))
+
+
+def asked_of(done: dict[str, Any]) -> dict[str, Any]:
+    """Return what a step was asked."""
+    return {k: v for k, v in done.items() if k != "verb"}
+
+
+def described(s: Session) -> Any:
+    """Return what is known of the model."""
+    model = s.project.choices["model"]
+    return None if model is None else result(s, "describe", {"model": s.project.path(model)})
+
+
+def script(s: Session) -> str:
+    """Return the script of what was done."""
+    steps = commands.distinct(s.project.choices["path"])
+    texts = {step["output"]: step["text"] for step in steps if step["verb"] == "set"}
+    return commands.script(Path.cwd(), s.project.place("replay"), steps, texts)
+
+
+def reported(s: Session) -> dict[str, Any]:
+    """Return what a report is asked about: the last diagnosis or addition by its key, or else the comparison."""
+    asked = question(s, "compare")
+    done = [x for x in s.project.choices["path"] if x["verb"] in ("diagnose", "add")]
+    if not done:
+        return {**asked, "command": commands.command({"verb": "compare", **asked})}
+    key = s.project.key(done[-1]["verb"], asked_of(done[-1]))
+    return {**asked, "diagnosis": key, "command": commands.command(done[-1])}
+
+
+__all__ = ["AS_THEY_ARE", "asked_of", "described", "question", "reported", "result", "script", "step"]
