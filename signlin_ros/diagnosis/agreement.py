@@ -25,6 +25,7 @@ from signlin_ros.diagnosis.measures import (
     force_raises,
     leaves_much,
     leaves_noise,
+    near_noise,
     not_seen,
     percent,
     sees,
@@ -40,6 +41,9 @@ from signlin_ros.errors import SignlinError, joined
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
+
+FAR_ABOVE = 5.0
+"""Times the sensors' noise from which on no other law of a family makes a model complete: it need not be tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +308,7 @@ def _in_family(
     left: dict[int, Array],
 ) -> Fitted:
     """Return a model with a richer law of the same family in place of one, where the motion surely asks for it, and
-    the force too, if it is seen.
+    the force too, if it is seen; or where it completes the model.
     """
     for name in found.effects:
         law = force.search.r.laws[name]
@@ -323,7 +327,8 @@ def _in_family(
             better = [
                 one
                 for one in better
-                if force_falls(force, found, one, criteria, left) and _shows(force, found, one, criteria, left)
+                if _completes(found, one, criteria)
+                or (force_falls(force, found, one, criteria, left) and _shows(force, found, one, criteria, left))
             ]
         found = better[0] if better else found
     return found
@@ -338,9 +343,10 @@ def _worth_it(
     left: dict[int, Array],
 ) -> list[str]:
     """Return the laws that the motion should be asked of in place of ``name``: where the force is seen, those that take
-    a visible part of it away, or the best of them to compare with.
+    a visible part of it away, or the best of them to compare with; not far above the noise all of them.
     """
-    if not sees(force, found, criteria, left):
+    apart = np.sqrt(np.nanmean(found.unseen_squares, axis=0)) / found.noise
+    if not sees(force, found, criteria, left) or np.all(apart < FAR_ABOVE):
         return list(richer)
     models, names = force.search.models, frozenset(found.effects)
     errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
@@ -349,6 +355,13 @@ def _worth_it(
     most = models[names].error - criteria.each * force.search.base.error
     best = min(errors, key=lambda n: errors[n])
     return [n for n in richer if n == best or errors.get(n, 0.0) < most]
+
+
+def _completes(before: Fitted, after: Fitted, criteria: Criteria) -> bool:
+    """Tell whether a model leaves nothing but noise of the motion, and near it, where another one does not: what tells
+    them apart may be too short for the force.
+    """
+    return not before.white and leaves_noise(after, criteria) and near_noise(after, criteria)
 
 
 def _shows(force: Testimony, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]) -> bool:

@@ -439,18 +439,26 @@ def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is()
     assert "coulomb_friction" in (agreement._searched(Motion(BASE), force, DEFAULT, squares) or ())
 
 
-@pytest.mark.parametrize("seen", [True, False])
-def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, monkeypatch):
-    """And of the best rival, to compare with; where the force is not seen, of all."""
+@pytest.mark.parametrize(("seen", "apart"), [(True, 10.0), (False, 10.0), (True, 3.0)])
+def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, apart, monkeypatch):
+    """And of the best rival; where the force is not seen, or the motion not far above the noise, of all."""
     monkeypatch.setattr(agreement, "sees", lambda *_: seen)
     errors = {"coulomb_friction": 1.0, "stribeck_friction": 0.5, "lugre_friction": 0.9, "dahl_presliding": 0.995}
     force = force_witness(*LAWS)
     force.search.models = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}
     force.search.base = SimpleNamespace(error=2.0)
-    found = Fit(("coulomb_friction",), (1.0,), 1.0)
+    found = Fit(("coulomb_friction",), (apart * NOISE,), 1.0)
+    few = seen and apart > 5.0
     richer = list(errors)[1:]
     asked = agreement._worth_it(force, found, "coulomb_friction", richer, DEFAULT, {})
-    assert asked == (richer[:2] if seen else richer)
+    assert asked == (richer[:2] if few else richer)
     force.search.models[frozenset({"coulomb_friction"})].error = 0.5
     rival = agreement._worth_it(force, found, "coulomb_friction", richer, DEFAULT, {})
-    assert rival == (richer[:1] if seen else richer)
+    assert rival == (richer[:1] if few else richer)
+
+
+@pytest.mark.parametrize(("white", "rms", "completes"), [(True, 1.1, True), (False, 1.1, False), (True, 3.0, False)])
+def test_what_leaves_but_noise_of_the_motion_completes_a_model(white, rms, completes):
+    simple = Fit(("coulomb_friction",), (2.0 * NOISE,), 1.0)
+    richer = Fit(("stribeck_friction",), (rms * NOISE,), 1.0, white=white)
+    assert agreement._completes(simple, richer, DEFAULT) is completes
