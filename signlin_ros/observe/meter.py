@@ -21,6 +21,10 @@ RELATIVE = 1e-6
 """Noise of a value of which nothing is known yet, relative to it."""
 STANDING = 4.0
 """A channel that stays within so many of its steps says nothing new of its noise."""
+ONCE = 0.9
+"""A channel of which more values than this share come once only shows no step: steady motion has even steps, too."""
+REMEMBERED = 1000
+"""Estimates that the usual one is taken of at most."""
 
 
 class NoiseMeter:
@@ -34,6 +38,12 @@ class NoiseMeter:
         self._known = known is not None
         self._samples: deque[tuple[float, float]] = deque(maxlen=WINDOW)
         self._count, self._next, self._quantum = 0, LEAST, np.inf
+        self._found: deque[float] = deque(maxlen=REMEMBERED)
+
+    @property
+    def usual(self) -> float:
+        """The median of the estimates up to now."""
+        return float(np.median(self._found)) if self._found else self.sigma
 
     def take(self, t: float, value: float) -> None:
         """Take a sample at t (s)."""
@@ -49,13 +59,14 @@ class NoiseMeter:
 
     def _estimate(self) -> None:
         t, y = np.array(self._samples).T
-        quantum = quantum_of(y)
+        quantum = quantum_of(y) if np.unique(y).size < ONCE * y.size else 0.0
         if quantum > 0:
             self._quantum = min(self._quantum, quantum)
         floor = self._quantum if np.isfinite(self._quantum) else 0.0
         if np.ptp(y) <= STANDING * floor:
             return
         self.sigma = max(noise_level(t, y).sigma, floor / np.sqrt(12.0), 1e-12)
+        self._found.append(self.sigma)
 
     @staticmethod
     def of(t: Array, y: Array) -> float:
