@@ -22,10 +22,14 @@ import functools
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
+from signlin_ros.plants import Plant
 from signlin_ros.symbolic import symbolic
 from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
+
+Array = NDArray[np.float64]
 
 GAMMA = 1.0 - np.sqrt(0.5)
 PERSISTENCE = 0.3
@@ -119,11 +123,27 @@ def _mean_sign(e: _Equations, i: int, signs: list[ca.SX], end: ca.SX, per_sign: 
     return ca.if_else(there * s0 < 0, share * s0 + (1 - share) * beyond, s0)
 
 
-def _sizes(e: _Equations, J: ca.SX, by_sign: ca.SX, signs: list[ca.SX]) -> ca.SX:
-    """Return the squared size (n,) of what the equation of each state holds, in units of its rate."""
+def _sizes(e: _Equations, plant: type[Plant], J: ca.SX, by_sign: ca.SX, signs: list[ca.SX]) -> ca.SX:
+    """Return the squared size (n,) of what the equation of each state holds, in units of its rate.
+
+    What hangs on the machine counts by where it is relative to the machine: a spring between them holds what it is
+    bent by, wherever both are.
+    """
     B = e.at(ca.jacobian(e.f, e.u), e.x, signs)
-    columns = ca.vertcat(e.x, e.u, *signs)
-    return ca.mtimes(ca.horzcat(J, B, by_sign) ** 2, columns**2) + e.at(e.f, e.x, signs) ** 2
+    relative = _relative(e.t.states, plant, e.n)
+    columns = ca.vertcat(ca.mtimes(relative, e.x), e.u, *signs)
+    slopes = ca.mtimes(J, ca.DM(np.linalg.inv(relative)))
+    return ca.mtimes(ca.horzcat(slopes, B, by_sign) ** 2, columns**2) + e.at(e.f, e.x, signs) ** 2
+
+
+def _relative(states: tuple[str, ...], plant: type[Plant], n: int) -> Array:
+    """Return the matrix (n, n) that takes the machine's own position and velocity off those of what hangs on it."""
+    matrix = np.eye(n)
+    for own, kind in ((plant.position, ".position"), (plant.velocity, ".velocity")):
+        if own in states:
+            hanging = [i for i, name in enumerate(states) if name.endswith(kind)]
+            matrix[hanging, states.index(own)] = -1.0
+    return matrix
 
 
 @symbolic
@@ -136,7 +156,7 @@ def _step(structure: Structure) -> ca.Function:
     usual, disturbed = ca.SX.sym("usual", n), ca.SX.sym("disturbed", n)
     end, signs = _moved(e, h)
     J, by_sign = e.at(e.slopes, e.x, signs), e.at(e.by_sign, e.x, signs)
-    size = _sizes(e, J, by_sign, signs)
+    size = _sizes(e, structure.plant, J, by_sign, signs)
     Z = h * _spread(e, signs, ca.mtimes([U, ca.diag(D), U.T]))
     transition = ca.solve(ca.SX.eye(n) - Z + ca.mtimes(Z, Z) / 2, U)
     own = ca.fmax(0, -ca.diag(J))
