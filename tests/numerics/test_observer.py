@@ -97,17 +97,20 @@ def test_a_stuck_shaft_stands_still() -> None:
     assert x[-1, 0] == pytest.approx(0.2 / 0.764, rel=0.01)
 
 
-def test_a_shaft_that_breaks_away_early_is_no_surprise_where_the_model_doubts_its_force() -> None:
-    """1 % less friction than the model has, which may be wrong by 2 %: the shaft stands, then goes a little early."""
-    t = np.arange(0.0, 8.0, 1 / RATE)
+@pytest.mark.parametrize("faster", [0.05, 0.1])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_shaft_that_breaks_away_early_is_no_surprise_where_the_model_doubts_its_force(
+    faster: float, seed: int
+) -> None:
+    """1 % less friction than the model has, which may be wrong by 1 %: the shaft stands, then goes a little early."""
+    t, noise = np.arange(0.0, 8.0, 1 / RATE), 0.6 * ENCODER
     breaking = 0.764 * 0.033 / 0.0805
-    u = np.minimum(0.8 + 0.04 * t, 1.05)[:, None] * breaking
+    u = np.minimum(0.9 + faster * t, 1.03)[:, None] * breaking
     run = simulate(MOTOR.with_parameters({"coulomb_friction.mu": 0.033 * 0.99}), t, u)
-    noisy = run["position"] + ENCODER * np.random.default_rng(2).standard_normal(t.size)
+    shown = run["position"] + noise * np.random.default_rng(seed).standard_normal(t.size)
+    _, innovations = KalmanObserver(MOTOR, ["position"], {"position": noise}, (0.01,)).record(t, {"position": shown}, u)
     assert run["position"][-1] > 100 * ENCODER
-    observer = KalmanObserver(MOTOR, ["position"], {"position": ENCODER}, (0.02,))
-    _, innovations = observer.record(t, {"position": noisy}, u)
-    assert np.abs(innovations.sizes[100:]).max() < 5.0
+    assert np.abs(innovations.sizes[100:]).max() < 4.0
 
 
 @pytest.mark.parametrize("effect", ["compliant_load", "backlash"])
@@ -122,7 +125,8 @@ def test_a_load_that_hangs_on_the_machine_is_seen_alike_wherever_both_are(effect
         )[1]
         for turned in (0.0, 50.0)
     )
-    assert there.sizes[200:] == pytest.approx(here.sizes[200:], abs=0.1)
+    assert 0.5 < rms(here.sizes[200:]) < 1.2
+    assert there.sizes[200:] == pytest.approx(here.sizes[200:], abs=1e-3)
 
 
 def test_steady_motion_is_no_coarse_encoder() -> None:
