@@ -44,6 +44,8 @@ FLOOR = 1e-12
 """Least intensity of the noise in an equation, in the square of its state's SI unit a second."""
 TINY = 1e-30
 """Variances below this are none: their products would leave the range of numbers."""
+KNOWN = 0.95
+"""Share of the level of breaking away that certainly holds: it is known as well as base parameters are by default."""
 SUREST = 0.9999
 """A mean sign beyond this counts as this: friction that is overcome holds next to nothing of the spread."""
 
@@ -209,7 +211,8 @@ def _spread(e: _Equations, signs: list[ca.SX], P: ca.SX) -> ca.SX:
         z = g / ca.sqrt(2 * ca.fmax(ca.mtimes([G, P, G.T]), TINY))
         known.append(values[surface.name] if surface.kind == "switch" else _erf(z))
         if surface.kind == "switch":
-            z = ca.fmax(ca.fabs(z), _inverse_erf(ca.fmin(ca.fabs(values[surface.name]), SUREST)))
+            lean = ca.fmin(ca.fabs(values[surface.name]) / KNOWN, SUREST)
+            z = ca.fmax(ca.fabs(z), _inverse_erf(lean))
         slopes.append(_bell(z, G, P))
     J = e.slopes
     for surface, slope in zip(e.t.surfaces, slopes, strict=True):
