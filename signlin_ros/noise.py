@@ -174,6 +174,11 @@ def _smooth_variance(t: Array, y: Array, points: int) -> float:
     return _clipped(np.sum(weights * values, axis=1))
 
 
+def smooth_noise(t: Array, y: Array) -> float:
+    """Return the standard deviation of white noise on y (T,) at t (T,) s, of what five neighbours differ by alone."""
+    return float(np.sqrt(_smooth_variance(t, y, 5)))
+
+
 def _correlation(residual: Array, variance: float) -> float | None:
     """Return the correlation rho that explains how a residual (T,) grows apart; None where none does.
 
@@ -201,5 +206,6 @@ __all__ = [
     "noise_level",
     "quantum_of",
     "sensor_noise",
+    "smooth_noise",
     "white_noise",
 ]

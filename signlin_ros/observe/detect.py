@@ -40,13 +40,15 @@ CLEAR = 2.5
 RUN_MARGIN, RUN_FLOOR = 1.5, 6.5
 """A run's size against the largest usual one of any situation, some seen for seconds only; and at least."""
 SHIFT_MARGIN, SHIFT_FLOOR = 1.3, 6.0
-"""A shift's size, in standard deviations, against the largest usual one, and at least."""
+"""A shift's size, in standard deviations, against the largest usual one of any situation, and at least."""
 LIKER = 1.15
 """By how much a trace must be more like that of a shift than like that of a wild value."""
 EARLIER = 2
-"""Samples before those looked at in which a wild value may have been."""
-FEWEST = 12
-"""Blocks that must be known before anything is called unusual."""
+"""Samples before a shift that are looked at, too: a wild value may have been there, a shift leaves them as usual."""
+LEFT, FORM = 24.0, 0.3
+"""What a shift may leave unexplained, in variances (1 - p of 0.1 % for 7 of them), and as a share of its size."""
+FEWEST, SEEN = 12, 4
+"""Blocks of a situation that must be known before one is called unusual, and before a run or a shift in it is."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +72,13 @@ class _Usual:
 
     @property
     def known(self) -> bool:
-        """Whether enough was seen to call anything unusual."""
+        """Whether enough was seen to call a block unusual."""
         return len(self.blocks) >= FEWEST
+
+    @property
+    def seen(self) -> bool:
+        """Whether enough was seen to call a run or a shift unusual."""
+        return len(self.blocks) >= SEEN
 
     @property
     def block(self) -> float:
@@ -114,27 +121,33 @@ class Trace:
 
     def __init__(self, signature: Array) -> None:
         size = signature.size
-        wild = np.concatenate([np.zeros(size), np.diff(signature, prepend=0.0), np.zeros(size)])
-        others = np.array([wild[size - late : 2 * size - late] for late in range(-EARLIER, size)])
-        forms = np.vstack([signature, others])
+        wild = np.concatenate([np.zeros(size + EARLIER), np.diff(signature, prepend=0.0), np.zeros(size)])
+        before = np.zeros(EARLIER)
+        others = np.array([wild[size - late : 2 * size + EARLIER - late] for late in range(-EARLIER, size)])
+        forms = np.vstack([np.concatenate([before, signature]), others])
         self._forms = forms / np.linalg.norm(forms, axis=1, keepdims=True)
-        self._times: deque[float] = deque(maxlen=signature.size)
-        self._last: deque[float] = deque(maxlen=signature.size)
+        self._times: deque[float] = deque(maxlen=forms.shape[1])
+        self._last: deque[float] = deque(maxlen=forms.shape[1])
 
     @property
     def begun(self) -> float:
-        """When what is looked at begins, in s."""
-        return self._times[0]
+        """When the shift that is looked for begins, in s."""
+        return self._times[EARLIER]
 
     def take(self, t: float, z: float) -> tuple[float, float]:
-        """Take an innovation; returns the size of a shift at `begun`, 0 where a wild one is as likely, and of that."""
+        """Take an innovation; returns the size of a shift at `begun`, 0 where it explains them not, and of a wild one.
+
+        A wild value must be less like what is seen, and what the shift leaves must be usual, before it as well.
+        """
         self._times.append(t)
         self._last.append(z)
         if len(self._last) < self._forms.shape[1]:
             return 0.0, 0.0
-        found = np.abs(self._forms @ np.array(self._last))
+        last = np.array(self._last)
+        found = np.abs(self._forms @ last)
         shift, wild = float(found[0]), float(found[1:].max())
-        return (shift if shift > LIKER * wild else 0.0), wild
+        explained = float(last @ last) - shift**2 <= LEFT + (FORM * shift) ** 2
+        return (shift if explained and shift > LIKER * wild else 0.0), wild
 
 
 class ChangeDetector:
@@ -209,9 +222,9 @@ class ChangeDetector:
         """Call a shift, or a change by a run; what a run is the beginning of, or the end, shows some samples later."""
         run, shift, wild = sizes
         usual = self._usual.get(self._situation)
-        if self.learning or self.alarm is not None or usual is None or not usual.known:
+        if self.learning or self.alarm is not None or usual is None or not usual.seen:
             return
-        if shift > max(SHIFT_MARGIN * usual.shift, SHIFT_FLOOR):
+        if shift > max(SHIFT_MARGIN * max(known.shift for known in self._usual.values()), SHIFT_FLOOR):
             self.alarm = Alarm(t, self._traces[channel].begun, "shift")
         elif self._waiting is not None:
             onset, size, left = self._waiting

@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.noise import noise_level, quantum_of
+from signlin_ros.noise import quantum_of, smooth_noise
 
 Array = NDArray[np.float64]
 
@@ -21,6 +21,10 @@ RELATIVE = 1e-6
 """Noise of a value of which nothing is known yet, relative to it."""
 STANDING = 4.0
 """A channel that stays within so many of its steps says nothing new of its noise."""
+ONCE = 0.9
+"""A channel of which more values than this share come once only shows no step: steady motion has even steps, too."""
+REMEMBERED = 1000
+"""Estimates that the usual one is taken of at most."""
 
 
 class NoiseMeter:
@@ -34,6 +38,12 @@ class NoiseMeter:
         self._known = known is not None
         self._samples: deque[tuple[float, float]] = deque(maxlen=WINDOW)
         self._count, self._next, self._quantum = 0, LEAST, np.inf
+        self._found: deque[float] = deque(maxlen=REMEMBERED)
+
+    @property
+    def usual(self) -> float:
+        """The median of the estimates up to now."""
+        return float(np.median(self._found)) if self._found else self.sigma
 
     def take(self, t: float, value: float) -> None:
         """Take a sample at t (s)."""
@@ -49,18 +59,27 @@ class NoiseMeter:
 
     def _estimate(self) -> None:
         t, y = np.array(self._samples).T
-        quantum = quantum_of(y)
+        quantum = _step(y)
         if quantum > 0:
             self._quantum = min(self._quantum, quantum)
         floor = self._quantum if np.isfinite(self._quantum) else 0.0
         if np.ptp(y) <= STANDING * floor:
             return
-        self.sigma = max(noise_level(t, y).sigma, floor / np.sqrt(12.0), 1e-12)
+        self.sigma = max(smooth_noise(t, y), floor / np.sqrt(12.0), 1e-12)
+        self._found.append(self.sigma)
 
     @staticmethod
     def of(t: Array, y: Array) -> float:
         """Return the standard deviation of the noise on a whole channel (T,)."""
-        return max(noise_level(t, y).sigma, 1e-12)
+        there = np.isfinite(y)
+        if there.sum() < LEAST:
+            return 1e-12
+        return float(max(smooth_noise(t[there], y[there]), _step(y[there]) / np.sqrt(12.0), 1e-12))
+
+
+def _step(y: Array) -> float:
+    """Return the step of values (T,) that come again and again; 0 where they do not."""
+    return quantum_of(y) if np.unique(y).size < ONCE * y.size else 0.0
 
 
 __all__ = ["NoiseMeter"]

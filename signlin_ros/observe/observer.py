@@ -134,6 +134,7 @@ class KalmanObserver:
         self._meters = [NoiseMeter(known.get(name)) for name in self.channels]
         self._inputs = np.zeros(len(model.inputs))
         self._excess, self._factor = np.ones(len(self.channels)), np.ones(len(self.channels))
+        self._learning = True
         self.reset()
 
     def reset(self) -> None:
@@ -163,6 +164,10 @@ class KalmanObserver:
     def meter(self, channel: str) -> NoiseMeter | None:
         """Return what measures the noise of a channel, None where that is not measured."""
         return dict(zip(self.channels, self._meters, strict=True)).get(channel)
+
+    def hold_noise(self) -> None:
+        """Let the noise grow no more with innovations that are too large: from now on they count against the model."""
+        self._learning = False
 
     # ---------------------------------------------------------------- what comes
 
@@ -194,7 +199,8 @@ class KalmanObserver:
             events = self._begin(events)
         arrays = _Events.of(events, max(self._inputs.size, 1))
         innovations = Innovations.of(arrays, self._run_all(arrays, *self._filters), len(self.model.states))
-        self._learn(innovations)
+        if self._learning:
+            self._learn(innovations)
         return innovations
 
     @property
@@ -258,6 +264,11 @@ class KalmanObserver:
     def sigma(self) -> dict[str, float]:
         """Standard deviation of the noise of each channel, as it is known now."""
         return {name: meter.sigma for name, meter in zip(self.channels, self._meters, strict=True)}
+
+    @property
+    def usual_noise(self) -> dict[str, float]:
+        """Standard deviation of the noise of each channel, the median of what was found up to now."""
+        return {name: meter.usual for name, meter in zip(self.channels, self._meters, strict=True)}
 
     @property
     def trust(self) -> float:

@@ -7,10 +7,13 @@ sticks, which is s = -r/c clipped to [-1, 1] with the rate r + c s of g. So a st
 
 The covariance cannot know on which side of a surface the state is: its slope of sign(g) is that of the mean over the
 Gaussian, 2 phi(g/sigma)/sigma with sigma^2 = G P G^T (statistical linearization), which is honest near g = 0 and
-the ordinary Jacobian far from it.
+the ordinary Jacobian far from it. A stuck shaft has g = 0, but a mean sign s of which its friction is held: the
+Gaussian of that mean sign lies sqrt(2) erfinv(s) of its sigmas aside. So the nearer a shaft is to breaking away, the
+less does friction hold the spread of its speed, and when it breaks away is as uncertain as the force on it.
 
 [ROS2: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456; statistical linearization: Gelb, Applied
-Optimal Estimation, 1974, sec. 6.2; signs across a crossing: docs/theory.md.]
+Optimal Estimation, 1974, sec. 6.2; inverse of erf: Winitzki, A handy approximation for the error function and its
+inverse, 2008; signs across a crossing: docs/theory.md.]
 """
 
 from __future__ import annotations
@@ -19,10 +22,14 @@ import functools
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
+from signlin_ros.plants import Plant
 from signlin_ros.symbolic import symbolic
 from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
+
+Array = NDArray[np.float64]
 
 GAMMA = 1.0 - np.sqrt(0.5)
 PERSISTENCE = 0.3
@@ -37,6 +44,10 @@ FLOOR = 1e-12
 """Least intensity of the noise in an equation, in the square of its state's SI unit a second."""
 TINY = 1e-30
 """Variances below this are none: their products would leave the range of numbers."""
+KNOWN = 0.95
+"""Share of the level of breaking away that certainly holds: it is known as well as base parameters are by default."""
+SUREST = 0.9999
+"""A mean sign beyond this counts as this: friction that is overcome holds next to nothing of the spread."""
 
 
 class _Equations:
@@ -114,11 +125,27 @@ def _mean_sign(e: _Equations, i: int, signs: list[ca.SX], end: ca.SX, per_sign: 
     return ca.if_else(there * s0 < 0, share * s0 + (1 - share) * beyond, s0)
 
 
-def _sizes(e: _Equations, J: ca.SX, by_sign: ca.SX, signs: list[ca.SX]) -> ca.SX:
-    """Return the squared size (n,) of what the equation of each state holds, in units of its rate."""
+def _sizes(e: _Equations, plant: type[Plant], J: ca.SX, by_sign: ca.SX, signs: list[ca.SX]) -> ca.SX:
+    """Return the squared size (n,) of what the equation of each state holds, in units of its rate.
+
+    What hangs on the machine counts by where it is relative to the machine: a spring between them holds what it is
+    bent by, wherever both are.
+    """
     B = e.at(ca.jacobian(e.f, e.u), e.x, signs)
-    columns = ca.vertcat(e.x, e.u, *signs)
-    return ca.mtimes(ca.horzcat(J, B, by_sign) ** 2, columns**2) + e.at(e.f, e.x, signs) ** 2
+    relative = _relative(e.t.states, plant, e.n)
+    columns = ca.vertcat(ca.mtimes(relative, e.x), e.u, *signs)
+    slopes = ca.mtimes(J, ca.DM(np.linalg.inv(relative)))
+    return ca.mtimes(ca.horzcat(slopes, B, by_sign) ** 2, columns**2) + e.at(e.f, e.x, signs) ** 2
+
+
+def _relative(states: tuple[str, ...], plant: type[Plant], n: int) -> Array:
+    """Return the matrix (n, n) that takes the machine's own position and velocity off those of what hangs on it."""
+    matrix = np.eye(n)
+    for own, kind in ((plant.position, ".position"), (plant.velocity, ".velocity")):
+        if own in states:
+            hanging = [i for i, name in enumerate(states) if name.endswith(kind)]
+            matrix[hanging, states.index(own)] = -1.0
+    return matrix
 
 
 @symbolic
@@ -131,7 +158,7 @@ def _step(structure: Structure) -> ca.Function:
     usual, disturbed = ca.SX.sym("usual", n), ca.SX.sym("disturbed", n)
     end, signs = _moved(e, h)
     J, by_sign = e.at(e.slopes, e.x, signs), e.at(e.by_sign, e.x, signs)
-    size = _sizes(e, J, by_sign, signs)
+    size = _sizes(e, structure.plant, J, by_sign, signs)
     Z = h * _spread(e, signs, ca.mtimes([U, ca.diag(D), U.T]))
     transition = ca.solve(ca.SX.eye(n) - Z + ca.mtimes(Z, Z) / 2, U)
     own = ca.fmax(0, -ca.diag(J))
@@ -169,7 +196,8 @@ def _orthogonal(W: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:
 def _spread(e: _Equations, signs: list[ca.SX], P: ca.SX) -> ca.SX:
     """Return the slopes (N, N) that the covariance sees: those of the mean over where the state may be.
 
-    Of sign(g) that is 2 phi(g/sigma)/sigma, of |g| erf(g/(sqrt(2) sigma)).
+    Of sign(g) that is 2 phi(g/sigma)/sigma, of |g| erf(g/(sqrt(2) sigma)). A switch that sticks has g = 0: how far
+    it leans tells its mean sign.
     """
     values = dict(zip((s.name for s in e.switches), signs, strict=True))
     known: list[ca.SX] = []
@@ -182,6 +210,9 @@ def _spread(e: _Equations, signs: list[ca.SX], P: ca.SX) -> ca.SX:
         G = ca.substitute([G], before, known)[0] if known else G
         z = g / ca.sqrt(2 * ca.fmax(ca.mtimes([G, P, G.T]), TINY))
         known.append(values[surface.name] if surface.kind == "switch" else _erf(z))
+        if surface.kind == "switch":
+            lean = ca.fmin(ca.fabs(values[surface.name]) / KNOWN, SUREST)
+            z = ca.fmax(ca.fabs(z), _inverse_erf(lean))
         slopes.append(_bell(z, G, P))
     J = e.slopes
     for surface, slope in zip(e.t.surfaces, slopes, strict=True):
@@ -199,6 +230,14 @@ def _bell(z: ca.SX, G: ca.SX, P: ca.SX) -> ca.SX:
 def _erf(z: ca.SX) -> ca.SX:
     """Return erf(z), right to 4e-4."""
     return ca.tanh(z * (1.12838 + 0.10277 * z**2))
+
+
+def _inverse_erf(y: ca.SX) -> ca.SX:
+    """Return the inverse of erf at y in [0, 1), right to 0.4 %."""
+    a, log = 0.147, ca.log(1 - y**2)
+    half = 2 / (np.pi * a) + log / 2
+    root: ca.SX = ca.sqrt(ca.fmax(ca.sqrt(half**2 - log / a) - half, 0))
+    return root
 
 
 def pushed_states(structure: Structure) -> tuple[int, ...]:

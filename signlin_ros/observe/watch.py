@@ -1,7 +1,7 @@
 """A running machine watched by its model: is the model still right, and if not, since when.
 
 While all is well, filters that trust the model to different degrees run side by side; the likeliest of them then stands
-guard alone, with a trust that does not adapt: its innovations grow where the model has become wrong.
+guard alone, with a trust and a noise that do not adapt: its innovations grow where the model has become wrong.
 """
 
 from __future__ import annotations
@@ -45,7 +45,6 @@ class Watch:
         self.detector = ChangeDetector(learn)
         self._guards = {trust: KalmanObserver(model, self.channels, trusts=(trust,)) for trust in GUARDS}
         self._likelihood = dict.fromkeys(GUARDS, 0.0)
-        self._learnt: dict[float, list[Innovations]] = {trust: [] for trust in GUARDS}
         self._heard: list[tuple[float, Array | Mapping[str, float]]] = []
         self._begun, self._fastest, self._slow_at = np.nan, 0.0, -np.inf
 
@@ -95,31 +94,33 @@ class Watch:
         return found[best], None
 
     def _compare(self, trust: float, innovations: Innovations) -> None:
-        late = innovations.t >= self._begun + SETTLING
-        z, variance = innovations.sizes[late], innovations.variance[late]
+        late = innovations.part(innovations.t >= self._begun + SETTLING)
+        z, variance = late.sizes, late.variance
         self._likelihood[trust] -= 0.5 * float(np.sum(np.log(variance + 1e-300) + np.minimum(z**2, WILDEST)))
-        self._learnt[trust].append(innovations.part(late))
 
-    def _decide(self, best: float) -> None:
-        """Keep one guard; what it has seen is what is usual."""
-        self._guards = {best: self._guards[best]}
-        self.detector = ChangeDetector(self._learn, signatures=self._signatures(best))
-        for innovations in self._learnt[best]:
-            self._guard(innovations)
-        self._learnt, self._heard = {}, []
+    def _decide(self, trust: float) -> None:
+        """Keep one guard, whose noise is the usual one from now on; what it sees of what was heard is what is usual."""
+        noise = self._guards[trust].usual_noise
+        guard, usual = self._repeated(trust, noise, None)
+        self.detector = ChangeDetector(self._learn, signatures=self._signatures(trust, noise, usual))
+        self._guards, self._heard = {trust: guard}, []
+        self._guard(usual.part(usual.t >= self._begun + SETTLING))
 
-    def _signatures(self, trust: float) -> dict[int, Array]:
+    def _signatures(self, trust: float, noise: Mapping[str, float], plain: Innovations) -> dict[int, Array]:
         """Return what a shift of each channel adds to its innovations, by what was heard up to now, shifted."""
-        plain = self._repeated(trust, None)
-        return {
-            c: form
-            for c, name in enumerate(self.channels)
-            if (form := _form(plain, self._repeated(trust, name), c, SHIFT * self.sigma[name])) is not None
-        }
+        forms = {}
+        for c, name in enumerate(self.channels):
+            form = _form(plain, self._repeated(trust, noise, name)[1], c, SHIFT * noise[name])
+            if form is not None:
+                forms[c] = form
+        return forms
 
-    def _repeated(self, trust: float, shifted: str | None) -> Innovations:
-        """Return the innovations of what was heard, one channel shifted to and fro every `TOGGLED` samples."""
-        observer, count = KalmanObserver(self.model, self.channels, self.sigma, (trust,)), 0
+    def _repeated(
+        self, trust: float, noise: Mapping[str, float], shifted: str | None
+    ) -> tuple[KalmanObserver, Innovations]:
+        """Return who heard all again and its innovations, one channel shifted to and fro every `TOGGLED` samples."""
+        observer, count = KalmanObserver(self.model, self.channels, noise, (trust,)), 0
+        observer.hold_noise()
         for t, what in self._heard:
             if not isinstance(what, Mapping):
                 observer.take_input(t, what)
@@ -127,10 +128,10 @@ class Watch:
             if shifted is not None and shifted in what:
                 away = (count // TOGGLED) % 2
                 count += 1
-                observer.take(t, {**what, shifted: what[shifted] + away * SHIFT * self.sigma[shifted]})
+                observer.take(t, {**what, shifted: what[shifted] + away * SHIFT * noise[shifted]})
             else:
                 observer.take(t, what)
-        return observer.work()
+        return observer, observer.work()
 
     def _guard(self, innovations: Innovations) -> Alarm | None:
         situations = self._situations(innovations.t, innovations.x)

@@ -45,6 +45,30 @@ def test_a_shift_is_called_at_once_and_one_wild_value_is_not() -> None:
     assert alarm.onset == pytest.approx(45.0, abs=STEP)
 
 
+def test_what_was_unusual_before_is_no_shift() -> None:
+    form = np.array([4.0, 1.5, 0.0, -1.0, -1.4, -1.5])
+    t, z = innovations(60.0, 5)
+    alarms = []
+    for before in (0.0, 5.5):
+        seen = z.copy()
+        seen[8998:9000] += before  # a shaft that breaks away starts slowly
+        seen[9000:9006] += 2.0 * form
+        alarms.append(ChangeDetector(signatures={0: form}).take(t, seen))
+    assert alarms[0] is not None
+    assert alarms[0].kind == "shift"
+    assert alarms[1] is None or alarms[1].kind == "change"
+
+
+def test_a_shift_is_called_in_a_situation_that_was_seen_a_few_times_only() -> None:
+    form = np.array([7.0, 2.0, -1.0, -2.5, -2.9, -2.6])
+    t, z = innovations(60.0, 5)
+    seldom = ((t % 6.0 < 0.3) & (t < 50.0)).astype(np.int64)
+    z[8410:8416] += form  # at 42.05 s, in the eighth of them
+    alarm = ChangeDetector(signatures={0: form}).take(t, z, seldom)
+    assert alarm is not None
+    assert alarm.onset == pytest.approx(42.05, abs=STEP)
+
+
 def test_a_run_to_one_side_is_called_at_once_and_one_wild_value_is_not() -> None:
     t, z = innovations(60.0, 5)
     z[8000] = 30.0
