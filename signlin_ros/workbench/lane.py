@@ -29,10 +29,13 @@ class CancelledError(Exception):
 
 
 class Lane:
-    """A worker process in ``folder``, started when first needed and anew after it was cancelled."""
+    """A worker process in ``folder``, started when first needed and anew after it was cancelled.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder, self._lock, self._number = folder, asyncio.Lock(), 0
+    ``nice``: by how much it gives way to others, as `nice` counts: what takes long must not slow what is looked at.
+    """
+
+    def __init__(self, folder: Path, nice: int = 0) -> None:
+        self._folder, self._nice, self._lock, self._number = folder, nice, asyncio.Lock(), 0
         self._process: asyncio.subprocess.Process | None = None
         self._cancels = 0
 
@@ -40,7 +43,7 @@ class Lane:
         """Start the process if there is none."""
         if self._process is None or self._process.returncode is not None:
             self._process = await asyncio.create_subprocess_exec(
-                *(sys.executable, "-m", "signlin_ros.workbench.worker"),
+                *(sys.executable, "-m", "signlin_ros.workbench.worker", str(self._nice)),
                 stdin=asyncio.subprocess.PIPE,
                 stdout=asyncio.subprocess.PIPE,
                 cwd=self._folder,

@@ -20,6 +20,8 @@ Job = Callable[[], Coroutine[Any, Any, None]]
 FAULT = "This is a fault of signlin; please report it with the command and its files."
 WAITING = 500
 """Events that a page may be behind; then it is told to look at the state anew instead."""
+GIVES_WAY = 5
+"""By how much what takes long gives way to what is looked at, as `nice` counts."""
 
 
 class Session:
@@ -27,7 +29,7 @@ class Session:
 
     def __init__(self, project: Project) -> None:
         self.project = project
-        self.view, self.work = Lane(Path.cwd()), Lane(Path.cwd())
+        self.view, self.work = Lane(Path.cwd()), Lane(Path.cwd(), nice=GIVES_WAY)
         self.busy: dict[str, Any] | None = None
         self.errors: dict[str, dict[str, str]] = {}
         self.shipped: list[dict[str, Any]] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import http.client
 import json
 import shutil
@@ -131,6 +132,18 @@ def test_what_is_cancelled_before_it_began_does_not_begin(tmp_path: Path) -> Non
         await lane.cancel()
 
     asyncio.run(run())
+
+
+@pytest.mark.parametrize("nice", [0, 5])
+def test_what_takes_long_gives_way(tmp_path: Path, nice: int) -> None:
+    async def run() -> int:
+        lane, mine = Lane(tmp_path, nice), os.getpriority(os.PRIO_PROCESS, 0)
+        await lane.call("ready", {})
+        found = os.getpriority(os.PRIO_PROCESS, (await lane.start()).pid) - mine
+        await lane.cancel()
+        return found
+
+    assert asyncio.run(run()) == nice
 
 
 def test_a_job_is_cancelled_between_its_requests(tmp_path: Path) -> None:
