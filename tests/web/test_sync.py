@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import http.client
 import json
+import os
 import shutil
 import subprocess
 import time
