@@ -226,8 +226,15 @@ class Page:
     def type(self, identity: str, *keys: str) -> None:
         """Press keys in a field."""
 
+        from selenium.common.exceptions import ElementNotInteractableException
+
         def typed() -> bool:
-            self.driver.find_element("id", identity).send_keys(*keys)
+            try:
+                self.driver.find_element("id", identity).send_keys(*keys)
+            except ElementNotInteractableException:  # it is folded, or just drawn anew
+                unfold = "const one = document.getElementById(arguments[0])?.closest('details'); if (one) one.open = true"
+                self.driver.execute_script(unfold, identity)
+                return False
             return True
 
         self.wait(typed, f"{identity} to be written into")
