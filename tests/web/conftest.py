@@ -232,7 +232,7 @@ class Page:
             try:
                 self.driver.find_element("id", identity).send_keys(*keys)
             except ElementNotInteractableException:  # it is folded, or just drawn anew
-                unfold = "const one = document.getElementById(arguments[0])?.closest('details'); if (one) one.open = true"
+                unfold = "for (const one of document.querySelectorAll(`details:has(#${arguments[0]})`)) one.open = true"
                 self.driver.execute_script(unfold, identity)
                 return False
             return True
