@@ -59,6 +59,7 @@ OFF: dict[str, float | int] = {
     "wider": 1.0,
     "sees": ALWAYS,
     "near": ALWAYS,
+    "complete": NEVER,
     "dependent": NEVER,
     "flexible": NEVER,
     "flexible_share": ALWAYS,

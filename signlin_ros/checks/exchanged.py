@@ -9,8 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from signlin_ros.checks.base import Check, values_of, with_channel
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.observer import Prediction
-from signlin_ros.checks.unit_or_sign import BETTER, EACH, GOOD, NEEDED
+from signlin_ros.checks.unit_or_sign import BETTER, EACH, GOOD, driven
 from signlin_ros.errors import joined
 from signlin_ros.records import ModelData
 
@@ -31,9 +30,9 @@ class Exchanged(Check):
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the order of the signals after which the least is left."""
         p = look.resisted
-        if p is None or (p.left() < GOOD and p.shares().max() < EACH):
+        if p is None or ((left := p.left()) < GOOD and p.shares().max() < EACH):
             return
-        limit, names = min(BETTER * p.left(), GOOD), (*look.record.inputs, *p.channels)
+        limit, names = min(BETTER * left, GOOD), (*look.record.inputs, *p.channels)
         found = _fitting(look, itertools.combinations(names, 2), limit) or _fitting(look, _rounds(names), limit)
         if found:
             yield self._finding(min(found)[1])
@@ -76,12 +75,10 @@ def _fitting(look: Look, orders: Iterable[tuple[str, ...]], limit: float) -> lis
 def _left(look: Look, order: Sequence[str]) -> float:
     """Return what the model leaves of a record with signals exchanged; infinite where it does not follow it then."""
     p = Look(look.model, exchanged(look.record, order)).resisted
-    return p.left() if p is not None and p.shares().max() < EACH and _driven(look, p) else math.inf
-
-
-def _driven(look: Look, p: Prediction) -> bool:
-    """Tell whether the inputs are needed: without them more would be left."""
-    return p.left() < NEEDED * p.left(dict.fromkeys(look.record.inputs, 0.0))
+    if p is None or p.shares().max() >= EACH:
+        return math.inf
+    left = p.left()
+    return left if driven(look, p, left) else math.inf
 
 
 __all__ = ["Exchanged", "exchanged"]

@@ -98,12 +98,12 @@ def _fitting(look: Look, p: Prediction, limit: float, readings: Iterable[Reading
     possible = [r for r in readings if _consistent(look, r.divided)]
     left = p.lefts([r.scales for r in possible]) if possible else ()
     good = [(float(value), r) for value, r in zip(left, possible, strict=True) if value < limit]
-    return [(value, r) for value, r in good if p.shares(r.scales).max() < EACH and _needed(look, p, r, value)]
+    return [(value, r) for value, r in good if p.shares(r.scales).max() < EACH and driven(look, p, value, r.scales)]
 
 
-def _needed(look: Look, p: Prediction, r: Reading, left: float) -> bool:
-    """Tell whether a reading needs the inputs at all: without them more would be left."""
-    return left < NEEDED * p.left({**r.scales, **dict.fromkeys(look.record.inputs, 0.0)})
+def driven(look: Look, p: Prediction, left: float, scales: Mapping[str, float] | None = None) -> bool:
+    """Tell whether what is left (of signals times scales) needs the inputs at all: without them more would be left."""
+    return left < NEEDED * p.left({**(scales or {}), **dict.fromkeys(look.record.inputs, 0.0)})
 
 
 def _consistent(look: Look, factors: Mapping[str, float]) -> bool:

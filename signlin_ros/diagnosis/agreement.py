@@ -30,6 +30,7 @@ from signlin_ros.diagnosis.measures import (
     percent,
     sees,
     with_laws,
+    within,
     written,
     written_left,
 )
@@ -41,9 +42,6 @@ from signlin_ros.errors import SignlinError, joined
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
-
-FAR_ABOVE = 5.0
-"""Times the sensors' noise from which on no other law of a family makes a model complete: it need not be tried."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,8 +343,7 @@ def _worth_it(
     """Return the laws that the motion should be asked of in place of ``name``: where the force is seen, those that take
     a visible part of it away, or the best of them to compare with; not far above the noise all of them.
     """
-    apart = np.sqrt(np.nanmean(found.unseen_squares, axis=0)) / found.noise
-    if not sees(force, found, criteria, left) or np.all(apart < FAR_ABOVE):
+    if not sees(force, found, criteria, left) or within(found, criteria.complete):
         return list(richer)
     models, names = force.search.models, frozenset(found.effects)
     errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}

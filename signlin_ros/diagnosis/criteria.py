@@ -61,6 +61,8 @@ class Criteria:
     # ------------------------------------------------------------ what counts as left over
     near: float = 2.0
     """Times the sensors' noise beneath which the windows of a model are near it: what is left must be noise then."""
+    complete: float = 5.0
+    """Times that noise from which on no other law of a family makes a model complete: it need not be tried."""
     dependent: float = 0.02
     """Part of the squared residual that follows from the model's own motion. Right models leave 0.007 at most."""
     flexible: float = 3.0

@@ -172,8 +172,8 @@ class Judgement:
         unseen, most = self.agreed.motion.unseen, self.criteria.large
         if self.names or self.percent is None or self.percent > 100.0 * most:
             return False
-        spread = np.nanstd(np.concatenate([s.y for s in unseen.segments]), axis=0)
-        return bool(np.all(np.sqrt(np.nanmean(self.final.unseen_squares, axis=0)) <= most * spread))
+        fits = [one.fit_percent for one in of_windows(unseen, self.final.unseen_squares, unseen.noise).values()]
+        return all(fit is not None and fit >= 100.0 * (1.0 - most) for fit in fits)
 
     @property
     def little(self) -> bool:

@@ -89,7 +89,12 @@ def near_noise(f: Fitted, criteria: Criteria) -> bool:
     """Tell whether a model predicts every channel to about its sensor's noise: what is left then tells by itself
     whether the model is complete. Far above it any real drive lacks more than one thing.
     """
-    return bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < criteria.near * f.noise))
+    return within(f, criteria.near)
+
+
+def within(f: Fitted, times: float) -> bool:
+    """Tell whether a model predicts every channel to less than so many times its sensor's noise."""
+    return bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < times * f.noise))
 
 
 def noise_percent(force: Testimony) -> float:
@@ -199,6 +204,7 @@ __all__ = [
     "percent",
     "sees",
     "with_laws",
+    "within",
     "written",
     "written_left",
 ]

@@ -7,8 +7,9 @@ was not measured, ``t`` for the time. What the reader finds by itself and what i
 
 from __future__ import annotations
 
+import contextlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,12 +55,13 @@ def question(s: Session, group: Sequence[Entry], model: str | None = None) -> di
     said = group[0].get("signals", {})
     files = [s.project.path(record["file"]) for record in group]
     asked = {"model": model or s.project.path(s.project.choices["model"]), "files": files}
-    time = {TIME: said[TIME]} if said.get(TIME) else {}
-    return {**asked, "signals": {k: v for k, v in said.items() if k != TIME}, "time": time.get(TIME, "")}
+    return {**asked, "signals": {k: v for k, v in said.items() if k != TIME}, "time": said.get(TIME) or ""}
 
 
 def tables(s: Session) -> list[Table]:
     """Return the mappings as the page shows them, one for each group of records that are known; see `_table`."""
+    if s.tables is not None:
+        return s.tables
     if s.project.choices["model"] is None:
         return []
     found = [(group, s.project.result(s.project.key("propose", question(s, group)))) for group in groups(s)]
@@ -80,6 +82,16 @@ def _table(s: Session, group: Sequence[Entry], answer: Any) -> Table:
         "alike": len(same),
         "apart": bool(group[0].get("apart")),
     }
+
+
+@contextlib.contextmanager
+def still(s: Session) -> Iterator[None]:
+    """While this lasts nothing changes, and the mappings are put together once."""
+    s.tables = tables(s)
+    try:
+        yield
+    finally:
+        s.tables = None
 
 
 def unread(s: Session) -> bool:
@@ -188,6 +200,7 @@ __all__ = [
     "read",
     "said",
     "signals",
+    "still",
     "tables",
     "turned",
     "unread",

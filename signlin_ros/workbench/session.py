@@ -33,6 +33,7 @@ class Session:
         self.busy: dict[str, Any] | None = None
         self.errors: dict[str, dict[str, str]] = {}
         self.shipped: list[dict[str, Any]] = []
+        self.tables: list[columns.Table] | None = None
         self.listeners: set[asyncio.Queue[dict[str, Any]]] = set()
         self._tasks: set[asyncio.Task[None]] = set()
         self._turn = asyncio.Lock()

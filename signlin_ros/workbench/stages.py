@@ -50,7 +50,9 @@ def shown(s: Session) -> dict[str, Any]:
     """Return the whole state of the page."""
     p, c = s.project, s.project.choices
     past, future = p.state["past"], p.state["future"]
-    blocks = [f(s) for f in (_record, _check, _compare, _diagnose, _add, _use)]
+    with columns.still(s):
+        blocks = [f(s) for f in (_record, _check, _compare, _diagnose, _add, _use)]
+        mapping = columns.tables(s)
     for block in blocks:
         block["title"] = TITLES[block["id"]]
         block["error"] = s.errors.get(block["id"]) or block.get("error")
@@ -65,7 +67,7 @@ def shown(s: Session) -> dict[str, Any]:
         "model_name": Path(c["model"]).name if c["model"] else None,
         "shipped": s.shipped,
         "records": [_record_shown(s, r) for r in c["records"]],
-        "mapping": columns.tables(s),
+        "mapping": mapping,
         "stages": blocks,
     }
 
@@ -80,8 +82,8 @@ def _block(stage: str, why: str, done: bool, sentence: str, command: str = "", *
 
 
 def _record(s: Session) -> dict[str, Any]:
-    records = [_record_shown(s, r) for r in s.project.choices["records"]]
-    read = [r["found"] for r in records if r["found"]]
+    records = s.project.choices["records"]
+    read = [found for r in records if (found := columns.read(s, r))]
     if not records:
         return _block("record", "", False, "Drop a record: a table of time, what drives the machine, how it moves.")
     samples, seconds = sum(f["samples"] for f in read), sum(f["end"] - f["start"] for f in read)

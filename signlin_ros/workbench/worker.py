@@ -94,7 +94,7 @@ def _writer(outgoing: BinaryIO) -> Callable[..., None]:
 
 def main() -> None:
     """Answer until the server closes the pipe or dies; the argument says by how much to give way to other processes."""
-    os.nice(int(sys.argv[1]) if len(sys.argv) > 1 else 0)
+    os.nice(int(sys.argv[1]))
     incoming, outgoing = _own_streams()
     put = _writer(outgoing)
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.RLIM_INFINITY))

@@ -126,7 +126,8 @@ def test_what_the_check_found_decides_whether_one_may_go_on(
     rows = [{"check": "clipped", "record": "a.csv", "applied": False, "channel": "speed", **f} for f in findings]
     found = {"json": {"findings": rows}, "directions": [None] * len(rows)}
     choices = {"cures": cures, "records": [], "model": "dc_motor"}
-    session: Any = SimpleNamespace(project=SimpleNamespace(choices=choices, files=lambda _: ["a.csv"], path=str))
+    project = SimpleNamespace(choices=choices, files=lambda _: ["a.csv"], path=str)
+    session: Any = SimpleNamespace(project=project, tables=None)
     monkeypatch.setattr(stages, "_before", lambda _: "")
     monkeypatch.setattr(stages, "result", lambda *_: found)
     block = stages._check(session)

@@ -160,7 +160,7 @@ class Law:
         model = self._structured(tuple((n, v) for n, v in shape if n in self.structural))
         names, p = model.trace.parameters, model.p.copy()
         for n, value in shape:
-            if n not in self.structural and f"{KEY}.{n}" in names:
+            if n not in self.structural:
                 p[names.index(f"{KEY}.{n}")] = value
         tape = columns_of(model.structure, KEY, self.parts)
         x = states_of(model, piece, p) if self.model_has_own else self._measured(piece)
