@@ -42,6 +42,8 @@ OPERATING_POINTS = ("start", "midpoint")
 AXES = ("rotary", "linear")
 WHOLE = 1e-9
 """How far from a whole number an order may be that is called whole."""
+TOLERANCE = 0.05
+"""By how much base parameters may be off, where a model does not say."""
 HOLDS = {"forward": 0.0, "centred": 0.5, "backward": 1.0}
 """By how many steps an input precedes its sample: a command that is held; samples of what goes on in between; what was
 logged beside the state that it led to."""
@@ -95,7 +97,7 @@ class Model:
     update_period: float = 0.2
     state_weights: dict[str, float] = field(default_factory=dict)
     initial_state: dict[str, float] = field(default_factory=dict)
-    tolerance: float | dict[str, float] = 0.05
+    tolerance: float | dict[str, float] = TOLERANCE
     frozen: tuple[str, ...] = ()
     signals: dict[str, str] = field(default_factory=dict)
     effect_files: tuple[str, ...] = ()
@@ -373,6 +375,13 @@ class Model:
         if inner not in table:
             raise self._unknown(name)
         return table[inner]
+
+    def tolerance_of(self, name: str) -> float:
+        """Return how far a base parameter may be off, relative to its value: 0 where no fit may move it."""
+        if name in self.frozen:
+            return 0.0
+        stated = self.tolerance
+        return float(stated.get(name, TOLERANCE) if isinstance(stated, dict) else stated)
 
     def par_declarations(self) -> dict[str, Par]:
         """Return every parameter's declaration by ROS name (``effects.coulomb_friction.mu``), units resolved."""
@@ -765,7 +774,8 @@ def _check_names(model: Model) -> None:
                 known = f"{choices(model.parameters)}{suggest(name, model.parameters)}"
                 raise ModelError(f"{option}: {name!r} is no base parameter; there are: {known}")
     if model.sign_scale == 0.0 and not model.operating_range:
-        raise ModelError("operating_range: missing; sign_scale 0.0 is chosen from it, e.g. {speed: 30.0}")
+        example = f"{{{model.plant.velocity}: 30.0}}"
+        raise ModelError(f"operating_range: missing; sign_scale 0.0 is chosen from it, e.g. {example}")
 
 
 def _own_names(option: str, own: dict[str, str]) -> dict[str, str]:

@@ -25,6 +25,9 @@ LEVELS = 0.2
 ABRUPT = 0.3
 """Steps into and out of the runs, as a share of what they are a few samples before."""
 
+PACE = 0.1
+"""Pace at which a limit is reached, as a share of the usual one (RMS): a drive that comes to rest has none."""
+
 
 class Clipped(Check):
     """A channel rests at its largest or smallest value, exactly, where it would have gone on.
@@ -101,7 +104,8 @@ def _runs(values: Array, at: Mask, quantum: float) -> Mask:
     b, e = begins[inside], ends[inside]
     paces = np.concatenate([np.abs(values[b - 1] - values[b - 3]), np.abs(values[e] - values[e + 2])]) / 2
     last = np.concatenate([np.abs(values[b] - values[b - 1]), np.abs(values[e - 1] - values[e])])
-    if np.median(paces) <= 3.0 * quantum or np.median(last) < ABRUPT * 0.5 * np.median(paces):
+    usual = float(np.sqrt(np.mean((values[2:] - values[:-2]) ** 2)))
+    if np.median(paces) <= max(3.0 * quantum, PACE * usual) or np.median(last) < ABRUPT * 0.5 * np.median(paces):
         return kept
     if np.median(last) > 20.0 * max(np.median(paces), 1e-300):
         return kept

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from signlin_ros.checks.base import Check, values_of, with_channel
@@ -56,6 +57,8 @@ class UnitOrSign(Check):
         if not fits:
             return
         best = min(left for left, _ in fits)
+        if best >= BETTER * _guesses_moved(look, before):
+            return
         likely = sorted((item for item in fits if item[0] <= AS_GOOD * best), key=lambda item: _rank(look, item[1]))
         for number, (_, reading) in enumerate(likely[:3]):
             yield self._finding(look, reading, likely[0][1] if number else None)
@@ -80,6 +83,17 @@ def _guessed(model: Model) -> bool:
     """Tell whether the parameters of a model are guesses, by its own tolerance."""
     tolerance = model.tolerance
     return max(tolerance.values(), default=0.0) >= GUESS if isinstance(tolerance, dict) else tolerance >= GUESS
+
+
+def _guesses_moved(look: Look, left: float) -> float:
+    """Return the least that is left where parameters that are guesses are off by their tolerance, one at a time."""
+    model, lefts = look.model, [left]
+    for name, value in model.parameters.items():
+        spread = model.tolerance_of(name)
+        for side in (-spread, spread) if value and spread >= GUESS else ():
+            p = Look(model.with_parameters({name: value * math.exp(side)}), look.record).resisted
+            lefts += [p.left()] if p else []
+    return min(lefts)
 
 
 def divided(factors: Mapping[str, float]) -> Callable[[ModelData], ModelData]:

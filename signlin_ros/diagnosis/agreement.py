@@ -19,6 +19,7 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.measures import (
     HALF,
+    acting,
     comparable,
     force_falls,
     force_left,
@@ -200,6 +201,8 @@ def _chosen(
             return base, _both(force, second)
         if second.effects and force_raises(force, base, second, criteria, left):
             return base, f"{_words(second)} would follow the motion, but leaves more force than the model as it is"
+        if force is not None and _bent(force, second):
+            return base, f"{_words(second)} would follow the motion, but by the force only with base parameters bent"
         return second, ""
     now = first[0]
     for other in (*first[1:], second):
@@ -219,6 +222,12 @@ def _overruled(force: Testimony, second: Fitted, left: dict[int, Array]) -> bool
     own = force_left(force, second, left)
     explains = own is not None and float(np.mean(own)) < HALF * before
     return not second.white and force.fit.error < HALF * before and not explains
+
+
+def _bent(force: Testimony, second: Fitted) -> bool:
+    """Tell whether what the motion found takes away force only with a base parameter moved beyond its tolerance."""
+    fit = force.search.models.get(acting(force, second))
+    return bool(second.effects) and fit is not None and force.search.bends(fit)
 
 
 def _both(force: Testimony, second: Fitted) -> str:
@@ -320,16 +329,47 @@ def _in_family(
             except SignlinError:
                 continue
         tried += options
-        better = motion.alike(found, options)
-        if sees(force, found, criteria, left):
-            better = [
-                one
-                for one in better
-                if _completes(found, one, criteria)
-                or (force_falls(force, found, one, criteria, left) and _shows(force, found, one, criteria, left))
-            ]
+        if _imposed(force):
+            better = _of_one_force(motion, force, found, options, criteria, left)
+        else:
+            better = motion.alike(found, options)
+            if sees(force, found, criteria, left):
+                better = [
+                    one
+                    for one in better
+                    if _completes(found, one, criteria)
+                    or (force_falls(force, found, one, criteria, left) and _shows(force, found, one, criteria, left))
+                ]
         found = better[0] if better else found
     return found
+
+
+def _imposed(force: Testimony) -> bool:
+    return force.search.r.model.plant.motion_is_imposed()
+
+
+def _of_one_force(
+    motion: Motion,
+    force: Testimony,
+    found: Fitted,
+    options: Sequence[Fitted],
+    criteria: Criteria,
+    left: dict[int, Array],
+) -> list[Fitted]:
+    """Return the richer laws to stand in a simpler one's place where the motion is imposed. Both witnesses speak of one
+    force there, the motion witness of all its band: the law must take away a visible part of that, beyond doubt or half
+    of what is left, and not leave more within the band.
+    """
+    shown = criteria.each * np.nanmean(motion.best(motion.base).unseen_squares, axis=0)
+    visible = [
+        one
+        for one in options
+        if not force_raises(force, found, one, criteria, left)
+        and np.any(np.nanmean(found.unseen_squares, axis=0) - np.nanmean(one.unseen_squares, axis=0) > shown)
+    ]
+    gains = [(one, motion.gain(found, one)) for one in visible if not one.vague(criteria)]
+    halved = [one for one, g in gains if g.share >= HALF and g.certainty >= criteria.least]
+    return motion.alike(found, visible) or sorted(halved, key=lambda one: one.level)
 
 
 def _worth_it(
@@ -343,7 +383,7 @@ def _worth_it(
     """Return the laws that the motion should be asked of in place of ``name``: where the force is seen, those that take
     a visible part of it away, or the best of them to compare with; not far above the noise all of them.
     """
-    if not sees(force, found, criteria, left) or within(found, criteria.complete):
+    if _imposed(force) or not sees(force, found, criteria, left) or within(found, criteria.complete):
         return list(richer)
     models, names = force.search.models, frozenset(found.effects)
     errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}

@@ -108,8 +108,8 @@ def base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
     result = []
     for name, par in model.plant.pars().items():
         nominal = problem.base.parameters[name]
-        spread = model.tolerance.get(name, 0.05) if isinstance(model.tolerance, dict) else model.tolerance
-        if name in model.frozen or nominal == 0.0 or par.structural or name not in model.trace.parameters or not spread:
+        spread = model.tolerance_of(name)
+        if nominal == 0.0 or par.structural or name not in model.trace.parameters or not spread:
             continue
         result.append(_coordinate(name, par, nominal, spread))
     for key, use in problem.base.effects.items():

@@ -155,7 +155,11 @@ class Judgement:
             if self.structure[0] or (more and not self.final.white):
                 return "structure"
             return "elsewhere" if large and self.elsewhere else ""
-        return "" if leaves_noise(self.final, self.criteria) or self.within_noise else "structure"
+        if not leaves_noise(self.final, self.criteria) and not self.within_noise:
+            return "structure"
+        if self.names and not near_noise(self.final, self.criteria):
+            return "elsewhere" if self.elsewhere else "structure" if self.little_motion else ""
+        return ""
 
     @property
     def within_noise(self) -> bool:
@@ -182,6 +186,12 @@ class Judgement:
         if not self.names or force is None or before is None or after is None:
             return False
         return leaves_much(force, before, after, self.criteria)
+
+    @property
+    def little_motion(self) -> bool:
+        """Whether a proposal leaves the larger part of what the motion lacks, in every channel."""
+        motion = self.agreed.motion
+        return motion.gain(self.agreed.base, self.final).share < 1.0 - self.criteria.part
 
     @property
     def verdict(self) -> str:

@@ -53,7 +53,7 @@ def _unexplained(j: Judgement) -> str:
         return f"The two witnesses differ: {j.agreed.conflict}. Nothing is confirmed.{remainder(j)}"
     if why == "lost":
         return follows_nothing(j.lost)
-    if why == "elsewhere":
+    if why == "elsewhere" and not j.names:
         return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(j)}: what differs?"
     known = f"{listed(j.names).capitalize()} {'explains' if len(j.names) == 1 else 'explain'} a part"
     if why == "worse":
@@ -62,6 +62,8 @@ def _unexplained(j: Judgement) -> str:
         what = falls(j, j.agreed.base, j.final)
         if why == "far":
             return f"{known} ({what}), but only with base parameters that far from nominal."
+        if why == "elsewhere":
+            return f"{known} ({what}), but follows the data it was fitted to far better than the unseen ones."
         return f"{known}: {what}.{remainder(j)}"
     return f"Something is missing that no listed effect explains{_left_over(j)}.{remainder(j)}"
 
@@ -156,7 +158,7 @@ def why_not(j: Judgement, f: Fitted) -> str:
     """Return why an effect that was tried alone is not named."""
     why = j.agreed.motion.refused(j.agreed.base, f)
     if why:
-        return f"on unseen data {why}" if why.startswith(("the error", "it takes away")) else why
+        return f"on unseen data {why}" if why.startswith(("the error of", "it takes away")) else why
     a, b = j.agreed.percent(j.agreed.base), j.agreed.percent(f)
     if a is not None and b is not None and b > a:
         return f"it leaves {_digits(b)} % of the effort, the model as it is {_digits(a)} %"

@@ -85,10 +85,12 @@ def force_witness(
     flexible: float = 1.0,
     current: bool = False,
     helpful: tuple[str, ...] = (),
+    imposed: bool = False,
 ) -> Any:
     unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT)
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
-    regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current)
+    model = SimpleNamespace(plant=SimpleNamespace(motion_is_imposed=lambda: imposed))
+    regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current, model=model)
     models = {frozenset(effects): SimpleNamespace(unseen=np.zeros(1))}
     search = SimpleNamespace(r=regression, models=models, helpful=frozenset(helpful))
     return SimpleNamespace(search=search, effects=effects, structure=structure, flexible=flexible)
@@ -238,6 +240,20 @@ def test_why_a_record_is_not_explained(final, force, conflict, why):
     found = judged(final, base, force, conflict)
     assert found.unexplained == why
     assert found.verdict == "unexplained"
+
+
+@pytest.mark.parametrize(
+    ("rms", "known", "verdict"),
+    [(0.6, 0.6, "missing"), (2.0, 2.0, "unexplained"), (0.6, 0.1, "unexplained"), (0.15, 0.01, "missing")],
+    ids=["most of it", "half of it", "only what was fitted to", "near the noise"],
+)
+def test_where_the_force_does_not_tell_the_motion_must(rms, known, verdict, monkeypatch):
+    """A gear motor in a loop that chatters: "compliant load", 88 times the noise, 16 times what was fitted to."""
+    final = Fit(("compliant_load",), (rms,), 1.0, white=True)
+    squares = Fit(final.effects, (known,), 1.0).unseen_squares
+    monkeypatch.setattr(Fit, "known_squares", property(lambda f: squares if f is final else f.unseen_squares))
+    found = judged(final)
+    assert found.verdict == verdict, found.unexplained
 
 
 def test_a_channel_that_gets_worse_by_what_no_table_shows_forbids_nothing():
@@ -455,6 +471,42 @@ def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, apart,
     force.search.models[frozenset({"coulomb_friction"})].error = 0.5
     rival = agreement._worth_it(force, found, "coulomb_friction", richer, DEFAULT, {})
     assert rival == (richer[:1] if few else richer)
+
+
+def test_where_the_motion_is_imposed_the_motion_is_asked_of_every_law_of_a_family():
+    force = force_witness(*LAWS, imposed=True)
+    found, richer = Fit(("coulomb_friction",), (10.0 * NOISE,), 1.0), ["stribeck_friction", "dahl_presliding"]
+    assert agreement._worth_it(force, found, "coulomb_friction", richer, DEFAULT, {}) == richer
+
+
+@pytest.mark.parametrize(
+    ("rms", "taken", "known", "named"),
+    [(0.6, 1.0, True, True), (0.9, 1.0, True, False), (0.6, 1.4, True, False), (0.6, 1.0, False, False)],
+    ids=["half of it", "a fifth of it", "more force", "a parameter unknown"],
+)
+def test_a_richer_law_of_an_imposed_force_takes_half_of_what_is_left(rms, taken, known, named):
+    """Presliding of a damper: 3.1 standard errors, half of the squared error, the same within the low-pass."""
+    base, found = Fit((), (3.0,), 2.0), Fit(("coulomb_friction",), (1.0,), 1.0)
+    richer = Fit(("dahl_presliding",), (rms,), taken)
+    object.__setattr__(richer, "vague", lambda criteria: "" if known else "sigma is not known to better than half")
+    object.__setattr__(richer, "level", 0.0)
+    motion = Motion(base)
+    motion.alike = lambda before, options: []
+    force = force_witness(*LAWS, imposed=True)
+    found_ones = agreement._of_one_force(motion, force, found, [richer], DEFAULT, left(base, found, richer))
+    assert found_ones == ([richer] if named else [])
+
+
+def test_what_bends_a_known_parameter_by_the_force_is_not_stood_for():
+    """A dynamometer: "load-dependent friction", with a mass that is 36 % lighter."""
+    force = force_witness(*LAWS)
+    force.search.models[frozenset({"coulomb_friction"})] = SimpleNamespace(error=0.5)
+    second = Fit(("coulomb_friction",), (1.0,), 0.5)
+    for bent in (False, True):
+        force.search.bends = lambda fit, bent=bent: bent
+        final, conflict = chosen(force, BASE, [], second)
+        assert final is (BASE if bent else second)
+        assert ("bent" in conflict) is bent
 
 
 @pytest.mark.parametrize(("white", "rms", "completes"), [(True, 1.1, True), (False, 1.1, False), (True, 3.0, False)])

@@ -278,10 +278,11 @@ def test_a_force_of_no_listed_shape_is_told_as_structure():
 # ---------------------------------------------------------------- what changes along the record
 
 
-def over_a_minute(left_of, noise: float = 0.01):
-    """Return a regression's unseen side of a minute at 20 Hz, and what is left of its force."""
+def over_a_minute(left_of, noise: float = 0.01, period: float = 0.0):
+    """Return a regression's unseen side of a minute at 20 Hz, and what is left of its force; ``period`` of one sine."""
     rng, t = np.random.default_rng(8), np.arange(0.0, 60.0, 0.05)
     v = np.sin(2 * np.pi * 0.7 * t) + 0.4 * np.sin(2 * np.pi * 0.23 * t)
+    v = np.sin(2 * np.pi * t / period) if period else v
     blocks = (t // 1.0).astype(int)
     piece = SimpleNamespace(
         t=t, sign=np.sign(v), values={"v": v}, noise=noise, blocks=blocks, kept=np.arange(t.size), seen=lambda x: x
@@ -306,3 +307,9 @@ def over_a_minute(left_of, noise: float = 0.01):
 )
 def test_a_force_that_changes_slowly_is_told_and_a_steady_one_is_not(left_of, told):
     assert changing(*over_a_minute(left_of)) == told
+
+
+def test_what_goes_with_a_slow_motion_does_not_change_with_time():
+    """The joint of an arm, one slow swing: what the speed's curve leaves is no friction that changes with time."""
+    r, left = over_a_minute(lambda t, v: 0.1 * (np.abs(v) - 0.5 * v**2) * np.sign(v), period=20.0)
+    assert changing(r, left) == ""

@@ -220,6 +220,27 @@ def test_a_clipped_channel_is_offered_to_be_blanked(part: float) -> None:
     assert not kept.all()
 
 
+def test_a_drive_that_friction_holds_where_it_turns_back_is_not_clipped() -> None:
+    base = motor()[0]
+    stuck = base.with_effect("coulomb_friction", mu=0.2)
+    u = 4.0 * np.interp(np.arange(SAMPLES) / SAMPLES, [0.0, 0.1, 0.4, 0.9, 1.0], [0.0, 1.0, 1.0, -1.0, -1.0])
+    data = record(stuck, u, quantum=2 * np.pi / 2400)
+    q = data.measured["position"]
+    assert np.count_nonzero(q == q.max()) > 0.05 * q.size
+    assert not [f for f in check(base, [data])[1] if f.check == "clipped" and f.channel == "position"]
+
+
+def test_no_unit_is_asked_for_where_a_guess_of_the_model_would_do_as_well() -> None:
+    """A load and dry friction, and a damping that is a guess, and too large: "the force fits if it is in lbf"."""
+    rng, t = np.random.default_rng(5), np.arange(400) * 0.01
+    v = np.interp(t, [0.0, 2.0, 2.3, 4.0], [-0.0125, -0.01, 0.004, 0.006])
+    force = 247.0 + 7.0 * np.sign(v) + 0.05 * rng.normal(size=t.size)
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 3000.0, "k": 0.0}, "tolerance": 1.0})
+    measured = {"force": force, "displacement": np.cumsum(v) * 0.01}
+    data = ModelData(t, v[:, None], measured, None, model.inputs, model.states, dict(model.units), "run.csv")
+    assert "unit_or_sign" not in found(model, data)[1]
+
+
 def test_an_input_at_its_limit_is_noted_only() -> None:
     base = motor()[0]
     finding = found(base, record(base, np.clip(multisine(), -3.0, 3.0)))[1]["clipped"]

@@ -31,7 +31,8 @@ WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
 FOLDS = 5
 """each on so many parts of the record, left out in turn."""
 CHANGES = (6, 24)
-"""Fewest and most spline functions of time that a size follows along a record, one for each `APART` blocks."""
+"""Fewest and most spline functions of time that a size follows along a record, one for each `APART` blocks and two
+reversals at most."""
 APART, HALF = 3, 0.5
 """Blocks that a spline function spans; part of what is left beyond the noise that such a change takes away."""
 
@@ -143,8 +144,12 @@ def changing(r: Regression, left: Array) -> str:
 
 
 def _along(piece: Piece, left: Array, force: Array) -> Array:
-    """Return what is left (K,) after a force whose size is a spline of time, each block predicted from the others."""
-    number = int(np.clip((int(piece.blocks.max()) + 1) // APART, *CHANGES))
+    """Return what is left (K,) after a force whose size is a spline of time, each block predicted from the others; all
+    of it where the motion comes back too rarely: what changes with time is then not told from what goes with it.
+    """
+    number = min((int(piece.blocks.max()) + 1) // APART, _reversals(piece) // 2, CHANGES[1])
+    if number < CHANGES[0]:
+        return np.array(left)
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, number - 2), np.ones(3)])
     of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), 1e-300), knots, 3).toarray()
     A = piece.seen(of_time * force[:, None])
@@ -154,6 +159,12 @@ def _along(piece: Piece, left: Array, force: Array) -> Array:
         if out.any() and not out.all():
             after[out] = left[out] - A[out] @ _ridge(A[~out], left[~out], weight)
     return np.asarray(after)
+
+
+def _reversals(piece: Piece) -> int:
+    """Return how often a motion turns back."""
+    side = np.sign(piece.sign[np.abs(piece.sign) > HALF])
+    return int(np.count_nonzero(np.diff(side)))
 
 
 __all__ = ["changing", "structured", "unseen_after"]

@@ -134,10 +134,10 @@ def base_of(model: Model, current: bool) -> dict[str, tuple[float, float]]:
     scales. ``current``: whether a motor's current is measured.
     """
     scales = scaling(current)
-    scale = float(np.hypot.reduce([_tolerance(model, n) for n in scales if n in model.parameters] or [0.0]))
+    scale = float(np.hypot.reduce([model.tolerance_of(n) for n in scales if n in model.parameters] or [0.0]))
     found = {}
     for name, value in model.parameters.items():
-        spread = _tolerance(model, name)
+        spread = model.tolerance_of(name)
         if name in scales or not value or not spread:
             continue
         found[name] = (value, float(np.hypot(spread, scale)))
@@ -145,13 +145,6 @@ def base_of(model: Model, current: bool) -> dict[str, tuple[float, float]]:
         names = (f"{key}.{n}" for n, v in use.parameters.items() if isinstance(v, float) and v)
         found |= {n: (model.value(n), KNOWN_EFFECT) for n in names}
     return found
-
-
-def _tolerance(model: Model, name: str) -> float:
-    if name in model.frozen:
-        return 0.0
-    t = model.tolerance
-    return float(t.get(name, 0.05) if isinstance(t, Mapping) else t)
 
 
 def side(model: Model, pieces: Sequence[Piece], moved: Mapping[str, tuple[float, float]]) -> Side:

@@ -12,7 +12,7 @@ from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.flexible import structured
 from signlin_ros.diagnosis.force.laws import laws
 from signlin_ros.diagnosis.force.record import Piece, best_cutoff, inertia, piece
-from signlin_ros.diagnosis.force.regression import Base, Fit, Regression, base_of, side, telling
+from signlin_ros.diagnosis.force.regression import TINY, Base, Fit, Regression, base_of, side, telling
 from signlin_ros.diagnosis.force.search import Search
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -20,6 +20,9 @@ from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
 
+LATE = 0.5
+"""Samples by which the effort may come early or late: when an input acts between its samples is rarely known. An
+imposed motion is measured beside its force: lateness of that is what presliding looks like, and no guess."""
 APART = 1.2
 """Times the quiet band that a wider one must be to be tried."""
 
@@ -83,7 +86,8 @@ def _in_band(
     found, other = ([piece(model, d, cutoff) for d in side_] for side_ in (known, unseen))
     current = "current" in model.states and "current" in known[0].measured
     moved = telling(model, found[0], base_of(model, current))
-    spread = np.array([*(s for _, s in moved.values()), 0.5])
+    late = TINY if model.plant.motion_is_imposed() else LATE
+    spread = np.array([*(s for _, s in moved.values()), late])
     base = Base((*moved, "timing"), spread)
     r = Regression(
         model,

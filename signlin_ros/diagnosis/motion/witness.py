@@ -393,10 +393,17 @@ class Motion:
         return ""
 
     def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        """Return the options that are a step beyond a model and as good as the best of them, the simplest first."""
+        """Return the options that are a step beyond a model and as good as the best of them, the simplest first; with
+        these the simpler laws beyond which a richer one of their family is no step.
+        """
         good = [one for one in options if not self.refused(before, one)]
         best = min(good, key=lambda one: one.level, default=None)
         near = [one for one in good if best and self._as_good(best, one)]
+        near += [
+            one
+            for one in good
+            if one not in near and any(_simpler(one, other) and self.refused(one, other) for other in near)
+        ]
         return sorted(near, key=lambda one: (len(one.effects), one.size, one.level + one.strain / self.unseen.samples))
 
     def ties(self, before: Fitted, taken: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
@@ -442,6 +449,15 @@ class Motion:
 def _scored(problem: Problem) -> Array:
     """Return how many samples (channels) are scored, about."""
     return np.asarray(np.sum([np.isfinite(s.y).sum(axis=0) for s in problem.segments], axis=0), dtype=float)
+
+
+def _simpler(one: Fitted, other: Fitted) -> bool:
+    """Tell whether a model has a simpler law of the same family in the place of one of another model's."""
+    mine, its = set(one.effects) - set(other.effects), set(other.effects) - set(one.effects)
+    if len(mine) != 1 or len(its) != 1:
+        return False
+    family = EFFECTS[mine.pop()].family
+    return bool(family) and family == EFFECTS[its.pop()].family and one.size < other.size
 
 
 def _class(f: Fitted) -> tuple[str, ...]:
