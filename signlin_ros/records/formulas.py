@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from signlin_ros import units
 from signlin_ros.errors import RecordError
 
 from .align import align, looks_held
@@ -60,12 +59,10 @@ def _formula(record: Record, name: str, spec: str, body: str, unit: str) -> tupl
         raise RecordError(f"{record.source}: {name} = {spec}: names no column; {record.listing()}")
     stated = node.unit({key: _unit(record, key) for key in used})
     if stated is None and not unit:
-        each = ", ".join(f"{record.labels[key]!r} in {_unit(record, key) or 'no unit'}" for key in used)
+        units = ", ".join(f"{record.labels[key]!r} in {_unit(record, key) or 'no unit'}" for key in used)
         raise RecordError(
-            f"{record.source}: {name} = {spec} adds different units ({each}); state the result's: ... [UNIT]"
+            f"{record.source}: {name} = {spec} adds different units ({units}); state the result's: ... [UNIT]"
         )
-    if stated and units.parse(stated) is None:
-        stated = ""  # counts of something: what the formula makes of them is what was asked for
     unit = unit or stated or ""
     taken = f"in {unit}" if unit else "the columns' numbers as they stand"
     notes = [Note(f"{name} = {spec}, {taken}", "mapped", name), *_pins(record, node, name)]
