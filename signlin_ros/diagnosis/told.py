@@ -9,6 +9,7 @@ from typing import Any
 
 from signlin_ros.diagnosis import words
 from signlin_ros.diagnosis.agreement import Agreed
+from signlin_ros.diagnosis.cycles import one_cycle
 from signlin_ros.diagnosis.first_rows import Rows
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.judgement import Judgement
@@ -65,13 +66,19 @@ def told(j: Judgement, asked: str = "") -> Diagnosis:
         range=dict(motion.problem.ranges),
         noise=rows.noise,
         experiments=_experiments(j, ranking),
-        notes=(*motion.problem.notes, *motion.unseen.notes),
+        notes=(*motion.problem.notes, *motion.unseen.notes, *_repeated(j)),
         yaml=yaml_of(model, found),
         given=rows.given(),
         horizon=j.horizon,
         remainder=words.remainder(j).strip(),
         findings=found,
     )
+
+
+def _repeated(j: Judgement) -> list[str]:
+    """Return the note on what a motion that repeats one cycle cannot tell of the effects that are named."""
+    note = one_cycle(j.case.model, (*j.case.known, *j.case.unseen)) if j.names else ""
+    return [note] if note else []
 
 
 def _refused(j: Judgement, asked: str) -> str:

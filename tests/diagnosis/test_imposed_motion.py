@@ -9,6 +9,7 @@ import pytest
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
+from signlin_ros.diagnosis.cycles import one_cycle
 from signlin_ros.diagnosis.data import driving
 from signlin_ros.effects.lugre_friction import LuGreFriction
 from signlin_ros.model import Model
@@ -281,3 +282,22 @@ def test_a_load_is_not_taken_for_the_zero_of_a_displacement_that_was_recorded():
     assert len(effects) == 1
     assert effects <= ZEROS
     assert abs(next(iter(found.missing[0].parameters.values())).value) == pytest.approx(130.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("amplitudes", "frequencies", "told"),
+    [((0.02, 0.02), (2.0, 2.0), True), ((0.02, 0.01), (2.0, 2.0), False), ((0.02, 0.02), (2.0, 3.0), False)],
+    ids=["the same cycle", "another amplitude", "another frequency"],
+)
+def test_of_one_cycle_alone_it_is_said_that_speed_and_memory_look_alike(amplitudes, frequencies, told):
+    """A racing car's damper on a crank: its valves saturate with the speed, and Dahl's friction fits as well."""
+    model, t = Model.from_dict(BASE), np.arange(200) * STEP
+    records = []
+    for amplitude, frequency in zip(amplitudes, frequencies, strict=True):
+        v = amplitude * 2 * np.pi * frequency * np.cos(2 * np.pi * frequency * t)
+        force = {"force": np.tanh(20 * v)}
+        units = {"displacement": "m", "force": "N", "velocity": "m/s"}
+        records.append(ModelData(t, v[:, None], force, None, ("velocity",), ("displacement",), units))
+    assert bool(one_cycle(model, records)) is told
+    driven = Model.load("dc_motor")
+    assert not one_cycle(driven, records)
