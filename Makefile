@@ -43,6 +43,8 @@ $(PEERS): $(STAMP)
 # Tests run side by side, on as many processors as there are: `make test WORKERS=0` runs them one after the other.
 WORKERS ?= logical
 test test-all quick: export OPENBLAS_NUM_THREADS ?= 1
+# Hundreds of processes are started: each would compile every module anew where Python is told to keep no bytecode.
+test test-all quick: export PYTHONDONTWRITEBYTECODE :=
 PYTEST := $(BIN)/python -m pytest -q -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
 
 test: check      ## lint, types, import rules and the tests, but for those that take long

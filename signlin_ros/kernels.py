@@ -4,7 +4,7 @@ Everything here is generic: the model comes in as machine code of its own (`sign
 compiles each kernel once per machine and keeps it on disk. A run works in one array ``w`` of float64; a plan says
 where things lie in it.
 
-Sources: Dormand and Prince 1980 with Shampine's interpolant (coefficients: SciPy); RODAS, Hairer and Wanner, Solving
+Sources: Dormand and Prince 1980 with Shampine's interpolant (`signlin_ros.tableau`); RODAS, Hairer and Wanner, Solving
 ODEs II, 1996, sec. IV.7; set-valued friction: Acary and Brogliato, Numerical Methods for Nonsmooth Dynamical Systems,
 2008; projected Gauss-Seidel: Cottle, Pang and Stone, The Linear Complementarity Problem, 1992.
 """
@@ -19,9 +19,11 @@ from typing import Any
 import numpy as np
 from numba import types
 from numba.extending import intrinsic
-from scipy.integrate import RK45
 
 from signlin_ros.native import call_within, compiled, inner
+from signlin_ros.tableau import A as _A
+from signlin_ros.tableau import E as _E
+from signlin_ros.tableau import P as _P
 
 OK, DIVERGED, TOO_STIFF, CHATTER = 0, 1, 2, 3
 """How a run ended."""
@@ -34,11 +36,6 @@ SMALLEST = 1e-5
 """States smaller than this are resolved absolutely, to rtol times this."""
 BREAKAWAY = 1e-9
 """How far |s| may pass 1 before a stuck surface slips: keeps the acceleration of the first slip definite."""
-
-_A = np.zeros((7, 6))
-_A[:6, :5], _A[6] = RK45.A, RK45.B
-_E = np.array(RK45.E)
-_P = np.array(RK45.P)
 
 
 _PLAN = np.dtype(

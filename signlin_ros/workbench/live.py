@@ -21,6 +21,7 @@ class Live:
 
     def __init__(self) -> None:
         self.listeners: set[asyncio.Queue[str]] = set()
+        self._ended = False
         self._process: asyncio.subprocess.Process | None = None
         self._reading: asyncio.Task[None] | None = None
         self._answers: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
@@ -34,7 +35,9 @@ class Live:
         """Return where lines arrive for one page."""
         lines: asyncio.Queue[str] = asyncio.Queue(WAITING)
         self.listeners.add(lines)
-        if self.why_not:
+        if self._ended:  # it came while the server ends
+            lines.put_nowait("")
+        elif self.why_not:
             lines.put_nowait(json.dumps({"why": self.why_not}))
         elif self._process is None or self._process.returncode is not None:
             await self._start()
@@ -75,7 +78,8 @@ class Live:
             lines.put_nowait(text)
 
     def end(self) -> None:
-        """End the streams of all pages."""
+        """End the streams of all pages, and of those that still come."""
+        self._ended = True
         self._pass_on("")
 
     async def take(self, seconds: float, file: str, states: list[str], inputs: list[str]) -> dict[str, Any]:

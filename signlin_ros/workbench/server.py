@@ -50,6 +50,7 @@ class Workbench:
     def __init__(self, store: Path, given: Sequence[str] = (), sample: bool = False) -> None:
         self.store, self.given, self.sample = store, tuple(given), sample
         self.sessions: dict[str, Session] = {}
+        self.ended = False
         self.live = Live()
 
     def session(self, identity: str) -> Session:
@@ -64,7 +65,8 @@ class Workbench:
         return found
 
     def end(self) -> None:
-        """End all streams, which would last as long as somebody looks."""
+        """End all streams, and those that still come: they would last as long as somebody looks."""
+        self.ended = True
         for session in self.sessions.values():
             for listener in session.listeners:
                 listener.put_nowait(ENDED)
@@ -225,7 +227,10 @@ async def events(request: Request) -> Response:
     session = _session(request)
     listener: asyncio.Queue[dict[str, Any]] = asyncio.Queue()
     session.listeners.add(listener)
-    session.wake()
+    if _bench(request).ended:
+        listener.put_nowait(ENDED)
+    else:
+        session.wake()
 
     async def stream() -> AsyncIterator[str]:
         try:

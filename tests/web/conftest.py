@@ -1,4 +1,4 @@
-"""A server of its own for each test, and Debian's Chromium to look at it; skipped where there is none."""
+"""A server of its own for each test, and a window of Debian's Chromium to look at it; skipped where there is none."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ import pytest
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 PATIENCE = 300.0
 """Seconds to wait for what must happen; much more than it takes, for the sake of busy machines."""
+OFTEN, SELDOM = 0.05, 0.5
+"""Seconds between two looks at a page, at first and after a while: each look costs the browser some milliseconds."""
 PICTURES = Path(os.environ.get("SIGNLIN_SCREENSHOTS", "")) if os.environ.get("SIGNLIN_SCREENSHOTS") else None
 """Where pictures of the page go, if anywhere."""
 PAGE = {"x-signlin": "1", "content-type": "application/json"}
@@ -163,7 +165,7 @@ class Page:
     def wait(self, condition: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:
         from selenium.common.exceptions import StaleElementReferenceException
 
-        end = time.monotonic() + patience
+        end, pause = time.monotonic() + patience, OFTEN
         while time.monotonic() < end:
             try:
                 value = condition()
@@ -171,7 +173,8 @@ class Page:
                 value = None
             if value:
                 return value
-            time.sleep(0.05)
+            time.sleep(pause)
+            pause = min(1.5 * pause, SELDOM)
         body = self.driver.find_element("tag name", "body").text
         pytest.fail(f"waited {patience:g} s in vain for {what}\n{body[:3000]}")
 
@@ -309,34 +312,53 @@ class Page:
         self.driver.save_screenshot(str(PICTURES / f"{name}.png"))
 
 
-@pytest.fixture
-def browser(tmp_path: Path) -> Iterator[Callable[..., Page]]:
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """One browser for all tests of a process; each has a window of its own, and nothing is left in store."""
     pytest.importorskip("selenium", reason="selenium is not installed: pip install 'signlin_ros[dev]'")
     if CHROMIUM is None or DRIVER is None:
         pytest.skip("no Chromium: on Debian, apt-get install chromium chromium-driver")
     from selenium.webdriver import Chrome, ChromeOptions
     from selenium.webdriver.chrome.service import Service
 
-    drivers: list[Any] = []
+    options = ChromeOptions()
+    options.binary_location = CHROMIUM
+    for argument in (
+        *("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"),
+        *("--disable-component-update", "--disable-sync", f"--user-data-dir={tmp_path_factory.mktemp('profile')}"),
+        *("--disable-dev-shm-usage", "--force-device-scale-factor=1", "--disable-extensions"),
+    ):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    driver = Chrome(options=options, service=Service(DRIVER))
+    yield driver
+    driver.quit()
 
-    def start(width: int = 1920, height: int = 1080, *, dark: bool = False) -> Page:
-        options = ChromeOptions()
-        options.binary_location = CHROMIUM
-        profile = tmp_path / f"profile_{len(drivers)}"
-        for argument in (
-            *("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"),
-            *("--disable-component-update", "--disable-sync", f"--user-data-dir={profile}"),
-            *(f"--window-size={width},{height}", "--disable-dev-shm-usage", "--force-device-scale-factor=1"),
-            *(("--force-dark-mode",) if dark else ()),
-        ):
-            options.add_argument(argument)
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-        drivers.append(Chrome(options=options, service=Service(DRIVER)))
-        return Page(drivers[-1])
+
+@pytest.fixture
+def browser(chromium: Any) -> Iterator[Callable[..., Page]]:
+    home = chromium.current_window_handle
+
+    def start(width: int = 1920, height: int = 1080) -> Page:
+        chromium.switch_to.new_window("window")
+        chromium.set_window_size(width, height)
+        return Page(chromium)
 
     yield start
-    for driver in drivers:
-        driver.quit()
+    for window in set(chromium.window_handles) - {home}:
+        chromium.switch_to.window(window)
+        _empty(chromium)
+        chromium.close()
+    chromium.switch_to.window(home)
+    chromium.get_log("browser")  # what these windows have logged is forgotten too
+
+
+def _empty(driver: Any) -> None:
+    """Forget what a page has left behind: what it stored, its cookies, what it fetched."""
+    origin = driver.execute_script("return location.origin")
+    driver.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": origin, "storageTypes": "all"})
+    driver.execute_cdp_cmd("Network.clearBrowserCookies", {})
+    driver.execute_cdp_cmd("Network.clearBrowserCache", {})
 
 
 @pytest.fixture(scope="session")

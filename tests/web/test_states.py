@@ -97,7 +97,7 @@ def test_a_diagnosis_is_cancelled_within_a_second_and_nothing_is_left(
     left = {p.pid for p in psutil.Process(given.process.pid).children(recursive=True)}
     assert workers - left
     page.picture("cancelled", "stage-diagnose")
-    assert page.driver.find_element("id", "do-diagnose").is_enabled()
+    page.wait(lambda: page.driver.find_element("id", "do-diagnose").is_enabled(), "another diagnosis to be possible")
 
 
 def test_nothing_is_lost_when_the_server_is_killed(

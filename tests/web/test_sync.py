@@ -18,6 +18,7 @@ import pytest
 
 from signlin_ros.errors import InputError
 from signlin_ros.workbench.lane import CancelledError, Lane
+from signlin_ros.workbench.live import Live
 from signlin_ros.workbench.project import Project
 from signlin_ros.workbench.session import WAITING, Session
 
@@ -118,6 +119,16 @@ def test_a_slow_page_is_told_to_look_again(tmp_path: Path) -> None:
     session.tell()
     assert listener.get_nowait() == {"kind": "state"}
     assert listener.empty()
+
+
+def test_who_comes_while_the_server_ends_is_sent_away_at_once() -> None:
+    async def run() -> None:
+        live = Live()
+        live.end()
+        assert (await live.join()).get_nowait() == ""
+        assert live._process is None
+
+    asyncio.run(run())
 
 
 def test_what_is_cancelled_before_it_began_does_not_begin(tmp_path: Path) -> None:
