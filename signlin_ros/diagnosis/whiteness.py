@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.stats import ncx2
+from scipy.special import chndtrix
 
 Array = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def _averaged(x: Array, every: int) -> Array:
 
 def _exceeds(statistic: float, degrees: int, n: int) -> bool:
     """Whether a statistic of ``degrees`` correlations of n samples is larger than tolerated, at the level `LEVEL`."""
-    return bool(statistic > ncx2.ppf(1 - LEVEL, degrees, n * degrees * TOLERATED**2))
+    return bool(statistic > chndtrix(1 - LEVEL, degrees, n * degrees * TOLERATED**2))
 
 
 def _standardized(x: Array) -> Array:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 Array = NDArray[np.float64]
 
@@ -136,7 +136,7 @@ def white(parts: Sequence[Array], tolerance: float = 0.05) -> bool:
     r, _, count = correlations(parts, lags)
     statistic = count * (count + 2) * float(np.sum(r**2 / np.maximum(count - np.arange(1, lags + 1), 1)))
     bound = tolerance + SURER / np.sqrt(max(count, 1))
-    small = statistic < EXCESS * float(chi2.ppf(LIKELY, lags)) or float(np.max(np.abs(r))) < bound
+    small = statistic < EXCESS * float(chdtri(lags, 1.0 - LIKELY)) or float(np.max(np.abs(r))) < bound
     return bool(small and abs(float(r[:LAGS].mean())) < bound / 2)
 
 
