@@ -10,8 +10,8 @@ Gaussian, 2 phi(g/sigma)/sigma with sigma^2 = G P G^T (statistical linearization
 the ordinary Jacobian far from it. A stuck shaft has g = 0, but a mean sign s of which its friction is held: the
 Gaussian of that mean sign lies sqrt(2) erfinv(s) of its sigmas aside. So the nearer a shaft is to breaking away, the
 less does friction hold the spread of its speed, and when it breaks away is as uncertain as the force on it.
-An error of the level of friction changes sides with the sign, at once: a push that was learnt while a switch slipped one way
-is not known where it will slip the other way.
+An error of the level of friction changes sides with the sign, at once: a push that was learnt while a switch slipped
+one way is not known where it will slip the other way.
 
 [ROS2: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456; statistical linearization: Gelb, Applied
 Optimal Estimation, 1974, sec. 6.2; inverse of erf: Winitzki, A handy approximation for the error function and its
