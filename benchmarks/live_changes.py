@@ -2,6 +2,7 @@
 
     python benchmarks/live_changes.py                 6 changes, 2 healthy minutes: some minutes
     python benchmarks/live_changes.py --full          60 changes, 60 healthy runs of 10 minutes: some hours
+    python benchmarks/live_changes.py --ros           the same 6 and 2 through the nodes, in real time (live_ros.py)
 
 A motor with Coulomb friction follows slow references (sines, triangles, ramps with stops, two sines; 2 to 10 rad/s, 4
 to 9 s) under a position controller. All that is seen is a 16-bit encoder with noise, at 200 Hz, and the voltage; every
@@ -9,7 +10,8 @@ base parameter of the monitor's model is wrong by up to 2 %. The monitor's logic
 30 s; after 45 s, in motion, friction grows by half, or a load of a quarter of the driving force appears, or a play
 of 0.04 rad opens with half of the inertia behind it, or the encoder shifts by ten times its noise, or the input comes
 10 ms late, or 1.2 times as large. Seeds: 61, 62, ... for healthy runs, 1061, ... for changes (``--first 60``); others
-were used while the detector was made (up to 39, up to 1060, 71, and from 2000, 6000 and 9000 on).
+were used while the detector was made (up to 39, up to 1060, 71, 201 to 260 and 1201 to 1260, and from 2000, 6000 and
+9000 on).
 """
 
 from __future__ import annotations
@@ -115,14 +117,23 @@ class Machine:
         self.gain = 1.2 if what == "gain" else 1.0
 
     def step(self, t: float) -> tuple[float, float]:
+        """Return what the encoder shows at t, and the input from t on; go on to the next sample."""
+        found = self.look(t)
+        self.go_on(STEP)
+        return found
+
+    def look(self, t: float) -> tuple[float, float]:
         """Return what the encoder shows at t, and the input from t on."""
         seen = self.plant.x[2] + self.shift + NOISE * self.random.standard_normal()
         shown = float(np.round(seen / QUANTUM) * QUANTUM)
         q, v = self.reference(t)
         self.u = 0.0805 * v + 0.764 * 0.033 / 0.0805 * np.sign(v) + 3.0 * (q - shown)
-        self.plant.advance(STEP, [self.gain * self.u])
-        self.drive.append(float(self.plant.x[0]))
         return shown, float(self.u)
+
+    def go_on(self, span: float) -> None:
+        """Let the machine run for some seconds under its last input."""
+        self.plant.advance(span, [self.gain * self.u])
+        self.drive.append(float(self.plant.x[0]))
 
 
 @dataclass(frozen=True)
@@ -182,7 +193,23 @@ def _moving_from(ref: Reference, t: float) -> float:
     return t
 
 
-def study(changes: int, healthy: int, minutes: float, naming: bool, first: int = 0) -> Iterator[Outcome]:
+def run_over_ros(seed: int, change: str, length: float, naming: bool = False) -> Outcome:
+    """Run one machine beside a linearizer and a monitor, in real time; it ends with an alarm. Nothing is named."""
+    from live_ros import watched
+
+    begun = time.perf_counter()
+    rig, other = (Machine(np.random.default_rng(seed)) for _ in range(2))
+    for what in ("", change):  # what has to be compiled is compiled before the clock runs
+        other.change(what)
+        other.step(0.0)
+    onset = _moving_from(rig.reference, AT) if change else np.inf
+    alarm, began = watched(rig, NOMINAL, change, onset, min(length, onset + 2 * IN_TIME), LEARN, RATE)
+    return Outcome(seed, change, onset, alarm, began, [], time.perf_counter() - begun)
+
+
+def study(
+    changes: int, healthy: int, minutes: float, naming: bool, first: int = 0, run: Callable[..., Outcome] = run
+) -> Iterator[Outcome]:
     """Yield the outcomes of all runs."""
     for k in range(first, first + healthy):
         yield run(1 + k, "", 60 * minutes, naming)
@@ -200,10 +227,11 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=2.0, help="length of a healthy run")
     parser.add_argument("--first", type=int, default=0, help="number of the first run of either kind")
     parser.add_argument("--no-names", action="store_true", help="do not ask what has changed")
+    parser.add_argument("--ros", action="store_true", help="through the nodes, in real time, without names")
     given = parser.parse_args()
     counts = (60, 60, 10.0) if given.full else (given.changes, given.healthy, given.minutes)
     found = []
-    for outcome in study(*counts, not given.no_names, given.first):
+    for outcome in study(*counts, not given.no_names, given.first, run_over_ros if given.ros else run):
         found.append(outcome)
         print(json.dumps(outcome.__dict__), flush=True)
     changed, healthy = [o for o in found if o.change], [o for o in found if not o.change]

@@ -109,8 +109,8 @@ class MonitorNode(ManagedNode):
             "joint_state": (JointState, "joint_states", self._take_joint_state),
         }[self.options["state_source"]]
         self._gathered = [
-            Gathering(self, Float64MultiArray, "input", self._take_input, MANY, lambda: REST, sent=True),
             Gathering(self, kind, topic, take, MANY, lambda: REST, sent=True),
+            Gathering(self, Float64MultiArray, "input", self._take_input, MANY, lambda: REST, sent=True),
         ]
         self._timer = self.create_timer(TICK, self._on_tick, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -203,6 +203,8 @@ class MonitorNode(ManagedNode):
             self.logic.reset(self.now())
 
     def _on_tick(self) -> None:
+        for gathering in self._gathered:  # the inputs last: a state is not worked off before the input that came first
+            gathering.pump()
         scores, alarm = self.logic.work(self.now())
         for score in scores:
             self._errors.publish(error_message(score))

@@ -41,6 +41,11 @@ class NoiseMeter:
         self._found: deque[float] = deque(maxlen=REMEMBERED)
 
     @property
+    def known(self) -> bool:
+        """Whether the noise is given, or was measured."""
+        return self._known or bool(self._found)
+
+    @property
     def usual(self) -> float:
         """The median of the estimates up to now."""
         return float(np.median(self._found)) if self._found else self.sigma
@@ -64,6 +69,7 @@ class NoiseMeter:
             self._quantum = min(self._quantum, quantum)
         floor = self._quantum if np.isfinite(self._quantum) else 0.0
         if np.ptp(y) <= STANDING * floor:
+            self.sigma = max(self.sigma, float(floor / np.sqrt(12.0)))
             return
         self.sigma = max(smooth_noise(t, y), floor / np.sqrt(12.0), 1e-12)
         self._found.append(self.sigma)

@@ -209,12 +209,15 @@ class KalmanObserver:
         return (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
 
     def _learn(self, innovations: Innovations) -> None:
-        """Let the noise grow where innovations stay larger than they should be, as with stamps that jitter."""
+        """Let the noise grow where innovations stay larger than they should be, as with stamps that jitter.
+
+        Before a channel's noise was measured they tell nothing of it.
+        """
         squares = np.minimum(innovations.sizes**2, WILDEST)
         for c in range(len(self.channels)):
             found = squares[innovations.channel == c]
             keep = np.exp(-found.size / LEARNT_OVER)
-            if found.size:
+            if found.size and self._meters[c].known:
                 self._excess[c] = keep * self._excess[c] + (1 - keep) * float(np.mean(found)) * max(
                     self._factor[c], 1.0
                 )

@@ -10,6 +10,8 @@ Gaussian, 2 phi(g/sigma)/sigma with sigma^2 = G P G^T (statistical linearization
 the ordinary Jacobian far from it. A stuck shaft has g = 0, but a mean sign s of which its friction is held: the
 Gaussian of that mean sign lies sqrt(2) erfinv(s) of its sigmas aside. So the nearer a shaft is to breaking away, the
 less does friction hold the spread of its speed, and when it breaks away is as uncertain as the force on it.
+An error of the level of friction changes sides with the sign, at once: a push that was learnt while a switch slipped
+one way is not known where it will slip the other way.
 
 [ROS2: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456; statistical linearization: Gelb, Applied
 Optimal Estimation, 1974, sec. 6.2; inverse of erf: Winitzki, A handy approximation for the error function and its
@@ -166,13 +168,27 @@ def _step(structure: Structure) -> ca.Function:
     for k, i in enumerate(e.pushed):
         intensity[t.x.numel() + k] = 2 / PERSISTENCE * trust**2 * ca.fmax(size, usual)[i]
         intensity[i] = SHORT * trust**2 * ca.fmax(size, usual)[i] + FLOOR
-    U_end, D_end = _orthogonal(ca.horzcat(transition, ca.SX.eye(n)), ca.vertcat(D, h * intensity))
+    noise = ca.fmax(h * intensity, _turned(e, by_sign, signs) - ca.mtimes(U**2, D))
+    U_end, D_end = _orthogonal(ca.horzcat(transition, ca.SX.eye(n)), ca.vertcat(D, noise))
     remembered = usual + ca.fmin(1, h / MEMORY) * (size - usual)
     flat = ca.densify(ca.cse(ca.vertcat(end, ca.vec(U_end.T), D_end, remembered)))
     # row-major U: the symbol is its transpose
     by_rows = ca.SX.sym("U_rows", n, n)
     flat = ca.substitute(flat, U, by_rows.T)
     return ca.Function("step", [e.x, by_rows, D, usual, e.u, h, trust, disturbed, t.p], [flat])
+
+
+def _turned(e: _Equations, by_sign: ca.SX, signs: list[ca.SX]) -> ca.SX:
+    """Return the least variances (N,): of a push, while a switch in its equation does not slip.
+
+    What the switch holds changes by up to twice its level until it slips again, and is known no better than that.
+    """
+    least = ca.SX.zeros(e.n)
+    slips_not = ca.vertcat(*(ca.fabs(s) < SUREST for s in signs)) if signs else ca.SX(0, 1)
+    for k, i in enumerate(e.pushed):
+        levels = by_sign[i, :].T if signs else ca.SX(0, 1)
+        least[e.t.x.numel() + k] = (2 * (1 - KNOWN)) ** 2 * ca.sum1(levels**2 * slips_not)
+    return least
 
 
 def _orthogonal(W: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:

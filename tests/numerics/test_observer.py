@@ -113,6 +113,34 @@ def test_a_shaft_that_breaks_away_early_is_no_surprise_where_the_model_doubts_it
     assert np.abs(innovations.sizes[100:]).max() < 4.0
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_level_of_friction_that_is_a_little_off_is_no_surprise_at_reversals(seed: int) -> None:
+    """3 % less friction than the model has, which steady motion hides: at a reversal the error changes sides."""
+    t, noise = np.arange(0.0, 12.0, 1 / RATE), 0.6 * ENCODER
+    v = np.sin(2 * np.pi * t / 4)
+    u = (0.0805 * v + 0.764 * 0.033 / 0.0805 * np.sign(v) * 1.05)[:, None]
+    run = simulate(MOTOR.with_parameters({"coulomb_friction.mu": 0.033 * 0.97}), t, u)
+    shown = run["position"] + noise * np.random.default_rng(seed).standard_normal(t.size)
+    observer = KalmanObserver(MOTOR, ["position"], {"position": noise}, (0.003,))
+    _, innovations = observer.record(t, {"position": shown}, u)
+    assert np.abs(innovations.sizes[400:]).max() < 4.5
+
+
+def test_what_comes_before_the_noise_is_known_tells_nothing_of_it() -> None:
+    """A shaft that stands at first: its encoder shows one value, then two in turn, then motion."""
+    run, _ = machine("slow sine", span=3.0)
+    position = np.concatenate([np.zeros(80), run["position"]])
+    u = np.concatenate([np.zeros((80, 1)), run.u])
+    noise = 5e-5 * np.random.default_rng(1).standard_normal(position.size)
+    observer, sizes = KalmanObserver(MOTOR, ["position"], trusts=(0.01,)), []
+    for k, value in enumerate(np.round((position + noise) / ENCODER) * ENCODER):
+        observer.take_input(k / RATE, u[k])
+        observer.take(k / RATE, {"position": float(value)})
+        if k % 20 == 19:
+            sizes.append(observer.work().sizes)
+    assert 0.5 < rms(np.concatenate(sizes)[200:]) < 2.0
+
+
 @pytest.mark.parametrize("effect", ["compliant_load", "backlash"])
 def test_a_load_that_hangs_on_the_machine_is_seen_alike_wherever_both_are(effect: str) -> None:
     numbers = {"k": 25.0, "c": 0.02, "J": 0.0011} | ({"gap": 0.02} if effect == "backlash" else {})

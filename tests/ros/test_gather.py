@@ -1,0 +1,47 @@
+"""When a message counts as sent: a busy computer delivers late, and clocks may not agree."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'signlin_ros[ros]'")
+
+from signlin_ros.nodes.gather import LATEST, REMEMBERED, Gathering
+
+NOW = 10**18
+
+
+class Node:
+    """A node's clock and parameter, and nothing that comes by itself."""
+
+    def get_parameter(self, _: str) -> Any:
+        return SimpleNamespace(value=False)
+
+    def create_subscription(self, *_: Any) -> Any:
+        return SimpleNamespace()
+
+    def get_clock(self) -> Any:
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=NOW))
+
+
+def times(*lags: int) -> list[int]:
+    """What the last of messages that were so long on the way count as, relative to when they came."""
+    gathering = Gathering(Node(), object, "input", lambda *_: None, 10, lambda: 0.0, sent=True)
+    return [gathering._came({"received_timestamp": NOW, "source_timestamp": NOW - lag}) - NOW for lag in lags]
+
+
+def test_a_message_that_is_held_up_counts_from_when_it_was_sent() -> None:
+    assert times(1000, LATEST + 40_000_000, 2 * LATEST, 3000) == [-1000, -LATEST - 40_000_000, -2 * LATEST, -3000]
+
+
+def test_clocks_that_do_not_agree_are_not_compared() -> None:
+    assert times(2 * LATEST, 3 * LATEST, -1000) == [0, 0, 0]
+
+
+def test_clocks_that_agree_no_more_are_not_compared_any_longer() -> None:
+    found = times(1000, *[2 * LATEST] * REMEMBERED)
+    assert found[1] == -2 * LATEST
+    assert found[-1] == 0
