@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.measures import (
     HALF,
@@ -286,10 +287,8 @@ def _confirmed(
     motion: Motion, force: Testimony, criteria: Criteria, tried: list[Fitted], left: dict[int, Array]
 ) -> Fitted | None:
     """Return the model that the force witness proposes, fitted by simulation; None where the motion refuses it."""
-    names = [n for n, _ in force.fit.members]
-    try:
-        found = motion.fitted(names, with_laws(force, force.fit))
-    except SignlinError:
+    found = _simulated(motion, force, force.fit)
+    if found is None:
         return None
     tried.append(found)
     g = motion.gain(motion.base, found)
@@ -303,7 +302,36 @@ def _confirmed(
         if not sound:
             return None
         found = sound[0]
-    return _in_family(motion, found, force, criteria, tried, left)
+    found = _in_family(motion, found, force, criteria, tried, left)
+    return _of_all_band(motion, found, force, criteria, tried, left) if _imposed(force) else found
+
+
+def _simulated(motion: Motion, force: Testimony, fit: Fit) -> Fitted | None:
+    """Return a set of the force witness fitted by simulation; None where that cannot be."""
+    try:
+        return motion.fitted([n for n, _ in fit.members], with_laws(force, fit))
+    except SignlinError:
+        return None
+
+
+def _of_all_band(
+    motion: Motion,
+    found: Fitted,
+    force: Testimony,
+    criteria: Criteria,
+    tried: list[Fitted],
+    left: dict[int, Array],
+) -> Fitted:
+    """Return what leaves less of an imposed motion's force in all of its band, of the best other sets that the force
+    witness holds sound, and no worse within its own band: it took the one with the fewest parameters.
+    """
+    search = force.search
+    others = [f for f in search.models.values() if f.error < search.chosen.error and search.sound(f)]
+    best = sorted(others, key=lambda f: f.error)[: criteria.beam]
+    options = [one for one in (_simulated(motion, force, fit) for fit in best) if one]
+    tried += options
+    better = _of_one_force(motion, force, found, options, criteria, left)
+    return better[0] if better else found
 
 
 def _in_family(

@@ -497,6 +497,28 @@ def test_a_richer_law_of_an_imposed_force_takes_half_of_what_is_left(rms, taken,
     assert found_ones == ([richer] if named else [])
 
 
+@pytest.mark.parametrize(("rms", "sound", "taken"), [(0.4, True, True), (0.9, True, False), (0.4, False, False)])
+def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed(rms, sound, taken, monkeypatch):
+    """A timber specimen: a spring and Coulomb friction, fewer parameters, in the place of a hysteresis."""
+    base, found = Fit((), (5.0,), 2.0), Fit(("coulomb_friction",), (1.0,), 1.0)
+    other = Fit(("bouc_wen_hysteresis",), (rms,), 0.9)
+    for f in (found, other):
+        object.__setattr__(f, "vague", lambda criteria: "")
+        object.__setattr__(f, "level", 0.0)
+    motion, force = Motion(base), force_witness(*LAWS, imposed=True)
+    motion.alike, motion.fitted = (lambda before, options: []), (lambda names, model: other)
+    force.search.chosen = SimpleNamespace(error=1.0)
+    better = SimpleNamespace(error=0.8, members=(("bouc_wen_hysteresis", ()),))
+    force.search.models = {
+        frozenset({"bouc_wen_hysteresis"}): better,
+        frozenset({"coulomb_friction"}): force.search.chosen,
+    }
+    force.search.sound = lambda f: sound
+    monkeypatch.setattr(agreement, "with_laws", lambda force, fit: None)
+    kept = agreement._of_all_band(motion, found, force, DEFAULT, [], left(base, found, other))
+    assert kept is (other if taken else found)
+
+
 def test_what_bends_a_known_parameter_by_the_force_is_not_stood_for():
     """A dynamometer: "load-dependent friction", with a mass that is 36 % lighter."""
     force = force_witness(*LAWS)
