@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.regression import Fit
+from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.measures import (
     HALF,
@@ -27,12 +27,9 @@ from signlin_ros.diagnosis.measures import (
     force_raises,
     leaves_much,
     leaves_noise,
-    near_noise,
     not_seen,
     percent,
     sees,
-    with_laws,
-    within,
     written,
     written_left,
 )
@@ -41,7 +38,6 @@ from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import completed, free_key, trials_of
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import SignlinError, joined
-from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
@@ -228,7 +224,7 @@ def _overruled(force: Testimony, second: Fitted, left: dict[int, Array]) -> bool
 def _bent(force: Testimony, second: Fitted) -> bool:
     """Tell whether what the motion found takes away force only with a base parameter moved beyond its tolerance."""
     fit = force.search.models.get(acting(force, second))
-    return bool(second.effects) and fit is not None and force.search.bends(fit)
+    return fit is not None and force.search.bends(fit)
 
 
 def _both(force: Testimony, second: Fitted) -> str:
@@ -287,10 +283,10 @@ def _confirmed(
     motion: Motion, force: Testimony, criteria: Criteria, tried: list[Fitted], left: dict[int, Array]
 ) -> Fitted | None:
     """Return the model that the force witness proposes, fitted by simulation; None where the motion refuses it."""
-    found = _simulated(motion, force, force.fit)
+    choice = Choice(motion, force, criteria, tried, left)
+    found = choice.simulated(force.fit)
     if found is None:
         return None
-    tried.append(found)
     g = motion.gain(motion.base, found)
     falls = 0.0 if _explained(force, motion.base, found, criteria, left) else criteria.least
     if g.certainty < falls or g.worsens(criteria.worse, criteria.alike):
@@ -302,152 +298,7 @@ def _confirmed(
         if not sound:
             return None
         found = sound[0]
-    found = _in_family(motion, found, force, criteria, tried, left)
-    return _of_all_band(motion, found, force, criteria, tried, left) if _imposed(force) else found
-
-
-def _simulated(motion: Motion, force: Testimony, fit: Fit) -> Fitted | None:
-    """Return a set of the force witness fitted by simulation; None where that cannot be."""
-    try:
-        return motion.fitted([n for n, _ in fit.members], with_laws(force, fit))
-    except SignlinError:
-        return None
-
-
-def _of_all_band(
-    motion: Motion,
-    found: Fitted,
-    force: Testimony,
-    criteria: Criteria,
-    tried: list[Fitted],
-    left: dict[int, Array],
-) -> Fitted:
-    """Return what leaves less of an imposed motion's force in all of its band, of the best other sets that the force
-    witness holds sound, and no worse within its own band: it took the one with the fewest parameters.
-    """
-    search = force.search
-    others = [f for f in search.models.values() if f.error < search.chosen.error and search.sound(f)]
-    best = sorted(others, key=lambda f: f.error)[: criteria.beam]
-    options = [one for one in (_simulated(motion, force, fit) for fit in best) if one]
-    tried += options
-    better = _of_one_force(motion, force, found, options, criteria, left)
-    return better[0] if better else found
-
-
-def _in_family(
-    motion: Motion,
-    found: Fitted,
-    force: Testimony,
-    criteria: Criteria,
-    tried: list[Fitted],
-    left: dict[int, Array],
-) -> Fitted:
-    """Return a model with a richer law of the same family in place of one, where the motion surely asks for it, and
-    the force too, if it is seen; or where it completes the model.
-    """
-    for name in found.effects:
-        law = force.search.r.laws[name]
-        kin = [n for n, x in force.search.r.laws.items() if x.effect.family and x.effect.family == law.effect.family]
-        richer = [n for n in kin if n != name and n not in found.effects and n in _single(force)]
-        options = []
-        for other in _worth_it(force, found, name, richer, criteria, left):
-            rest = tuple(n if n != name else other for n in found.effects)
-            try:
-                options.append(motion.fitted(rest, _started(force, found, name, other)))
-            except SignlinError:
-                continue
-        tried += options
-        if _imposed(force):
-            better = _of_one_force(motion, force, found, options, criteria, left)
-        else:
-            better = motion.alike(found, options)
-            if sees(force, found, criteria, left):
-                better = [
-                    one
-                    for one in better
-                    if _completes(found, one, criteria)
-                    or (force_falls(force, found, one, criteria, left) and _shows(force, found, one, criteria, left))
-                ]
-        found = better[0] if better else found
-    return found
-
-
-def _imposed(force: Testimony) -> bool:
-    return force.search.r.model.plant.motion_is_imposed()
-
-
-def _of_one_force(
-    motion: Motion,
-    force: Testimony,
-    found: Fitted,
-    options: Sequence[Fitted],
-    criteria: Criteria,
-    left: dict[int, Array],
-) -> list[Fitted]:
-    """Return the richer laws to stand in a simpler one's place where the motion is imposed. Both witnesses speak of one
-    force there, the motion witness of all its band: the law must take away a visible part of that, beyond doubt or half
-    of what is left, and not leave more within the band.
-    """
-    shown = criteria.each * np.nanmean(motion.best(motion.base).unseen_squares, axis=0)
-    visible = [
-        one
-        for one in options
-        if not force_raises(force, found, one, criteria, left)
-        and np.any(np.nanmean(found.unseen_squares, axis=0) - np.nanmean(one.unseen_squares, axis=0) > shown)
-    ]
-    gains = [(one, motion.gain(found, one)) for one in visible if not one.vague(criteria)]
-    halved = [one for one, g in gains if g.share >= HALF and g.certainty >= criteria.least]
-    return motion.alike(found, visible) or sorted(halved, key=lambda one: one.level)
-
-
-def _worth_it(
-    force: Testimony,
-    found: Fitted,
-    name: str,
-    richer: Sequence[str],
-    criteria: Criteria,
-    left: dict[int, Array],
-) -> list[str]:
-    """Return the laws that the motion should be asked of in place of ``name``: where the force is seen, those that take
-    a visible part of it away, or the best of them to compare with; not far above the noise all of them.
-    """
-    if _imposed(force) or not sees(force, found, criteria, left) or within(found, criteria.complete):
-        return list(richer)
-    models, names = force.search.models, frozenset(found.effects)
-    errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
-    if names not in models or not errors:
-        return list(richer)
-    most = models[names].error - criteria.each * force.search.base.error
-    best = min(errors, key=lambda n: errors[n])
-    return [n for n in richer if n == best or errors.get(n, 0.0) < most]
-
-
-def _completes(before: Fitted, after: Fitted, criteria: Criteria) -> bool:
-    """Tell whether a model leaves nothing but noise of the motion, and near it, where another one does not: what tells
-    them apart may be too short for the force.
-    """
-    return not before.white and leaves_noise(after, criteria) and near_noise(after, criteria)
-
-
-def _shows(force: Testimony, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]) -> bool:
-    """Tell whether a richer law takes away a visible part of all the force that is missing, not of a remainder."""
-    a, b = force_left(force, before, left), force_left(force, after, left)
-    gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
-    return gone > criteria.each * force.search.base.error
-
-
-def _single(force: Testimony) -> set[str]:
-    return {next(iter(n)) for n in force.search.models if len(n) == 1}
-
-
-def _started(force: Testimony, found: Fitted, name: str, other: str) -> Model:
-    """Return a fitted model with another law in place of one, as the force witness fitted it alone."""
-    model = found.model
-    for key in [k for k, use in model.effects.items() if use.type == name]:
-        model = model.without_effect(key)
-    fit = force.search.models[frozenset({other})]
-    law, shape = force.search.r.laws[other], fit.members[0][1]
-    return model.with_effect(other, None, **law.parameters(shape, fit.theta[fit.spans[other]]))
+    return choice.among(found)
 
 
 def _words(f: Fitted) -> str:

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis import agreement, judgement, words
+from signlin_ros.diagnosis import agreement, family, judgement, words
 from signlin_ros.diagnosis.agreement import Agreed, agree
 from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import acting, comparable
 from signlin_ros.diagnosis.motion.score import gain
@@ -108,6 +109,10 @@ def left(*fits: Fit) -> dict[int, np.ndarray]:
 
 def chosen(force: Any, base: Fit, first: list[Fit], second: Fit) -> tuple[Fit, str]:
     return agreement._chosen(Motion(base), force, first, second, DEFAULT, left(base, *first, second))
+
+
+def choice(force: Any, squares: dict[int, np.ndarray], motion: Any = None) -> Choice:
+    return Choice(motion, force, DEFAULT, [], squares)
 
 
 BASE = Fit((), (3.0,), 2.0)
@@ -458,7 +463,7 @@ def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is()
 @pytest.mark.parametrize(("seen", "apart"), [(True, 10.0), (False, 10.0), (True, 3.0)])
 def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, apart, monkeypatch):
     """And of the best rival; where the force is not seen, or the motion not far above the noise, of all."""
-    monkeypatch.setattr(agreement, "sees", lambda *_: seen)
+    monkeypatch.setattr(family, "sees", lambda *_: seen)
     errors = {"coulomb_friction": 1.0, "stribeck_friction": 0.5, "lugre_friction": 0.9, "dahl_presliding": 0.995}
     force = force_witness(*LAWS)
     force.search.models = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}
@@ -466,17 +471,17 @@ def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, apart,
     found = Fit(("coulomb_friction",), (apart * NOISE,), 1.0)
     few = seen and apart > 5.0
     richer = list(errors)[1:]
-    asked = agreement._worth_it(force, found, "coulomb_friction", richer, DEFAULT, {})
+    asked = choice(force, {}).worth_it(found, "coulomb_friction", richer)
     assert asked == (richer[:2] if few else richer)
     force.search.models[frozenset({"coulomb_friction"})].error = 0.5
-    rival = agreement._worth_it(force, found, "coulomb_friction", richer, DEFAULT, {})
+    rival = choice(force, {}).worth_it(found, "coulomb_friction", richer)
     assert rival == (richer[:1] if few else richer)
 
 
 def test_where_the_motion_is_imposed_the_motion_is_asked_of_every_law_of_a_family():
     force = force_witness(*LAWS, imposed=True)
     found, richer = Fit(("coulomb_friction",), (10.0 * NOISE,), 1.0), ["stribeck_friction", "dahl_presliding"]
-    assert agreement._worth_it(force, found, "coulomb_friction", richer, DEFAULT, {}) == richer
+    assert choice(force, {}).worth_it(found, "coulomb_friction", richer) == richer
 
 
 @pytest.mark.parametrize(
@@ -493,7 +498,7 @@ def test_a_richer_law_of_an_imposed_force_takes_half_of_what_is_left(rms, taken,
     motion = Motion(base)
     motion.alike = lambda before, options: []
     force = force_witness(*LAWS, imposed=True)
-    found_ones = agreement._of_one_force(motion, force, found, [richer], DEFAULT, left(base, found, richer))
+    found_ones = choice(force, left(base, found, richer), motion).of_one_force(found, [richer])
     assert found_ones == ([richer] if named else [])
 
 
@@ -514,8 +519,8 @@ def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed
         frozenset({"coulomb_friction"}): force.search.chosen,
     }
     force.search.sound = lambda f: sound
-    monkeypatch.setattr(agreement, "with_laws", lambda force, fit: None)
-    kept = agreement._of_all_band(motion, found, force, DEFAULT, [], left(base, found, other))
+    monkeypatch.setattr(family, "with_laws", lambda force, fit: None)
+    kept = choice(force, left(base, found, other), motion).in_all_band(found)
     assert kept is (other if taken else found)
 
 
@@ -535,4 +540,4 @@ def test_what_bends_a_known_parameter_by_the_force_is_not_stood_for():
 def test_what_leaves_but_noise_of_the_motion_completes_a_model(white, rms, completes):
     simple = Fit(("coulomb_friction",), (2.0 * NOISE,), 1.0)
     richer = Fit(("stribeck_friction",), (rms * NOISE,), 1.0, white=white)
-    assert agreement._completes(simple, richer, DEFAULT) is completes
+    assert choice(force_witness(*LAWS), {}).completes(simple, richer) is completes

@@ -1,0 +1,166 @@
+"""Which law of a family a confirmed model should have: the simpler one, or a richer one that both witnesses ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.force.regression import Fit
+from signlin_ros.diagnosis.force.witness import Testimony
+from signlin_ros.diagnosis.measures import (
+    HALF,
+    force_falls,
+    force_left,
+    force_raises,
+    leaves_noise,
+    near_noise,
+    sees,
+    with_laws,
+    within,
+)
+from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.errors import SignlinError
+from signlin_ros.model import Model
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """Both witnesses of a choice among laws. ``tried``: keeps what is fitted; ``left``: the forces left, by model."""
+
+    motion: Motion
+    force: Testimony
+    criteria: Criteria
+    tried: list[Fitted]
+    left: dict[int, Array]
+
+    @property
+    def imposed(self) -> bool:
+        """Whether the motion is imposed: both witnesses speak of one force then, the motion's of all its band."""
+        return self.force.search.r.model.plant.motion_is_imposed()
+
+    def among(self, found: Fitted) -> Fitted:
+        """Return a confirmed model with the laws that it should have."""
+        found = self.in_family(found)
+        return self.in_all_band(found) if self.imposed else found
+
+    def simulated(self, fit: Fit) -> Fitted | None:
+        """Return a set of the force witness fitted by simulation; None where that cannot be."""
+        return self._fitted([n for n, _ in fit.members], partial(with_laws, self.force, fit))
+
+    def _fitted(self, names: Sequence[str], start: Callable[[], Model]) -> Fitted | None:
+        try:
+            found = self.motion.fitted(names, start())
+        except SignlinError:
+            return None
+        self.tried.append(found)
+        return found
+
+    # ------------------------------------------------------------ a richer law of the same family
+
+    def in_family(self, found: Fitted) -> Fitted:
+        """Return a model with a richer law of the same family in place of one, where the motion surely asks for it, and
+        the force too, if it is seen; or where it completes the model.
+        """
+        laws = self.force.search.r.laws
+        for name in found.effects:
+            family = laws[name].effect.family
+            kin = [n for n, x in laws.items() if x.effect.family and x.effect.family == family]
+            richer = [n for n in kin if n != name and n not in found.effects and n in self._single()]
+            options = []
+            for other in self.worth_it(found, name, richer):
+                rest = tuple(n if n != name else other for n in found.effects)
+                one = self._fitted(rest, partial(self._started, found, name, other))
+                options += [one] if one else []
+            better = self.of_one_force(found, options) if self.imposed else self._asked_for(found, options)
+            found = better[0] if better else found
+        return found
+
+    def worth_it(self, found: Fitted, name: str, richer: Sequence[str]) -> list[str]:
+        """Return the laws that the motion should be asked of in place of ``name``: where the force is seen, those that
+        take a visible part of it away, or the best of them to compare with; not far above the noise all of them.
+        """
+        if self.imposed or not self._sees(found) or within(found, self.criteria.complete):
+            return list(richer)
+        models, names = self.force.search.models, frozenset(found.effects)
+        errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
+        if names not in models or not errors:
+            return list(richer)
+        most = models[names].error - self.criteria.each * self.force.search.base.error
+        best = min(errors, key=lambda n: errors[n])
+        return [n for n in richer if n == best or errors.get(n, 0.0) < most]
+
+    def _asked_for(self, found: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
+        better = self.motion.alike(found, options)
+        if not self._sees(found):
+            return better
+        return [one for one in better if self.completes(found, one) or self._shows(found, one)]
+
+    def completes(self, before: Fitted, after: Fitted) -> bool:
+        """Tell whether a model leaves nothing but noise of the motion, and near it, where another one does not: what
+        tells them apart may be too short for the force.
+        """
+        return not before.white and leaves_noise(after, self.criteria) and near_noise(after, self.criteria)
+
+    def _shows(self, before: Fitted, after: Fitted) -> bool:
+        """Tell whether a richer law surely takes away force, and a visible part of all that is missing, not of a
+        remainder.
+        """
+        a, b = (force_left(self.force, f, self.left) for f in (before, after))
+        gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
+        surely = force_falls(self.force, before, after, self.criteria, self.left)
+        return surely and gone > self.criteria.each * self.force.search.base.error
+
+    def _sees(self, found: Fitted) -> bool:
+        return sees(self.force, found, self.criteria, self.left)
+
+    def _single(self) -> set[str]:
+        return {next(iter(n)) for n in self.force.search.models if len(n) == 1}
+
+    def _started(self, found: Fitted, name: str, other: str) -> Model:
+        """Return a fitted model with another law in place of one, as the force witness fitted it alone."""
+        model = found.model
+        for key in [k for k, use in model.effects.items() if use.type == name]:
+            model = model.without_effect(key)
+        fit = self.force.search.models[frozenset({other})]
+        law, shape = self.force.search.r.laws[other], fit.members[0][1]
+        return model.with_effect(other, None, **law.parameters(shape, fit.theta[fit.spans[other]]))
+
+    # ------------------------------------------------------------ where the motion is imposed
+
+    def in_all_band(self, found: Fitted) -> Fitted:
+        """Return what leaves less of an imposed motion's force in all of its band, of the best other sets that the
+        force witness holds sound, and no worse within its own band: it took the one with the fewest parameters.
+        """
+        search = self.force.search
+        others = [f for f in search.models.values() if f.error < search.chosen.error and search.sound(f)]
+        best = sorted(others, key=lambda f: f.error)[: self.criteria.beam]
+        better = self.of_one_force(found, [one for one in map(self.simulated, best) if one])
+        return better[0] if better else found
+
+    def of_one_force(self, found: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
+        """Return the options to stand in a model's place where the motion is imposed: those that take away a visible
+        part of the force in all its band, beyond doubt or half of what is left, and do not leave more in the band of
+        the force witness.
+        """
+        c, motion = self.criteria, self.motion
+        shown = c.each * np.nanmean(motion.best(motion.base).unseen_squares, axis=0)
+        before = np.nanmean(found.unseen_squares, axis=0)
+        visible = [
+            one
+            for one in options
+            if not force_raises(self.force, found, one, c, self.left)
+            and np.any(before - np.nanmean(one.unseen_squares, axis=0) > shown)
+        ]
+        gains = [(one, motion.gain(found, one)) for one in visible if not one.vague(c)]
+        halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.least]
+        return motion.alike(found, visible) or sorted(halved, key=lambda one: one.level)
+
+
+__all__ = ["Choice"]
