@@ -257,6 +257,8 @@ def _gain(base: Base, d: Discrete, u: Array, step: float) -> Array | None:
     """Return the gain (n, ny) of the observer for inputs u (T, m) every ``step`` s; None where there is none."""
     from scipy.linalg import LinAlgError, solve_discrete_are
 
+    if not d.A.size:  # a force that depends on the imposed motion alone: nothing is left to correct
+        return np.zeros((0, len(d.C)))
     x, rates = _sizes(base, d.A, d.B, u)
     if not (np.isfinite(d.A).all() and np.isfinite(x).all()):
         return None

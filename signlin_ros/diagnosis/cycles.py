@@ -1,4 +1,6 @@
-"""Whether records of an imposed motion repeat one cycle: then speed and memory cannot be told apart."""
+"""What a cycle of an imposed motion can tell: where it is always the same, speed and memory look alike; where it turns
+back once, memory and time do.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,7 @@ TURN = 0.1
 ALIKE = 1.15
 """Largest ratio of strokes, and of paces, of swings that are alike."""
 SWINGS = 2
-"""Fewest swings that tell."""
+"""Fewest swings, from one turning point to the next, that tell."""
 NOTE = (
     "every swing of these records has the same stroke and pace: a force that goes with the speed and one that "
     "remembers the way look alike here; a record of another amplitude or frequency would tell them apart"
@@ -38,6 +40,13 @@ def one_cycle(model: Model, records: Sequence[ModelData]) -> str:
     return NOTE if np.all(swings.max(axis=0) < ALIKE * swings.min(axis=0)) else ""
 
 
+def seldom(model: Model, records: Sequence[ModelData]) -> bool:
+    """Tell whether an imposed motion turns back so seldom that a force which remembers the way cannot be told from one
+    that changes with time.
+    """
+    return model.plant.motion_is_imposed() and sum(len(_swings(model, record)) for record in records) < SWINGS
+
+
 def _swings(model: Model, record: ModelData) -> Array:
     """Return stroke and largest speed (n, 2) of every whole swing from one turning point to the next."""
     v = record.u[:, model.inputs.index(model.plant.velocity)]
@@ -49,4 +58,4 @@ def _swings(model: Model, record: ModelData) -> Array:
     return np.array(found).reshape(-1, 2)
 
 
-__all__ = ["one_cycle"]
+__all__ = ["one_cycle", "seldom"]

@@ -11,13 +11,24 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.agreement import Agreed
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.cycles import seldom
 from signlin_ros.diagnosis.force.flexible import changing, structured
-from signlin_ros.diagnosis.force.regression import Fit
-from signlin_ros.diagnosis.measures import acting, leaves_much, leaves_noise, near_noise, noise_percent, sees
+from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
+from signlin_ros.diagnosis.measures import (
+    acting,
+    comparable,
+    leaves_much,
+    leaves_noise,
+    near_noise,
+    noise_percent,
+    sees,
+    written_left,
+)
 from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.motion.score import of_windows
+from signlin_ros.diagnosis.motion.score import gain, of_windows
 from signlin_ros.diagnosis.scores import unfollowed
 from signlin_ros.diagnosis.signs import reversed_signal
+from signlin_ros.effects import find_effect
 from signlin_ros.errors import SignlinError
 
 Array = NDArray[np.float64]
@@ -121,6 +132,24 @@ class Judgement:
         return bool(shows and np.nanmean(rise) > self.criteria.worse * error)
 
     @cached_property
+    def no_better(self) -> bool:
+        """Whether the model as given follows unseen data about as well as the proposal, in force and in motion: what is
+        gained beside a base that was refitted, and does not carry over, is nothing gained.
+        """
+        motion, force, least = self.agreed.motion, self.agreed.force, self.criteria.least
+        given, after = motion.stated((), motion.problem.base), self.final.unseen_squares
+        if given is None or gain(given.unseen_squares, after, motion.unseen.noise).certainty > least:
+            return False
+        if force is None or not (comparable(force, given) and comparable(force, self.final)):
+            return True
+        return mean_certainty(written_left(force, given), written_left(force, self.final)) <= least
+
+    @property
+    def remembers(self) -> tuple[str, ...]:
+        """The effects of the proposal that have a state of their own."""
+        return tuple(n for n in self.names if find_effect(n, "effects").states)
+
+    @cached_property
     def lost(self) -> list[str]:
         """The channels that the model follows neither where it was fitted nor on unseen data."""
         motion, final = self.agreed.motion, self.final
@@ -147,6 +176,10 @@ class Judgement:
             return "lost"
         if self.names and self.worse:
             return "worse"
+        if self.names and self.no_better:
+            return "given"
+        if self.remembers and seldom(self.case.model, (*self.case.known, *self.case.unseen)):
+            return "once"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
         if self.sees or self.small:

@@ -154,8 +154,9 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
 def _named(j: Judgement, effect: str, ties: tuple[str, ...], asked: str, rows: Rows) -> Entry:
     own = {n.partition(".")[2]: p for n, p in j.final.parameters.items() if words.belongs(j.final, n, effect)}
     plain = [t for t in ties if not _richer(t, effect)]
-    status = "ambiguous" if plain else "confirmed"
-    if j.unexplained in ("conflict", "worse", "far", "reversed") or _refused(j, asked):
+    once = j.unexplained == "once" and effect in j.remembers
+    status = "ambiguous" if plain or once else "confirmed"
+    if j.unexplained in ("conflict", "worse", "given", "far", "reversed") or _refused(j, asked):
         status = "rejected"
     before = j.without(effect)
     g = j.agreed.motion.gain(before, j.final)

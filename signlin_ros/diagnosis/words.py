@@ -58,8 +58,14 @@ def _unexplained(j: Judgement) -> str:
     known = f"{listed(j.names).capitalize()} {'explains' if len(j.names) == 1 else 'explain'} a part"
     if why == "worse":
         return f"{known} of what is missing, but the error of {j.worse} rises on unseen data: nothing is confirmed."
+    if why == "given":
+        rest = "but the model as given follows unseen data as well: nothing is confirmed"
+        return f"{known} of what the refitted model leaves, {rest}."
     if j.names:
         what = falls(j, j.agreed.base, j.final)
+        if why == "once":
+            rest = "to tell a force that remembers the way from one that changes with time"
+            return f"{known} ({what}), but the motion turns back too seldom {rest}."
         if why == "far":
             return f"{known} ({what}), but only with base parameters that far from nominal."
         if why == "elsewhere":

@@ -9,7 +9,7 @@ import pytest
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.cycles import one_cycle
+from signlin_ros.diagnosis.cycles import one_cycle, seldom
 from signlin_ros.diagnosis.data import driving
 from signlin_ros.effects.lugre_friction import LuGreFriction
 from signlin_ros.model import Model
@@ -301,3 +301,26 @@ def test_of_one_cycle_alone_it_is_said_that_speed_and_memory_look_alike(amplitud
     assert bool(one_cycle(model, records)) is told
     driven = Model.load("dc_motor")
     assert not one_cycle(driven, records)
+
+
+@pytest.mark.parametrize(("strokes", "seen"), [(2, True), (8, False)], ids=["there and back", "to and fro"])
+def test_memory_is_not_told_from_time_by_a_single_reversal(strokes, seen):
+    """A strip of elastomer pulled once, whose force relaxes: "MISSING Bouc-Wen and pinching hysteresis"."""
+    model = Model.from_dict({**BASE, "parameters": {"c": 800.0, "k": 5000.0}})
+    records = []
+    for k, pace in enumerate((0.01, 0.016)):
+        t = np.arange(round(strokes * 0.04 / pace / STEP)) * STEP
+        v = pace * np.where((t * pace / 0.04) % 2 < 1, 1.0, -1.0)
+        x, rng = np.cumsum(v) * STEP, np.random.default_rng(k)
+        z = np.zeros(t.size)
+        for i in range(1, t.size):
+            z[i] = z[i - 1] + (v[i - 1] - abs(v[i - 1]) * z[i - 1] / 0.004) * STEP
+        force = 5000.0 * x + 800.0 * v + 40.0 * z / 0.004 + rng.normal(0.0, 0.3, t.size)
+        units = {"displacement": "m", "force": "N", "velocity": "m/s"}
+        measured = {"displacement": x, "force": force}
+        records.append(ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), units))
+    assert seldom(model, records) is seen
+    found = diagnose(model, *records)
+    assert found.missing[0].status != "rejected"
+    assert ("turns back too seldom" in found.sentence) is seen
+    assert (found.verdict == "unexplained") is seen

@@ -241,6 +241,15 @@ def test_no_unit_is_asked_for_where_a_guess_of_the_model_would_do_as_well() -> N
     assert "unit_or_sign" not in found(model, data)[1]
 
 
+def test_a_force_of_the_speed_alone_has_no_state_to_observe() -> None:
+    """ "DGGES ... lwork=0": a damper's force and speed, without the displacement."""
+    t = np.arange(400) * 0.01
+    v = 0.1 * np.sin(3.0 * t)
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 3000.0, "k": 0.0}, "tolerance": 0.5})
+    data = ModelData(t, v[:, None], {"force": 3000.0 * v}, None, model.inputs, (), dict(model.units), "run.csv")
+    assert not [f for f in check(model, [data])[1] if f.severity != "note"]
+
+
 def test_an_input_at_its_limit_is_noted_only() -> None:
     base = motor()[0]
     finding = found(base, record(base, np.clip(multisine(), -3.0, 3.0)))[1]["clipped"]
