@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,7 @@ class Coordinate:
 class Candidate:
     """A model to be fitted: its free parameters as coordinates, its values elsewhere.
 
+    ``starts``: where its records were found to start, see `signlin_ros.diagnosis.start`.
     ``alert``: whether an extended Kalman filter follows it where its motion is sensitive; ``wander``: by which part of
     the velocity (RMS) that of a floating load may wander in a second, as the filter takes it.
     """
@@ -68,6 +70,7 @@ class Candidate:
     label: tuple[str, ...] = ()
     alert: bool = True
     wander: float = WANDER
+    starts: dict[tuple[int, float], Any] = field(default_factory=dict, compare=False, repr=False)
 
     @functools.cached_property
     def angular(self) -> bool:

@@ -21,7 +21,7 @@ TURN = 0.1
 ALIKE = 1.15
 """Largest ratio of strokes, and of paces, of swings that are alike."""
 SWINGS = 2
-"""Fewest swings, from one turning point to the next, that tell."""
+"""Fewest swings, from one turning point to the next, that tell of one cycle."""
 NOTE = (
     "every swing of these records has the same stroke and pace: a force that goes with the speed and one that "
     "remembers the way look alike here; a record of another amplitude or frequency would tell them apart"
@@ -41,10 +41,10 @@ def one_cycle(model: Model, records: Sequence[ModelData]) -> str:
 
 
 def seldom(model: Model, records: Sequence[ModelData]) -> bool:
-    """Tell whether an imposed motion turns back so seldom that a force which remembers the way cannot be told from one
-    that changes with time.
+    """Tell whether an imposed motion turns back once in each record at most: a force that remembers the way cannot be
+    told from one that changes with time there.
     """
-    return model.plant.motion_is_imposed() and sum(len(_swings(model, record)) for record in records) < SWINGS
+    return model.plant.motion_is_imposed() and not any(len(_swings(model, record)) for record in records)
 
 
 def _swings(model: Model, record: ModelData) -> Array:

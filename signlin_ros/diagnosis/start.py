@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from math import ceil
 from typing import Any
 
@@ -25,6 +26,22 @@ SECANTS, SETTLED = 8, 1e-3
 SWEEPS, NEARBY, REMEMBERED = 4, 0.1, 3.0
 """Most steps of all that is unknown of a start together, the part of its reach by which slopes are found, and so many
 time constants of the observer as that is remembered."""
+
+
+LOST = 1e100
+"""Errors from which on a start leads nowhere: it is sought anew."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a record was found to start: the state x (n,), the steps ``near`` (k, n) by which slopes were found, what
+    these ``changes`` of the errors (k, size) were, None where they were not kept; and the ``record`` itself.
+    """
+
+    x: Array
+    near: Array
+    changes: Array | None = None
+    record: Segment | None = None
 
 
 def _initial(c: Candidate, s: Segment) -> Array:
@@ -58,28 +75,35 @@ def record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: t
     unknown = {**_unknown(problem, c, s), **_late_states(problem, s, others[4])} if s.whole else {}
     if not unknown:
         return x0
-    eq = c.equations
+    eq, ny = c.equations, s.y.shape[1]
+    fixed: tuple[Any, ...] = eq.calls(False, c.filtered), eq.flags(False, turns(problem, c, others[0]))
+    none = np.zeros((0, ny, eq.sizes[3]))
 
     def run(x: Array, size: int) -> tuple[Array, Array]:
-        t, u, y = s.t[:size], s.u[:size], s.y[:size]
-        E, X = np.zeros((size, y.shape[1])), np.zeros((size, x.size))
-        arguments: tuple[Any, ...] = (eq.flags(False, turns(problem, c, others[0])), t, u, y, rows, x, *others)
-        arguments = (eq.calls(False, c.filtered), *arguments, E, np.zeros((0, y.shape[1], eq.sizes[3])), X)
-        if follow(*arguments) < size:
+        E, X = np.zeros((size, ny)), np.zeros((size, x.size))
+        arguments: tuple[Any, ...] = (s.t[:size], s.u[:size], s.y[:size], rows, x, *others, E, none, X)
+        if follow(*fixed, *arguments) < size:
             E[:] = np.inf
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X
 
-    size, reaches = min(s.t.size, MEMORY), []
-    e, X = run(x0, size)
-    for i, (other, known) in unknown.items():
-        apart = X[:, i] - (X[:, other] if other >= 0 else 0.0)
-        reaches.append((known or float(np.abs(apart).max())) * np.eye(x0.size)[i])
-        x0, e = _by_secants(lambda x: run(x, size)[0], x0, e, reaches[-1])
-    position = problem.base.plant.position
-    if position in s.start or position not in c.model.states:
-        return x0
-    longer = min(s.t.size, max(size, ceil(REMEMBERED * tau / problem.scale.step)))
-    return _descended(lambda x: run(x, longer)[0], x0, run(x0, longer)[0], np.array(reaches), SWEEPS)[0]
+    size, longer, position = min(s.t.size, MEMORY), 0, problem.base.plant.position
+    if position not in s.start and position in c.model.states:
+        longer = min(s.t.size, max(size, ceil(REMEMBERED * tau / problem.scale.step)))
+
+    def errors(x: Array) -> Array:
+        return run(x, longer or size)[0]
+
+    known, found = c.starts.get((id(s), tau)), None
+    if known is not None:
+        x = np.where([i in unknown for i in range(x0.size)], known.x, x0)
+        e = errors(x)
+        found = _descended(errors, replace(known, x=x), e, SWEEPS)[0] if np.abs(e).max() < LOST else None
+    if found is None:
+        found = _sought(lambda x: run(x, size), x0, unknown)
+        if longer:
+            found = _descended(errors, replace(found, changes=None), errors(found.x), SWEEPS)[0]
+    c.starts[id(s), tau] = replace(found, record=s)
+    return found.x
 
 
 def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int, float]]:
@@ -113,31 +137,41 @@ def _late_states(problem: Problem, s: Segment, lags: Array) -> dict[int, tuple[i
     return found
 
 
-def _by_secants(errors: Callable[[Array], Array], x: Array, e: Array, reach: Array) -> tuple[Array, Array]:
-    """Return the point x (n,) moved along ``reach`` (n,) to where the errors are least, and these."""
-    tried = [(x + sign * reach, errors(x + sign * reach)) for sign in (-1.0, 1.0)]
-    x, e = min([(x, e), *tried], key=lambda pair: float(pair[1] @ pair[1]))
-    return _descended(errors, x, e, reach[None], SECANTS)
+def _sought(run: Callable[[Array], tuple[Array, Array]], x: Array, unknown: Mapping[int, tuple[int, float]]) -> Start:
+    """Return where the errors of what is ``run`` from x (n,) are least, one unknown state after the other."""
+    e, X = run(x)
+    near = np.zeros((0, x.size))
+    for i, (other, known) in unknown.items():
+        apart = X[:, i] - (X[:, other] if other >= 0 else 0.0)
+        reach = (known or float(np.abs(apart).max())) * np.eye(x.size)[i]
+        tried = [(x + sign * reach, run(x + sign * reach)[0]) for sign in (-1.0, 1.0)]
+        x, e = min([(x, e), *tried], key=lambda pair: float(pair[1] @ pair[1]))
+        found, e = _descended(lambda x: run(x)[0], Start(x, NEARBY * reach[None]), e, SECANTS)
+        x, near = found.x, np.concatenate([near, found.near])
+    return Start(x, near)
 
 
-def _descended(errors: Callable[[Array], Array], x: Array, e: Array, reaches: Array, most: int) -> tuple[Array, Array]:
-    """Return the point x (n,) moved in the span of ``reaches`` (k, n) to where the errors are least, and these: steps
-    of Gauss and Newton with secants for slopes.
+def _descended(errors: Callable[[Array], Array], start: Start, e: Array, most: int) -> tuple[Start, Array]:
+    """Return a start, of errors e, moved to where the errors are least, and these: steps of Gauss and Newton with
+    secants for slopes, first those that are known.
     """
-    near = NEARBY * reaches
+    x, near, changes = start.x, start.near, start.changes
     for _ in range(most):
-        changes = np.stack([errors(x + r) - e for r in near])
+        old = changes is not None
+        if changes is None:
+            changes = np.stack([errors(x + r) - e for r in near])
         products = changes @ changes.T
         if not 0.0 < products.max() < np.inf:
             break
         moved = x - np.linalg.lstsq(products, changes @ e, rcond=1e-13)[0] @ near
         new = errors(moved)
-        gained = e @ e - new @ new
+        gained, enough = e @ e - new @ new, SETTLED * (e @ e)
         if gained > 0:
             x, e = moved, new
-        if not gained > SETTLED * (e @ e):
+        if not (gained > enough or (old and gained < -enough)):
             break
-    return x, e
+        changes = None
+    return Start(x, near, changes), e
 
 
 def moving(problem: Problem, s: Segment) -> bool:

@@ -64,8 +64,8 @@ def _unexplained(j: Judgement) -> str:
     if j.names:
         what = falls(j, j.agreed.base, j.final)
         if why == "once":
-            rest = "to tell a force that remembers the way from one that changes with time"
-            return f"{known} ({what}), but the motion turns back too seldom {rest}."
+            rest = "a force that remembers the way and one that changes with time look alike there"
+            return f"{known} ({what}), but the motion turns back only once in a record: {rest}."
         if why == "far":
             return f"{known} ({what}), but only with base parameters that far from nominal."
         if why == "elsewhere":

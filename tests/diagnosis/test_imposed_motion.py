@@ -322,5 +322,5 @@ def test_memory_is_not_told_from_time_by_a_single_reversal(strokes, seen):
     assert seldom(model, records) is seen
     found = diagnose(model, *records)
     assert found.missing[0].status != "rejected"
-    assert ("turns back too seldom" in found.sentence) is seen
+    assert ("turns back only once" in found.sentence) is seen
     assert (found.verdict == "unexplained") is seen
