@@ -27,11 +27,15 @@ DOUBT = 100.0
 
 
 @inner
-def _carry(address, z, out, f, X, U, D, usual, trusts, at_h, span, h_max):
-    """Carry one filter over ``span`` seconds; z is prepared but for the state, the step and the trust."""
-    n = X.shape[1]
+def _carry(address, z, out, f, X, U, D, usual, trusts, doubt, u, acted, span, h_max):
+    """Carry one filter over ``span`` seconds; z is prepared but for the state, the inputs, the step and the trust."""
+    n, m = X.shape[1], u.size
+    at_u = n * n + 3 * n
+    at_h = at_u + 2 * m
+    for i in range(m):
+        z[at_u + i], z[at_u + m + i] = u[i], acted[i]
     count = max(1, int(np.ceil(span / h_max - 1e-9)))
-    z[at_h], z[at_h + 1] = span / count, trusts[f]
+    z[at_h], z[at_h + 1], z[at_h + 2] = span / count, trusts[f], doubt
     at_D = n + n * n
     for i in range(n):
         z[i], z[at_D + i], z[at_D + n + i] = X[f, i], D[f, i], usual[f, i]
@@ -41,6 +45,8 @@ def _carry(address, z, out, f, X, U, D, usual, trusts, at_h, span, h_max):
         call(address, z, out)
         for i in range(n * n + 3 * n):
             z[i] = out[i]
+        for i in range(m):
+            z[at_u + m + i] = u[i]
     for i in range(n):
         X[f, i], D[f, i], usual[f, i] = z[i], z[at_D + i], z[at_D + n + i]
         for j in range(n):
@@ -142,16 +148,18 @@ def _measure(kind, y, X, U, D, score, states, R, missed, b):
 
 
 @inner
-def _advance(address, z, out, X, U, D, usual, score, trusts, u, span, h_max):
-    """Carry all filters over ``span`` seconds; returns whether the last of them is sound. Others start anew from it."""
-    count, n, m = X.shape[0], X.shape[1], u.size
-    at_u = n * n + 3 * n
-    for i in range(m):
-        z[at_u + i] = u[i]
+def _advance(address, z, out, X, U, D, usual, score, trusts, doubt, u, acted, span, h_max):
+    """Carry all filters over ``span`` seconds; returns whether the last of them is sound. Others start anew from it.
+
+    ``acted`` (m,): the inputs before, then u.
+    """
+    count = X.shape[0]
     keep, last = np.exp(-span / FORGETTING), count - 1
     for f in range(count):
-        _carry(address, z, out, f, X, U, D, usual, trusts, at_u + m, span, h_max)
+        _carry(address, z, out, f, X, U, D, usual, trusts, doubt, u, acted, span, h_max)
         score[f] *= keep
+    for i in range(u.size):
+        acted[i] = u[i]
     if not _sound(X, D, last):
         return False
     for f in range(last):
@@ -173,7 +181,9 @@ def run_filters(
     usual,
     score,
     trusts,
+    doubt,
     u,
+    acted,
     disturbed,
     p,
     states,
@@ -184,22 +194,22 @@ def run_filters(
 ):
     """Take events in the order of their times; returns how many were taken before all filters broke down.
 
-    ``kinds`` (E,), ``values`` (E, max(m, 1)); X (F, n), U (F, n, n), D, usual (F, n), score (F,), u (m,), clock (1,)
-    and missed (C,) are what the filters know and are changed. ``states`` (C,) says which state a channel shows, R (C,)
-    with which variance. ``found`` (E, 2 + 2 n) takes innovation, its variance, the state after the event and its
-    variances, of the likeliest filter.
+    ``kinds`` (E,), ``values`` (E, max(m, 1)); X (F, n), U (F, n, n), D, usual (F, n), score (F,), u and acted (m,),
+    clock (1,) and missed (C,) are what the filters know and are changed. ``states`` (C,) says which state a channel
+    shows, R (C,) with which variance. ``found`` (E, 2 + 2 n) takes innovation, its variance, the state after the event
+    and its variances, of the likeliest filter.
     """
     n, m = X.shape[1], u.size
     at_u = n * n + 3 * n
-    z, out, b = np.zeros(at_u + m + 2 + n + p.size), np.zeros(at_u), np.zeros(n)
+    z, out, b = np.zeros(at_u + 2 * m + 3 + n + p.size), np.zeros(at_u), np.zeros(n)
     for i in range(n):
-        z[at_u + m + 2 + i] = disturbed[i]
+        z[at_u + 2 * m + 3 + i] = disturbed[i]
     for i in range(p.size):
-        z[at_u + m + 2 + n + i] = p[i]
+        z[at_u + 2 * m + 3 + n + i] = p[i]
     for event in range(times.size):
         span = times[event] - clock[0]
         if span > 0.0:
-            if not _advance(address, z, out, X, U, D, usual, score, trusts, u, span, h_max):
+            if not _advance(address, z, out, X, U, D, usual, score, trusts, doubt, u, acted, span, h_max):
                 return event
             clock[0] = times[event]
         kind = kinds[event]

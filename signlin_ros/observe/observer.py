@@ -108,6 +108,7 @@ class KalmanObserver:
     channels : names of the states that are measured.
     noise : standard deviation of each channel's noise, in its unit as shown; measured along the way where not given.
     trusts : shares by which the model may be wrong; the likeliest of these filters is believed.
+    doubt : share of what a jump of an input does that is not known, whatever the trust. Steady motion does not tell it.
 
     Times are in s; those of `take` must increase.
     """
@@ -118,6 +119,7 @@ class KalmanObserver:
         channels: Iterable[str],
         noise: Mapping[str, float] | None = None,
         trusts: Iterable[float] = TRUSTS,
+        doubt: float = 0.0,
     ) -> None:
         self.model = model
         self.channels = tuple(model.canonical(name) for name in channels)
@@ -128,11 +130,11 @@ class KalmanObserver:
         self._late = max(sensor.delay for sensor in self._sensors)
         self._states = np.array([model.states.index(name) for name in self.channels])
         self._address = native(step_tape(model.structure))[0]
-        self._trusts = np.array(sorted(trusts))
+        self._trusts, self._doubt = np.array(sorted(trusts)), float(doubt)
         self._disturbed = _disturbed(model)
         known = {model.canonical(name): value for name, value in (noise or {}).items()}
         self._meters = [NoiseMeter(known.get(name)) for name in self.channels]
-        self._inputs = np.zeros(len(model.inputs))
+        self._inputs, self._acted = np.zeros(len(model.inputs)), np.zeros(len(model.inputs))
         self._excess, self._factor = np.ones(len(self.channels)), np.ones(len(self.channels))
         self._learning = True
         self.reset()
@@ -159,7 +161,7 @@ class KalmanObserver:
         self._X[:, : x.size], self._D[:, : x.size] = x, deviation**2
         self._clock[0], self._last, self._started = other._clock[0], other._last, True
         if self._inputs.size == other._inputs.size:
-            self._inputs[:] = other._inputs
+            self._inputs[:], self._acted[:] = other._inputs, other._acted
 
     def meter(self, channel: str) -> NoiseMeter | None:
         """Return what measures the noise of a channel, None where that is not measured."""
@@ -206,7 +208,8 @@ class KalmanObserver:
     @property
     def _filters(self) -> tuple[NDArray[Any], ...]:
         """All that running the filters changes."""
-        return (self._X, self._U, self._D, self._usual, self._score, self._clock, self._inputs, self._missed)
+        known = (self._X, self._U, self._D, self._usual, self._score, self._clock)
+        return (*known, self._inputs, self._acted, self._missed)
 
     def _learn(self, innovations: Innovations) -> None:
         """Let the noise grow where innovations stay larger than they should be, as with stamps that jitter.
@@ -294,6 +297,7 @@ class KalmanObserver:
         before = np.flatnonzero(events.kinds[:first] == INPUT)
         if before.size:
             self._inputs[:] = events.values[before[-1], : self._inputs.size]
+        self._acted[:] = self._inputs
         channels, at = np.unique(events.kinds, return_index=True)
         shown = {self.channels[c]: float(events.values[k, 0]) for c, k in zip(channels, at, strict=True) if c >= 0}
         x, deviation = _start(self.model, shown)
@@ -309,12 +313,12 @@ class KalmanObserver:
             return found
         gains = np.array([sensor.gain for sensor in self._sensors])
         R = self._factor * np.array([max(meter.sigma, 1e-12) for meter in self._meters]) ** 2 / gains**2
-        X, U, D, usual, score, clock, u, missed = known
+        X, U, D, usual, score, clock, u, acted, missed = known
         self._step = max(self._step, (times[-1] - clock[0]) / len(times) / MOST_STEPS)
         fixed = (self._states, R, missed, self._step, found)
         done = run_filters(
-            self._address, times, kinds, values, clock, X, U, D, usual, score, self._trusts, u, self._disturbed,
-            self.model.p, *fixed,
+            self._address, times, kinds, values, clock, X, U, D, usual, score, self._trusts, self._doubt, u, acted,
+            self._disturbed, self.model.p, *fixed,
         )  # fmt: skip
         if done < len(times):
             self.reset()

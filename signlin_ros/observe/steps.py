@@ -11,7 +11,8 @@ the ordinary Jacobian far from it. A stuck shaft has g = 0, but a mean sign s of
 Gaussian of that mean sign lies sqrt(2) erfinv(s) of its sigmas aside. So the nearer a shaft is to breaking away, the
 less does friction hold the spread of its speed, and when it breaks away is as uncertain as the force on it.
 An error of the level of friction changes sides with the sign, at once: a push that was learnt while a switch slipped
-one way is not known where it will slip the other way.
+one way is not known where it will slip the other way. And where an input jumps, what it drives is wrong by a share of
+the jump, at once: a guard must allow for that, who weighs a model against what is measured need not.
 
 [ROS2: Verwer, Spee, Blom and Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456; statistical linearization: Gelb, Applied
 Optimal Estimation, 1974, sec. 6.2; inverse of erf: Winitzki, A handy approximation for the error function and its
@@ -47,7 +48,10 @@ FLOOR = 1e-12
 TINY = 1e-30
 """Variances below this are none: their products would leave the range of numbers."""
 KNOWN = 0.95
-"""Share of the level of breaking away that certainly holds: it is known as well as base parameters are by default."""
+"""Share of the level of breaking away that certainly holds, and for a guard of what a jump of an input does: both are
+known as well as base parameters are by default."""
+CERTAIN = 3.0
+"""Standard deviations of its surface from which on a switch slips for certain."""
 SUREST = 0.9999
 """A mean sign beyond this counts as this: friction that is overcome holds next to nothing of the spread."""
 
@@ -155,40 +159,61 @@ def _step(structure: Structure) -> ca.Function:
     t = trace(structure)
     e = _Equations(t, pushed_states(structure))
     n = e.n
-    h, trust = ca.SX.sym("h"), ca.SX.sym("trust")
-    U, D = ca.SX.sym("U", n, n), ca.SX.sym("D", n)
+    h, trust, doubt = ca.SX.sym("h"), ca.SX.sym("trust"), ca.SX.sym("doubt")
+    U, D, last = ca.SX.sym("U", n, n), ca.SX.sym("D", n), ca.SX.sym("last", e.u.numel())
     usual, disturbed = ca.SX.sym("usual", n), ca.SX.sym("disturbed", n)
     end, signs = _moved(e, h)
     J, by_sign = e.at(e.slopes, e.x, signs), e.at(e.by_sign, e.x, signs)
     size = _sizes(e, structure.plant, J, by_sign, signs)
-    Z = h * _spread(e, signs, ca.mtimes([U, ca.diag(D), U.T]))
+    P = ca.mtimes([U, ca.diag(D), U.T])
+    Z = h * _spread(e, signs, P)
     transition = ca.solve(ca.SX.eye(n) - Z + ca.mtimes(Z, Z) / 2, U)
     own = ca.fmax(0, -ca.diag(J))
     intensity = 2 * PERSISTENCE / (1 + PERSISTENCE * own) * trust**2 * ca.fmax(size, usual) * disturbed
     for k, i in enumerate(e.pushed):
         intensity[t.x.numel() + k] = 2 / PERSISTENCE * trust**2 * ca.fmax(size, usual)[i]
         intensity[i] = SHORT * trust**2 * ca.fmax(size, usual)[i] + FLOOR
-    noise = ca.fmax(h * intensity, _turned(e, by_sign, signs) - ca.mtimes(U**2, D))
+    noise = ca.fmax(h * intensity, _turned(e, by_sign, signs, P) - ca.mtimes(U**2, D)) + doubt**2 * _jumped(
+        e, signs, last
+    )
     U_end, D_end = _orthogonal(ca.horzcat(transition, ca.SX.eye(n)), ca.vertcat(D, noise))
     remembered = usual + ca.fmin(1, h / MEMORY) * (size - usual)
     flat = ca.densify(ca.cse(ca.vertcat(end, ca.vec(U_end.T), D_end, remembered)))
     # row-major U: the symbol is its transpose
     by_rows = ca.SX.sym("U_rows", n, n)
     flat = ca.substitute(flat, U, by_rows.T)
-    return ca.Function("step", [e.x, by_rows, D, usual, e.u, h, trust, disturbed, t.p], [flat])
+    return ca.Function("step", [e.x, by_rows, D, usual, e.u, last, h, trust, doubt, disturbed, t.p], [flat])
 
 
-def _turned(e: _Equations, by_sign: ca.SX, signs: list[ca.SX]) -> ca.SX:
-    """Return the least variances (N,): of a push, while a switch in its equation does not slip.
+def _turned(e: _Equations, by_sign: ca.SX, signs: list[ca.SX], P: ca.SX) -> ca.SX:
+    """Return the least variances (N,): of a push, while a switch in its equation may stick.
 
-    What the switch holds changes by up to twice its level until it slips again, and is known no better than that.
+    What the switch holds changes by up to twice its level until it slips again, and is known no better than that. It
+    slips for certain where it is `CERTAIN` standard deviations beside its surface.
     """
     least = ca.SX.zeros(e.n)
-    slips_not = ca.vertcat(*(ca.fabs(s) < SUREST for s in signs)) if signs else ca.SX(0, 1)
+    slips_not = ca.vertcat(*(_may_stick(e, i, signs, P) for i in range(len(signs)))) if signs else ca.SX(0, 1)
     for k, i in enumerate(e.pushed):
         levels = by_sign[i, :].T if signs else ca.SX(0, 1)
         least[e.t.x.numel() + k] = (2 * (1 - KNOWN)) ** 2 * ca.sum1(levels**2 * slips_not)
     return least
+
+
+def _may_stick(e: _Equations, i: int, signs: list[ca.SX], P: ca.SX) -> ca.SX:
+    """Return whether a switch sticks, or is so near its surface that it may (1 or 0)."""
+    g, G = e.surface(i, e.x, signs), e.at(ca.jacobian(e.switches[i].g, e.x), e.x, signs)
+    near = g**2 < CERTAIN**2 * ca.mtimes([G, P, G.T])
+    return ca.fmax(ca.fabs(signs[i]) < SUREST, near)
+
+
+def _jumped(e: _Equations, signs: list[ca.SX], last: ca.SX) -> ca.SX:
+    """Return the squares (N,) by which the rates of pushed states jump where inputs were ``last`` (m,) a moment ago."""
+    rates = e.at(e.f, e.x, signs)
+    jump = rates - ca.substitute([rates], [e.u], [last])[0] if last.numel() else ca.SX.zeros(e.n)
+    grown = ca.SX.zeros(e.n)
+    for k, i in enumerate(e.pushed):
+        grown[e.t.x.numel() + k] = jump[i] ** 2
+    return grown
 
 
 def _orthogonal(W: ca.SX, weights: ca.SX) -> tuple[ca.SX, ca.SX]:
@@ -269,13 +294,14 @@ def pushed_states(structure: Structure) -> tuple[int, ...]:
 @functools.lru_cache(maxsize=64)
 @symbolic
 def step_tape(structure: Structure) -> Tape:
-    """Return the step as a tape: (x, U, D, usual, u, h, trust, disturbed, p) -> (x, U, D, usual), U by rows.
+    """Return the step as a tape: (x, U, D, usual, u, last, h, trust, doubt, disturbed, p) to (x, U, D, usual).
 
-    x (N,) holds the states and then the pushes; the covariance is U diag(D) U^T, U (N, N) unit upper triangular.
-    ``usual`` (N,): the mean square of what each equation held lately; ``trust``: the share of it by which the model
-    may be wrong; ``disturbed`` (N,): 1 for equations that may be wrong.
+    ``last`` (m,) are the inputs that acted before, u (m,) those that act during the step. x (N,) holds the states and
+    then the pushes; the covariance is U diag(D) U^T, U (N, N) unit upper triangular, by rows. ``usual`` (N,): the mean
+    square of what each equation held lately; ``trust``: the share of it by which the model may be wrong; ``doubt``: the
+    share of what a jump of the inputs does; ``disturbed`` (N,): 1 for equations that may be wrong.
     """
     return Tape.of(_step(structure))
 
 
-__all__ = ["MEMORY", "PERSISTENCE", "step_tape"]
+__all__ = ["KNOWN", "MEMORY", "PERSISTENCE", "step_tape"]

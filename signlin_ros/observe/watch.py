@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from signlin_ros.model import Model
 from signlin_ros.observe.detect import Alarm, ChangeDetector
 from signlin_ros.observe.observer import Innovations, KalmanObserver
+from signlin_ros.observe.steps import KNOWN
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,9 @@ class Watch:
     def __init__(self, model: Model, channels: Iterable[str], learn: float = 30.0) -> None:
         self.model, self.channels, self._learn = model, tuple(channels), learn
         self.detector = ChangeDetector(learn)
-        self._guards = {trust: KalmanObserver(model, self.channels, trusts=(trust,)) for trust in GUARDS}
+        self._guards = {
+            trust: KalmanObserver(model, self.channels, trusts=(trust,), doubt=1 - KNOWN) for trust in GUARDS
+        }
         self._likelihood = dict.fromkeys(GUARDS, 0.0)
         self._heard: list[tuple[float, Array | Mapping[str, float]]] = []
         self._begun, self._fastest, self._slow_at = np.nan, 0.0, -np.inf
@@ -119,7 +122,7 @@ class Watch:
         self, trust: float, noise: Mapping[str, float], shifted: str | None
     ) -> tuple[KalmanObserver, Innovations]:
         """Return who heard all again and its innovations, one channel shifted to and fro every `TOGGLED` samples."""
-        observer, count = KalmanObserver(self.model, self.channels, noise, (trust,)), 0
+        observer, count = KalmanObserver(self.model, self.channels, noise, (trust,), 1 - KNOWN), 0
         observer.hold_noise()
         for t, what in self._heard:
             if not isinstance(what, Mapping):
