@@ -40,8 +40,9 @@ $(PEERS): $(STAMP)
 	@$(PIP) install -q -c constraints.txt -e '.[bench]' > $(VENV)/install_peers.log 2>&1 || { cat $(VENV)/install_peers.log >&2; exit 1; }
 	@touch $@
 
-# Tests run side by side, on as many processors as there are: `make test WORKERS=0` runs them one after the other.
-WORKERS ?= logical
+# Tests run side by side, one more than there are processors, since those with ROS mostly wait: `make test WORKERS=0` runs
+# them one after the other.
+WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 test test-all quick: export OPENBLAS_NUM_THREADS ?= 1
 # Hundreds of processes are started: each would compile every module anew where Python is told to keep no bytecode.
 test test-all quick: export PYTHONDONTWRITEBYTECODE :=

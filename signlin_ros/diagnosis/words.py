@@ -100,9 +100,7 @@ def remainder(j: Judgement) -> str:
         return f"{left}; a flexible curve would leave {_digits(after)} %: {LEARN}."
     if j.changing:
         return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
-    if not j.final.white:
-        return f"{left}, {_digits(j.percent / j.noise_percent)} times what the sensors' noise makes of it."
-    return ""
+    return f"{left}, {_digits(j.percent / j.noise_percent)} times what the sensors' noise makes of it."
 
 
 def _left_over(j: Judgement) -> str:

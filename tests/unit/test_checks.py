@@ -451,10 +451,26 @@ def test_slow_samples_are_noted_and_impossible_ones_refused() -> None:
     model, data = motor()
     fifth = replace(data, t=data.t[::5], u=data.u[::5], measured={n: v[::5] for n, v in data.measured.items()})  # 50 ms
     finding = found(model, fifth)[1]["slow_sampling"]
-    assert finding.severity == "note"
+    assert finding.severity != "refuse"
     assert "current" in finding.sentence
     nothing = {n: np.sin(2 * np.pi * 0.2 * np.arange(SAMPLES)) for n in data.measured}
     assert found(model, replace(data, t=1e3 * data.t, measured=nothing))[1]["slow_sampling"].open
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_slow_samples_of_an_input_that_goes_on_in_between_are_told(held: bool) -> None:
+    """A drive's log at 20 Hz: 0.0227 N m of dry friction where 0.033 are, as if its voltage stood for 50 ms."""
+    model, t = motor()[0], np.arange(SAMPLES) * STEP
+    u = 3.0 * np.sin(2.1 * t) + 2.0 * np.sin(9.3 * t + 1.0) + 1.0 * np.sin(23.0 * t + 2.0)
+    data = record(model.with_effect("coulomb_friction", mu=0.033), np.repeat(u[::5], 5)[: u.size] if held else u)
+    fifth = replace(data, t=data.t[::5], u=data.u[::5], measured={n: v[::5] for n, v in data.measured.items()})
+    finding = found(model, fifth)[1]["slow_sampling"]
+    assert finding.severity == ("note" if held else "offer")
+    if not held:
+        cured, findings = found(model, fifth, ("input_between",))
+        assert findings["slow_sampling"].applied
+        assert cured.acts is not None
+        np.testing.assert_allclose(cured.acts, fifth.t - 0.5 * (fifth.t[1] - fifth.t[0]))
 
 
 def test_a_short_record_is_noted() -> None:
