@@ -57,7 +57,7 @@ test-all: check  ## the same with the tests that take long
 quick: install   ## lint, and the tests that need neither time, nor a browser, nor ROS: under 90 s
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(PYTEST) -m 'not slow and not ros' $(addprefix --ignore=tests/,diagnosis web ros independent) $(PYTEST_ARGS)
+	$(PYTEST) -n logical -m 'not slow and not ros' $(addprefix --ignore=tests/,diagnosis web ros independent) $(PYTEST_ARGS)
 
 check: install   ## lint, types and import rules only
 	$(BIN)/ruff check .

@@ -90,6 +90,7 @@ def nothing_but_notes(findings: dict[str, Finding]) -> bool:
 # ------------------------------------------------------------------ nothing where there is nothing
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", [motor, oscillator])
 def test_a_clean_record_is_left_alone(drive: Callable[[], tuple[Model, ModelData]]) -> None:
     model, data = drive()

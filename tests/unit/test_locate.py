@@ -120,6 +120,7 @@ def test_what_is_missing_has_the_right_size_and_noise():
         assert m.rms == pytest.approx(m.noise, rel=0.35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", [multisine, steps])
 def test_a_fault_that_belongs_nowhere_is_found_nowhere(drive):
     """A random torque has no place: hardly a region in eight records with a dozen families each."""
@@ -179,6 +180,7 @@ def test_the_loop_of_a_hysteresis_is_the_spring_force():
     assert np.std(model - exact) > 2 * np.std(force - exact)
 
 
+@pytest.mark.slow
 def test_every_picture_is_drawn():
     pictures = pytest.importorskip("signlin_ros.diagnosis.pictures")
     pytest.importorskip("matplotlib")
