@@ -70,7 +70,7 @@ class Candidate:
     label: tuple[str, ...] = ()
     alert: bool = True
     wander: float = WANDER
-    starts: dict[tuple[int, float], Any] = field(default_factory=dict, compare=False, repr=False)
+    starts: dict[tuple[Any, ...], Any] = field(default_factory=dict, compare=False, repr=False)
 
     @functools.cached_property
     def angular(self) -> bool:

@@ -68,7 +68,8 @@ def record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: t
     Where it starts in motion, what an effect remembers (a bristle's bend, a temperature, by how much a load lags) is
     fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best. Where
     nobody saw the position, all that is unknown is then fitted together, to as many samples as an observer of time
-    constant ``tau`` in s remembers it; a wrong model would bend to its ends a position that was seen.
+    constant ``tau`` in s remembers it; a wrong model would bend to its ends a position that was seen. The next time,
+    with other parameters, all that is unknown is sought together from where it was found.
     """
     x0 = _initial(c, s)
     rows, *others = rest
@@ -93,7 +94,8 @@ def record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: t
     def errors(x: Array) -> Array:
         return run(x, longer or size)[0]
 
-    known, found = c.starts.get((id(s), tau)), None
+    key = id(s), tau, *unknown
+    known, found = c.starts.get(key), None
     if known is not None:
         x = np.where([i in unknown for i in range(x0.size)], known.x, x0)
         e = errors(x)
@@ -102,7 +104,7 @@ def record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: t
         found = _sought(lambda x: run(x, size), x0, unknown)
         if longer:
             found = _descended(errors, replace(found, changes=None), errors(found.x), SWEEPS)[0]
-    c.starts[id(s), tau] = replace(found, record=s)
+    c.starts[key] = replace(found, record=s)  # which keeps the identity its own
     return found.x
 
 
