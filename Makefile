@@ -46,7 +46,8 @@ WORKERS ?= $(shell expr $$(nproc 2>/dev/null || echo 2) + 1)
 test test-all quick: export OPENBLAS_NUM_THREADS ?= 1
 # Hundreds of processes are started: each would compile every module anew where Python is told to keep no bytecode.
 test test-all quick: export PYTHONDONTWRITEBYTECODE :=
-PYTEST := $(BIN)/python -m pytest -q -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
+quick: WORKERS = logical
+PYTEST = $(BIN)/python -m pytest -q -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
 
 test: check      ## lint, types, import rules and the tests, but for those that take long
 	$(PYTEST) -m 'not long' $(PYTEST_ARGS)
@@ -57,7 +58,7 @@ test-all: check  ## the same with the tests that take long
 quick: install   ## lint, and the tests that need neither time, nor a browser, nor ROS: under 90 s
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(PYTEST) -n logical -m 'not slow and not ros' $(addprefix --ignore=tests/,diagnosis web ros independent) $(PYTEST_ARGS)
+	$(PYTEST) -m 'not slow and not ros' $(addprefix --ignore=tests/,diagnosis web ros independent) $(PYTEST_ARGS)
 
 check: install   ## lint, types and import rules only
 	$(BIN)/ruff check .

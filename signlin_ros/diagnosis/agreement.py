@@ -195,7 +195,7 @@ def _chosen(
     base = motion.base
     if not first:
         if force is not None and force.effects and _overruled(force, second, left):
-            return base, _both(force, second)
+            return base, _both(force, base, second, left)
         if second.effects and force_raises(force, base, second, criteria, left):
             return base, f"{_words(second)} would follow the motion, but leaves more force than the model as it is"
         if force is not None and _bent(force, second):
@@ -227,11 +227,15 @@ def _bent(force: Testimony, second: Fitted) -> bool:
     return fit is not None and force.search.bends(fit)
 
 
-def _both(force: Testimony, second: Fitted) -> str:
-    """Return what both witnesses say where the motion refuses what the force shows."""
-    before, after = (percent(force, np.array([f.error])) for f in (force.search.base, force.fit))
-    laws = _listed(force.effects)
-    told = f"by the force {laws} would leave {after:.3g} % of the effort in place of {before:.3g} %, but the motion"
+def _both(force: Testimony, base: Fitted, second: Fitted, left: dict[int, Array]) -> str:
+    """Return what both witnesses say where the motion refuses what the force shows, beside the row of the base."""
+    after, shown, laws = (
+        percent(force, np.array([force.fit.error])),
+        force_left(force, base, left),
+        _listed(force.effects),
+    )
+    before = "" if shown is None else f" in place of {percent(force, shown):.3g} %"
+    told = f"by the force {laws} would leave {after:.3g} % of the effort{before}, but the motion"
     other = f"; {_words(second)} would follow it better" if second.effects else ""
     return f"{told} that they make is not the one that was measured{other}"
 

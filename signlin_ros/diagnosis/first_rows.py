@@ -6,14 +6,13 @@ in all four for the same files: the model as given, and its base parameters move
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.candidate import candidate
 from signlin_ros.diagnosis.case import Case, case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.record import depends_on_place
@@ -21,7 +20,7 @@ from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.measures import comparable, force_left, noise_percent, percent, written_left
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.prepare import prepared
-from signlin_ros.diagnosis.motion.score import level, of_windows, windowed
+from signlin_ros.diagnosis.motion.score import of_windows
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.results import Rung, Scores
 from signlin_ros.effects import load_entry_points
@@ -140,26 +139,17 @@ class Rows:
 
     def as_it_is(self, model: Model, effects: tuple[str, ...]) -> Rung:
         """Return the row of a model with the values that it has, and with the same states as the one given."""
-        force = self.force
-        known, unseen = (replace(p, base=model) for p in (self.motion.problem, self.motion.unseen))
-        c = candidate(known, model, ())
-        theta = np.array([k.prior for k in c.coordinates])
-        tried = [(windowed(known, c, theta, gains), gains) for gains in known.levels]
-        squares, gains = min(tried, key=lambda one: level(one[0], known.noise))
-        written, share = replace(self.motion.base, effects=effects, model=model), None
-        if force is not None and comparable(force, written):
-            share = percent(force, written_left(force, written))
-        return self._row(effects, squares, windowed(unseen, c, theta, gains), share)
+        found, force = self.motion.as_it_is(model, effects), self.force
+        if force is None or not comparable(force, found):
+            return self.of(found, None)
+        return self.of(found, percent(force, written_left(force, found)))
 
     def of(self, f: Fitted, share: float | None) -> Rung:
         """Return the row of a fit; ``share``: the force that it leaves of unseen data, in per cent of the effort."""
-        return self._row(f.effects, f.known_squares, f.unseen_squares, share)
-
-    def _row(self, effects: tuple[str, ...], known: Array, unseen: Array, share: float | None) -> Rung:
-        floor = None if self.force is None else noise_percent(self.force)
-        noise, sides = list(self.noise.values()), ((self.motion.problem, known), (self.motion.unseen, unseen))
+        floor, motion = None if self.force is None else noise_percent(self.force), self.motion
+        noise, sides = list(self.noise.values()), ((motion.problem, f.known_squares), (motion.unseen, f.unseen_squares))
         first, second = (Scores("windowed", of_windows(p, squares, np.array(noise))) for p, squares in sides)
-        return Rung(effects, first, second, share, floor)
+        return Rung(f.effects, first, second, share, floor)
 
 
 def noise_of(problem: Problem, unseen: Problem) -> dict[str, float]:

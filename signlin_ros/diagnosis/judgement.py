@@ -133,16 +133,16 @@ class Judgement:
 
     @cached_property
     def no_better(self) -> bool:
-        """Whether the model as given follows unseen data about as well as the proposal, in force and in motion: what is
-        gained beside a base that was refitted, and does not carry over, is nothing gained.
+        """Whether the model as given, as its row shows it, follows unseen data about as well as the proposal, in force
+        and in motion: what is gained beside a base that was refitted, and does not carry over, is nothing gained.
         """
         motion, force, least = self.agreed.motion, self.agreed.force, self.criteria.least
-        given, after = motion.stated((), motion.problem.base), self.final.unseen_squares
-        if given is None or gain(given.unseen_squares, after, motion.unseen.noise).certainty > least:
+        given, final = motion.as_it_is(motion.problem.base), self.final
+        if gain(given.unseen_squares, final.unseen_squares, motion.unseen.noise).certainty > least:
             return False
-        if force is None or not (comparable(force, given) and comparable(force, self.final)):
+        if force is None or not (comparable(force, given) and comparable(force, final)):
             return True
-        return mean_certainty(written_left(force, given), written_left(force, self.final)) <= least
+        return mean_certainty(written_left(force, given), written_left(force, final)) <= least
 
     @property
     def remembers(self) -> tuple[str, ...]:

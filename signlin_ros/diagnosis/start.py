@@ -26,8 +26,6 @@ SECANTS, SETTLED = 8, 1e-3
 SWEEPS, NEARBY, REMEMBERED = 4, 0.1, 3.0
 """Most steps of all that is unknown of a start together, the part of its reach by which slopes are found, and so many
 time constants of the observer as that is remembered."""
-
-
 LOST = 1e100
 """Errors from which on a start leads nowhere: it is sought anew."""
 

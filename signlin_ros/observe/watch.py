@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 GUARDS = (0.003, 0.01, 0.03, 0.1, 0.3, 1.0)
 """Shares by which the model may be wrong, of which the likeliest is kept."""
+DOUBT = 1 - KNOWN
+"""Share of what a jump of an input does that a guard does not know."""
 SETTLING = 1.0
 """Seconds at the start that tell nothing of the model."""
 WILDEST = 400.0
@@ -122,7 +124,7 @@ class Watch:
         self, trust: float, noise: Mapping[str, float], shifted: str | None
     ) -> tuple[KalmanObserver, Innovations]:
         """Return who heard all again and its innovations, one channel shifted to and fro every `TOGGLED` samples."""
-        observer, count = KalmanObserver(self.model, self.channels, noise, (trust,), 1 - KNOWN), 0
+        observer, count = KalmanObserver(self.model, self.channels, noise, (trust,), DOUBT), 0
         observer.hold_noise()
         for t, what in self._heard:
             if not isinstance(what, Mapping):

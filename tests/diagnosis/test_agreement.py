@@ -58,7 +58,7 @@ class Motion:
     """A motion witness with a table of fits."""
 
     def __init__(self, base: Fit, given: Fit | None = None) -> None:
-        self.base, self.given = base, given
+        self.base, self.given = base, given or Fit((), tuple(10.0 * r for r in base.rms), 10.0 * base.force)
         units = {"speed": "rad/s", "current": "A"}
         channels = ("speed", "current")[: len(base.rms)]
         self.problem = SimpleNamespace(
@@ -75,7 +75,7 @@ class Motion:
     def best(self, f: Fit) -> Fit:
         return f
 
-    def stated(self, effects: tuple[str, ...], model: Any) -> Fit | None:
+    def as_it_is(self, model: Any) -> Fit:
         return self.given
 
     def gain(self, before: Fit, after: Fit) -> Any:

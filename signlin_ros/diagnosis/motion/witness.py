@@ -171,6 +171,18 @@ class Motion:
         f = solved(self.short, c, self.problem.levels[0], theta, 0)
         return self._told(Found(f, windowed(self.short, c, theta, f.gains), f)) if f else None
 
+    def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> Fitted:
+        """Return a model with the values that it has, and with the same states as the one given; nothing is fitted but
+        the observer, which is the one that predicts the known records best.
+        """
+        known, unseen = (replace(side, base=model) for side in (self.problem, self.unseen))
+        c = candidate(known, model, ())
+        theta = np.array([k.prior for k in c.coordinates])
+        tried = [(windowed(known, c, theta, gains), gains) for gains in known.levels]
+        squares, gains = min(tried, key=lambda one: self._level(one[0]))
+        found = windowed(unseen, c, theta, gains)
+        return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=found)
+
     def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
         """Return the fit of effects from the values of a model that has them all, its base parameters too."""
         if not effects:
