@@ -39,6 +39,11 @@ CLEAR = 2.5
 """What the other values of a run must be on the mean, beside the largest."""
 RUN_MARGIN, RUN_FLOOR = 1.5, 6.5
 """A run's size against the largest usual one of any situation, some seen for seconds only; and at least."""
+LEANING = (10, 20, 40)
+"""The mean over so many samples is a change as well, if it lies that far to one side (`RUN_MARGIN`),"""
+LEANING_FLOOR, CUT = 6.0, 4.0
+"""in so many of its standard deviations at least: white noise does so once in a thousand hours at 200 Hz. One sample
+counts so many of its own at most."""
 SHIFT_MARGIN, SHIFT_FLOOR = 1.3, 6.0
 """A shift's size, in standard deviations, against the largest usual one of any situation, and at least."""
 LIKER = 1.15
@@ -66,6 +71,7 @@ class _Usual:
 
     blocks: list[float] = field(default_factory=list)
     runs: list[float] = field(default_factory=list)
+    leanings: list[float] = field(default_factory=list)
     shifts: list[float] = field(default_factory=list)
     sum: float = 0.0
     onset: float = float("nan")
@@ -94,14 +100,20 @@ class _Usual:
         return max(self.runs, default=0.0)
 
     @property
+    def leaning(self) -> float:
+        """The largest usual mean to one side."""
+        return max(self.leanings, default=0.0)
+
+    @property
     def shift(self) -> float:
         """The largest usual size of a shift."""
         return max(self.shifts, default=0.0)
 
-    def learn(self, size: float, run: float, shift: float) -> None:
+    def learn(self, size: float, run: float, leaning: float, shift: float) -> None:
         """Take a block as usual."""
         self.blocks.append(size)
         self.runs.append(run)
+        self.leanings.append(leaning)
         self.shifts.append(shift)
 
     def passed(self, start: float, size: float, margin: float) -> bool:
@@ -150,6 +162,26 @@ class Trace:
         return (shift if explained and shift > LIKER * wild else 0.0), wild
 
 
+class Leaning:
+    """How far the last innovations of a channel lie to one side, on the mean over some lengths."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque(maxlen=LEANING[-1] + 1)
+        self._sums: deque[float] = deque([0.0], maxlen=LEANING[-1] + 1)
+
+    def take(self, t: float, z: float) -> tuple[float, float]:
+        """Take an innovation; returns the largest of the means in their standard deviations, and when it began, in s."""
+        self._times.append(t)
+        self._sums.append(self._sums[-1] + min(max(z, -CUT), CUT))
+        size, begun = 0.0, t
+        for length in LEANING:
+            if len(self._sums) > length:
+                found = abs(self._sums[-1] - self._sums[-1 - length]) / length**0.5
+                if found > size:
+                    size, begun = found, self._times[-length]
+        return size, begun
+
+
 class ChangeDetector:
     """Takes innovations in their standard deviations, learns for ``learn`` s what is usual, then tells of changes.
 
@@ -173,7 +205,8 @@ class ChangeDetector:
         self._block: list[float] = []
         self._traces = {channel: Trace(form) for channel, form in self.signatures.items()}
         self._runs: dict[int, deque[float]] = {}
-        self._run_max = self._shift_max = 0.0
+        self._leanings: dict[int, Leaning] = {}
+        self._run_max = self._leaning_max = self._shift_max = 0.0
         self._waiting: tuple[float, float, int] | None = None
         self.size = np.nan
 
@@ -207,10 +240,13 @@ class ChangeDetector:
             self._block_start = t
         self._situation = max(self._situation, situation)
         run, shift, wild = self._run_of(channel, z), 0.0, 0.0
+        leaning, leant = self._leanings.setdefault(channel, Leaning()).take(t, z)
         if channel in self._traces:
             shift, wild = self._traces[channel].take(t, z)
         self._run_max, self._shift_max = max(self._run_max, run), max(self._shift_max, shift)
+        self._leaning_max = max(self._leaning_max, leaning)
         self._look(t, channel, (run, shift, wild))
+        self._look_back(t, leaning, leant)
         self._block.append(min(z * z, CLIP))
 
     def _run_of(self, channel: int, z: float) -> float:
@@ -233,15 +269,23 @@ class ChangeDetector:
         elif run > max(RUN_MARGIN * max(known.run for known in self._usual.values()), RUN_FLOOR):
             self._waiting = (t, run, max((f.size for f in self.signatures.values()), default=1))
 
+    def _look_back(self, t: float, leaning: float, begun: float) -> None:
+        """Call a change by a mean that lies to one side since ``begun`` s."""
+        usual = self._usual.get(self._situation)
+        if self.learning or self.alarm is not None or usual is None or not usual.seen:
+            return
+        if leaning > max(RUN_MARGIN * max(known.leaning for known in self._usual.values()), LEANING_FLOOR):
+            self.alarm = Alarm(t, begun, "change")
+
     def _end_block(self) -> None:
         size = float(np.log(np.mean(self._block) + 1e-12))
         usual = self._usual.setdefault(self._situation, _Usual())
         if self.learning or not usual.known:
-            usual.learn(size, self._run_max, self._shift_max)
+            usual.learn(size, self._run_max, self._leaning_max, self._shift_max)
         elif usual.passed(self._block_start, size, self.margin) and self.alarm is None:
             self.alarm = Alarm(self._block_start + BLOCK, usual.onset, "change")
         self.size, self._block, self._situation = size, [], 0
-        self._run_max = self._shift_max = 0.0
+        self._run_max = self._leaning_max = self._shift_max = 0.0
 
 
 def _run_size(values: list[float]) -> float:

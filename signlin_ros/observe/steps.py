@@ -50,8 +50,6 @@ TINY = 1e-30
 KNOWN = 0.95
 """Share of the level of breaking away that certainly holds, and for a guard of what a jump of an input does: both are
 known as well as base parameters are by default."""
-CERTAIN = 3.0
-"""Standard deviations of its surface from which on a switch slips for certain."""
 SUREST = 0.9999
 """A mean sign beyond this counts as this: friction that is overcome holds next to nothing of the spread."""
 
@@ -188,22 +186,21 @@ def _step(structure: Structure) -> ca.Function:
 def _turned(e: _Equations, by_sign: ca.SX, signs: list[ca.SX], P: ca.SX) -> ca.SX:
     """Return the least variances (N,): of a push, while a switch in its equation may stick.
 
-    What the switch holds changes by up to twice its level until it slips again, and is known no better than that. It
-    slips for certain where it is `CERTAIN` standard deviations beside its surface.
+    What the switch holds changes by up to twice its level until it slips again, and is known no better than that.
     """
     least = ca.SX.zeros(e.n)
-    slips_not = ca.vertcat(*(_may_stick(e, i, signs, P) for i in range(len(signs)))) if signs else ca.SX(0, 1)
+    unsure = ca.vertcat(*(_unsure(e, i, signs, P) for i in range(len(signs)))) if signs else ca.SX(0, 1)
     for k, i in enumerate(e.pushed):
         levels = by_sign[i, :].T if signs else ca.SX(0, 1)
-        least[e.t.x.numel() + k] = (2 * (1 - KNOWN)) ** 2 * ca.sum1(levels**2 * slips_not)
+        least[e.t.x.numel() + k] = (2 * (1 - KNOWN)) ** 2 * ca.sum1(levels**2 * unsure)
     return least
 
 
-def _may_stick(e: _Equations, i: int, signs: list[ca.SX], P: ca.SX) -> ca.SX:
-    """Return whether a switch sticks, or is so near its surface that it may (1 or 0)."""
+def _unsure(e: _Equations, i: int, signs: list[ca.SX], P: ca.SX) -> ca.SX:
+    """Return the variance of a switch's sign: 1 where it sticks, and what its Gaussian over both sides leaves else."""
     g, G = e.surface(i, e.x, signs), e.at(ca.jacobian(e.switches[i].g, e.x), e.x, signs)
-    near = g**2 < CERTAIN**2 * ca.mtimes([G, P, G.T])
-    return ca.fmax(ca.fabs(signs[i]) < SUREST, near)
+    z = g / ca.sqrt(2 * ca.fmax(ca.mtimes([G, P, G.T]), TINY))
+    return ca.fmax(ca.fabs(signs[i]) < SUREST, 1 - _erf(z) ** 2)
 
 
 def _jumped(e: _Equations, signs: list[ca.SX], last: ca.SX) -> ca.SX:

@@ -79,6 +79,22 @@ def test_a_run_to_one_side_is_called_at_once_and_one_wild_value_is_not() -> None
     assert alarm.t == pytest.approx(45.0, abs=0.03)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_small_values_that_lean_to_one_side_are_called_and_dated(seed: int) -> None:
+    t, z = innovations(60.0, seed)
+    z[(t >= 45.0) & (t < 45.25)] += 1.5  # neither a run of large ones nor a large block
+    alarm = ChangeDetector().take(t, z)
+    assert alarm is not None
+    assert 45.0 < alarm.t < 45.25
+    assert alarm.onset == pytest.approx(45.0, abs=0.1)
+
+
+def test_leaning_that_was_usual_is_no_change() -> None:
+    t, z = innovations(60.0, 3)
+    z[t % 5.0 < 0.2] += 1.2
+    assert ChangeDetector().take(t, z) is None
+
+
 def test_a_new_situation_is_learnt_before_anything_in_it_is_called() -> None:
     t, z = innovations(60.0, 6)
     new = t >= 45.0
