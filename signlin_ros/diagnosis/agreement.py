@@ -266,10 +266,10 @@ def _as_one(motion: Motion, final: Fitted, criteria: Criteria, tried: list[Fitte
 def _beyond(
     motion: Motion, force: Testimony | None, now: Fitted, other: Fitted, criteria: Criteria, left: dict[int, Array]
 ) -> bool:
-    """Tell whether another model is to be stood for instead: it leaves noise where this one does not, or surely less of
-    the motion, and not more of the force; what the force witness can see, it must see.
+    """Tell whether another model is to be stood for instead: it leaves noise where this one does not, and no more of
+    unseen data, or surely less of the motion, and not more of the force; what the force witness can see, it must see.
     """
-    if leaves_noise(other, criteria) and not now.white:
+    if leaves_noise(other, criteria) and not now.white and other.level <= now.level:
         return not force_raises(force, now, other, criteria, left)
     g = motion.gain(now, other)
     if g.worsens(criteria.worse, criteria.alike) or force_raises(force, now, other, criteria, left):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.equations import Equations, equations
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.effects import find_effect
+from signlin_ros.effects.base import Effect
 from signlin_ros.model import Model
 from signlin_ros.par import Par, declared_name
 
@@ -52,6 +53,12 @@ class Coordinate:
     def slope(self, theta: float) -> float:
         """Return d parameter / d coordinate."""
         return self.value(theta) if self.log else self.unit
+
+
+def nothing(k: Coordinate, effect: type[Effect]) -> float:
+    """Return the coordinate of an effect's parameter at which it does nothing."""
+    name = k.name.rpartition(".")[2]
+    return k.theta(effect.neutral[name]) if name in effect.neutral else 0.0
 
 
 @dataclass(frozen=True)
@@ -196,4 +203,4 @@ def _sensor_coordinate(problem: Problem, name: str) -> Coordinate:
     return Coordinate(name, False, unit, -1e9, 1e9, 0.0, np.inf)
 
 
-__all__ = ["Candidate", "Coordinate", "candidate"]
+__all__ = ["Candidate", "Coordinate", "candidate", "nothing"]

@@ -25,7 +25,7 @@ from signlin_ros.diagnosis.measures import (
     written_left,
 )
 from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.motion.score import gain, of_windows
+from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain, of_windows
 from signlin_ros.diagnosis.scores import unfollowed
 from signlin_ros.diagnosis.signs import reversed_signal
 from signlin_ros.effects import find_effect
@@ -132,13 +132,30 @@ class Judgement:
         return bool(shows and np.nanmean(rise) > self.criteria.worse * error)
 
     @cached_property
+    def given(self) -> Fitted:
+        """The model as given."""
+        motion = self.agreed.motion
+        return motion.as_it_is(motion.problem.base)
+
+    @cached_property
+    def beside_given(self) -> Gain:
+        """What the proposal explains of unseen data beyond the model as given."""
+        return gain(self.given.unseen_squares, self.final.unseen_squares, self.agreed.motion.unseen.noise)
+
+    @cached_property
     def no_better(self) -> bool:
-        """Whether the model as given, as its row shows it, follows unseen data about as well as the proposal, in force
-        and in motion: what is gained beside a base that was refitted, and does not carry over, is nothing gained.
+        """Whether unseen data do not surely show the proposal to be better than the model as given, as its row shows,
+        in force or in motion: what is gained beside a base that was refitted, and does not carry over, is nothing
+        gained. Not so where the proposal follows all data to about the noise, and the model as given does not: it was
+        fitted to none of them, and the unseen ones hold nothing of what is missing.
         """
         motion, force, least = self.agreed.motion, self.agreed.force, self.criteria.least
-        given, final = motion.as_it_is(motion.problem.base), self.final
-        if gain(given.unseen_squares, final.unseen_squares, motion.unseen.noise).certainty > least:
+        if self.beside_given.certainty > least:
+            return False
+        given, final = self.given, self.final
+        near = self.criteria.near * motion.problem.noise
+        follows = [bool(np.all(np.sqrt(np.nanmean(f.known_squares, axis=0)) < near)) for f in (given, final)]
+        if follows == [False, True] and near_noise(final, self.criteria):
             return False
         if force is None or not (comparable(force, given) and comparable(force, final)):
             return True
@@ -160,10 +177,9 @@ class Judgement:
     @cached_property
     def elsewhere(self) -> bool:
         """Whether the model follows unseen data far worse than those that it was fitted to."""
-        motion = self.agreed.motion
-        known, unseen = (np.sqrt(np.nanmean(s, axis=0)) for s in (self.final.known_squares, self.final.unseen_squares))
-        least = np.max([known, motion.problem.noise, motion.unseen.noise], axis=0)
-        return bool(np.any(unseen > self.criteria.near * least))
+        motion, final = self.agreed.motion, self.final
+        here, there = motion.problem.noise, motion.unseen.noise
+        return elsewhere(final.known_squares, final.unseen_squares, here, there, self.criteria.near)
 
     @cached_property
     def unexplained(self) -> str:
@@ -184,8 +200,9 @@ class Judgement:
             return "far"
         if self.sees or self.small:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
-            more = large or self.little or near_noise(self.final, self.criteria) or self.changing
-            if self.structure[0] or (more and not self.final.white):
+            near = near_noise(self.final, self.criteria)
+            more = large or self.little or near or self.changing
+            if (self.structure[0] and not (near and self.final.white)) or (more and not self.final.white):
                 return "structure"
             return "elsewhere" if large and self.elsewhere else ""
         if not leaves_noise(self.final, self.criteria) and not self.within_noise:

@@ -39,6 +39,7 @@ class BoucWenHysteresis(Effect):
     n = Par("-", nominal=1.0, low=1.0, high=50.0, structural=True, doc="sharpness of yielding")
     k = Par("F/Q", nominal=1.0, free_standing=True, doc="stiffness, where the plant has no spring of its own")
     neutral = {"alpha": 1.0}
+    telling = ("alpha",)
     held = {"lambda": 1.0, "D": None}
     graded = {"n": (1.0, 3.0)}
     within = {"beta": (0.0, 1e6)}  # a loop takes energy, and does not give any

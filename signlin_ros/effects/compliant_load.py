@@ -26,6 +26,7 @@ class CompliantLoad(Effect):
     finding = "an inertia of {J:.3g} {J.unit} swings on a coupling of {k:.3g} {k.unit}"
     experiment = "excite with a sweep up to the resonance"
     imitates = "a load that does not swing on its coupling is a lag, as of an input that changes between its samples"
+    telling = ("J",)
     resonant = True
     states = {"position": "Q", "velocity": "Q/s"}
 

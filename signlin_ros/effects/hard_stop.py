@@ -22,6 +22,7 @@ class HardStop(Effect):
     only_beyond = True
     experiment = "move to both ends of the travel"
     shaped = True
+    telling = ("gap", "k_s")
 
     gap = Par("Q", nominal=0.5, doc="travel to either stop")
     k_s = Par("F/Q", nominal=10.0, doc="stiffness of the stops")

@@ -170,7 +170,7 @@ class Leaning:
         self._sums: deque[float] = deque([0.0], maxlen=LEANING[-1] + 1)
 
     def take(self, t: float, z: float) -> tuple[float, float]:
-        """Take an innovation; returns the largest of the means in their standard deviations, and when it began, in s."""
+        """Take an innovation; returns the largest of the means, in their standard deviations, and when it began."""
         self._times.append(t)
         self._sums.append(self._sums[-1] + min(max(z, -CUT), CUT))
         size, begun = 0.0, t

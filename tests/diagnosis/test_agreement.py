@@ -290,7 +290,9 @@ def test_what_is_gained_beside_a_refitted_base_alone_is_nothing_gained(rms, forc
     found = judged(COULOMB, force=sees() if seen else None, given=given)
     assert (found.unexplained == "given") is (why == "given")
     if why:
-        assert "as given follows unseen data as well: nothing is confirmed" in words.sentence(found)
+        assert "standard errors beside the model as given, which is too little: nothing is confirmed" in words.sentence(
+            found
+        )
 
 
 def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):

@@ -23,14 +23,24 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.record import Piece, depends_on_place, evaluated, mass, rate_of, states_of, tape_of
+from signlin_ros.diagnosis.force.record import (
+    Piece,
+    by_effort,
+    depends_on_place,
+    effort_unit,
+    evaluated,
+    mass,
+    rate_of,
+    states_of,
+    tape_of,
+)
 from signlin_ros.effects import EFFECTS, Effect, find_effect
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.scale import Scale
 from signlin_ros.symbolic import symbolic
 from signlin_ros.tape import Tape
-from signlin_ros.trace import Structure, trace
+from signlin_ros.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]
 Shape = tuple[tuple[str, float], ...]
@@ -101,6 +111,19 @@ def parts_of(structure: Structure, key: str) -> Parts:
 def columns_of(structure: Structure, key: str, parts: Parts) -> Tape:
     """Return the change of the rate for unit levels of the effect ``key``, a row for each column of the law."""
     t = trace(structure)
+    return tape_of(t, _changes(t, structure, key, parts))
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def loads_of(structure: Structure, key: str, parts: Parts) -> Tape | None:
+    """Return the slopes of these rows over the effort; None where the effect does not follow it."""
+    t = trace(structure)
+    slopes = by_effort(t, structure.plant, _changes(t, structure, key, parts))
+    return None if slopes is None else tape_of(t, slopes)
+
+
+def _changes(t: Trace, structure: Structure, key: str, parts: Parts) -> ca.SX:
     e = rate_of(t, structure.plant)
     p = {n: t.p[i] for i, name in enumerate(t.parameters) for k, _, n in [name.rpartition(".")] if k == key}
     quiet = [(p[n], parts.neutral) for n in parts.levels] + [(p[n], 0.0) for n in parts.turning[:1]]
@@ -117,7 +140,7 @@ def columns_of(structure: Structure, key: str, parts: Parts) -> Tape:
     if parts.turning:
         amplitude, phase = parts.turning
         rows += [at(ca.jacobian(e, p[amplitude]), [*quiet, (p[phase], v)]) for v in (0.0, QUARTER)]
-    return tape_of(t, ca.vertcat(*rows))
+    return ca.vertcat(*rows)
 
 
 @dataclass(frozen=True)
@@ -157,14 +180,28 @@ class Law:
         return found
 
     def _raw(self, piece: Piece, shape: Shape) -> Array:
+        model, p = self._shaped(shape)
+        tape = columns_of(model.structure, KEY, self.parts)
+        x = states_of(model, piece, p) if self.model_has_own else self._measured(piece)
+        return np.asarray(mass(model, p) * evaluated(model, tape, piece, x, p).T)
+
+    def _shaped(self, shape: Shape) -> tuple[Model, Array]:
+        """Return the model with the law in a shape, and all its values."""
         model = self._structured(tuple((n, v) for n, v in shape if n in self.structural))
         names, p = model.trace.parameters, model.p.copy()
         for n, value in shape:
             if n not in self.structural:
                 p[names.index(f"{KEY}.{n}")] = value
-        tape = columns_of(model.structure, KEY, self.parts)
+        return model, p
+
+    def loads(self, piece: Piece, shape: Shape) -> Array | None:
+        """Return what unit levels add (K, columns) to the part of the effort that drives; None if they add nothing."""
+        model, p = self._shaped(shape)
+        tape = loads_of(model.structure, KEY, self.parts)
+        if tape is None:
+            return None
         x = states_of(model, piece, p) if self.model_has_own else self._measured(piece)
-        return np.asarray(mass(model, p) * evaluated(model, tape, piece, x, p).T)
+        return piece.seen(mass(model, p) / effort_unit(model) * evaluated(model, tape, piece, x, p).T)
 
     @functools.cached_property
     def structural(self) -> frozenset[str]:
@@ -231,6 +268,9 @@ class Ripple(Law):
         """See `Law`."""
         order = self.wave.effect.periodic[0]
         return np.hstack([self.wave.columns(piece, ((order, N),)) for _, N in shape])
+
+    def loads(self, piece: Piece, shape: Shape) -> None:
+        """See `Law`."""
 
     def parameters(self, shape: Shape, coefficients: Array) -> dict[str, Any]:
         """See `Law`."""

@@ -359,6 +359,43 @@ def missing_force(model: Model, piece: Piece, p: Array | None = None, x: Array |
     return np.asarray((piece.acceleration - rate) * mass(model, p))
 
 
+def arriving(model: Model, piece: Piece, p: Array | None = None) -> Array | None:
+    """Return which part (K,) of the effort drives at the samples that are compared, by the slope of the force over the
+    effort; None where all of it does. Friction that follows the load takes the rest: a force that is missing then asks
+    for more effort than its own size.
+    """
+    p = model.p if p is None else p
+    tape = _arriving(model.structure)
+    if tape is None:
+        return None
+    slopes = evaluated(model, tape, piece, states_of(model, piece), p)[0]
+    return piece.seen(slopes * mass(model, p) / effort_unit(model))
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def _arriving(structure: Structure) -> Tape | None:
+    t = trace(structure)
+    slopes = by_effort(t, structure.plant, rate_of(t, structure.plant))
+    return None if slopes is None else tape_of(t, slopes)
+
+
+def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> ca.SX | None:
+    """Return the slopes of expressions (k) over the effort; None where these are the same however the plant moves."""
+    if plant.motion_is_imposed():
+        return None
+    effort = plant.effort or "current"
+    names, symbols = (t.states, t.x) if effort in t.states else (t.inputs, t.u)
+    slopes = ca.jacobian(e, symbols[names.index(effort) if effort in names else 0])
+    moving = ca.vertcat(t.x, t.u, *(s.symbol for s in t.surfaces))
+    return slopes if ca.depends_on(slopes, moving) else None
+
+
+def effort_unit(model: Model) -> float:
+    """Return the force for a unit of what `by_effort` takes as the effort."""
+    return effort_gain(model, (model.plant.effort or "current") in model.states)
+
+
 def mass(model: Model, p: Array) -> float:
     """Return the moving mass or inertia for values p of the parameters; -1 where a force is the output."""
     if model.plant.motion_is_imposed():
@@ -423,7 +460,10 @@ def evaluated(model: Model, tape: Tape, piece: Piece, x: Array, p: Array) -> Arr
 
 __all__ = [
     "Piece",
+    "arriving",
     "best_cutoff",
+    "by_effort",
+    "effort_unit",
     "inertia",
     "low_pass",
     "missing_force",

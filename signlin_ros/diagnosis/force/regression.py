@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.laws import KEY, Law, Shape
-from signlin_ros.diagnosis.force.record import Piece, low_pass, missing_force, slope
+from signlin_ros.diagnosis.force.record import Piece, arriving, low_pass, missing_force, slope
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -34,6 +34,8 @@ TINY = 1e-300
 """What keeps a division from failing."""
 FEWEST = 3
 """Blocks from which a standard error is told."""
+LEAST_PART = 0.01
+"""Part of the effort that drives at least: a drive that holds itself has none."""
 
 
 def scaling(current: bool) -> tuple[str, ...]:
@@ -70,8 +72,18 @@ class Side:
         return np.asarray(np.bincount(self.blocks, left**2)[count > 0] / count[count > 0])
 
     def missing(self, model: Model) -> Array:
-        """Return the force (K,) that a model lacks."""
-        return np.concatenate([p.seen(missing_force(model, p)) for p in self.pieces])
+        """Return the force (K,) that a model lacks, as the effort that it asks for."""
+        return np.concatenate([_as_effort(model, p, p.seen(missing_force(model, p))) for p in self.pieces])
+
+    def driving(self, law: Law, shape: Shape, levels: Array) -> Array | float:
+        """Return what a law with some levels (columns,) adds (K,) to the part of the effort that drives."""
+        loads = [law.loads(p, shape) for p in self.pieces]
+        return np.concatenate([one @ levels for one in loads if one is not None]) if loads[0] is not None else 0.0
+
+
+def _as_effort(model: Model, piece: Piece, left: Array) -> Array:
+    part = arriving(model, piece)
+    return left if part is None else left / np.maximum(part, LEAST_PART)
 
 
 @dataclass(frozen=True)
@@ -216,13 +228,17 @@ class Regression:
         theta, held, size, left = _bounded(self.known.y, X, spread, floor, ceiling)
         cost = sum(self.laws[n].free(shape) for n, shape in members)
 
+        def as_effort(side: Side, left: Array) -> Array:
+            more = sum((side.driving(self.laws[n], z, theta[spans[n]]) for n, z in members), np.zeros(()))
+            return np.asarray(left / np.maximum(1.0 + more, LEAST_PART)) if np.any(more) else left
+
         def unseen() -> Array:
-            return np.asarray(self.unseen.y - self._matrix(self.unseen, members) @ theta)
+            return as_effort(self.unseen, self.unseen.y - self._matrix(self.unseen, members) @ theta)
 
         def covariance() -> Array:
             return _covariance(self.known, self._matrix(self.known, members), spread, held, size, left)
 
-        return Fit(members, theta, left, unseen, covariance, spans, cost)
+        return Fit(members, theta, as_effort(self.known, left), unseen, covariance, spans, cost)
 
     def _matrix(self, side: Side, members: Sequence[Member]) -> Array:
         """Return the base columns and those of laws, side by side (K, n)."""

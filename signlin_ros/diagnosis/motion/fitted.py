@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.candidate import Coordinate
+from signlin_ros.diagnosis.candidate import Coordinate, nothing
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.fit import Fit, tidied
 from signlin_ros.diagnosis.following import follow_records
@@ -43,7 +43,8 @@ class Fitted:
     squared errors of windows of the horizon, in blocks that are the same for all models, NaN where nothing is measured.
     ``look`` finds what the residual still shows (`left`). ``at_bound``: parameters that ended there.
     ``covariances`` of the coordinates of ``fit`` (n, n): robust, and as of white noise; ``spreads``: their standard
-    errors, the larger of both.
+    errors, the larger of both. ``apart`` finds by how many standard errors some coordinates differ from nothing by the
+    likelihood.
     """
 
     effects: tuple[str, ...]
@@ -56,6 +57,7 @@ class Fitted:
     noise: Array
     fit: Fit = field(repr=False)
     covariances: tuple[Array, ...] = field(repr=False)
+    apart: Callable[[tuple[int, ...]], float] = field(default=lambda index: 0.0, repr=False)
 
     @property
     def spreads(self) -> Array:
@@ -108,6 +110,8 @@ class Fitted:
         effect = EFFECTS[kind]
         telling, where = (*effect.telling, *effect.essential), {*effect.turning[1:], *effect.periodic[:1]}
         sizes: dict[str, float] = {}
+        every = [k.name for k in self.fit.candidate.coordinates]
+        at: dict[str, int] = {}
         for k, x, std in self._coordinates(True):
             owner, _, name = k.name.rpartition(".")
             if (key not in (owner, k.name)) or name in where:
@@ -115,12 +119,18 @@ class Fitted:
             if k.name in self.at_bound and name in telling:
                 return f"{k.name} is at its bound"
             if not k.log or name in effect.neutral or kind == "sensor_gain":
-                sizes[name] = abs(x - _nothing(k, effect)) / max(std, 1e-300)
+                sizes[name], at[name] = abs(x - nothing(k, effect)) / max(std, 1e-300), every.index(k.name)
             elif std > criteria.known and (not telling or name in telling):
                 return f"{k.name} is not known to better than half"
-        needed = min((sizes[n] for n in effect.telling if n in sizes), default=self._together(key, effect, list(sizes)))
-        few = f"{key} is {needed:.1f} of its own standard errors from nothing"
-        return few if needed < criteria.coefficient else ""
+            elif std > 1.0 / criteria.coefficient and name in effect.telling:
+                return f"{k.name} is {1.0 / std:.1f} of its own standard errors from nothing"
+        tests: list[tuple[tuple[int, ...], float]] = [((at[n],), sizes[n]) for n in effect.telling if n in sizes]
+        tests = tests or [(tuple(at.values()), self._together(key, effect, list(sizes)))]
+        for index, own in tests:
+            needed = own if own >= criteria.coefficient or not index else max(own, self.apart(index))
+            if needed < criteria.coefficient:
+                return f"{key} is {needed:.1f} of its own standard errors from nothing"
+        return ""
 
     def _together(self, key: str, effect: type[Effect], names: Sequence[str]) -> float:
         """Return by how many standard errors coefficients of an effect differ from nothing, all of them together
@@ -130,15 +140,9 @@ class Fitted:
         index = [i for i, k in enumerate(every) if k.name in {f"{key}.{name}" for name in names} | {key}]
         if not index:
             return float(np.inf)
-        theta = self.fit.theta[index] - [_nothing(every[i], effect) for i in index]
+        theta = self.fit.theta[index] - [nothing(every[i], effect) for i in index]
         inverses = (np.linalg.pinv(c[np.ix_(index, index)], hermitian=True) for c in self.covariances)
         return float(np.sqrt(min(max(float(theta @ i @ theta), 0.0) for i in inverses)))
-
-
-def _nothing(k: Coordinate, effect: type[Effect]) -> float:
-    """Return the coordinate of an effect's parameter at which it does nothing."""
-    name = k.name.rpartition(".")[2]
-    return k.theta(effect.neutral[name]) if name in effect.neutral else 0.0
 
 
 def largest(covariances: Sequence[Array]) -> Array:

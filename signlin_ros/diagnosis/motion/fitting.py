@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.candidate import Candidate
+from signlin_ros.diagnosis.candidate import Candidate, nothing
 from signlin_ros.diagnosis.fit import Filter, Fit, _normal, fit, further
 from signlin_ros.diagnosis.following import follow_records
 from signlin_ros.diagnosis.gains import Gains
@@ -73,6 +73,35 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
     return min(scored, key=lambda one: level(one.known, problem.noise))
 
 
+def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:
+    """Return by how many standard errors coordinates of added effects differ from nothing, by how much the likelihood
+    of the best model falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360].
+
+    It does not depend on the units that a parameter is fitted in, as its own standard error does: a friction that is
+    known only as a multiple of what scales it is surely there. What correlation the residual has is allowed for by the
+    scores' own variance, as in the robust covariance.
+    """
+    c, key = f.candidate, {i: f.candidate.coordinates[i].name for i in index}
+    at = {i: _where(c, i) for i in key}
+    held = tuple(replace(k, low=at[i], high=at[i]) if i in at else k for i, k in enumerate(c.coordinates))
+    theta = f.theta.copy()
+    theta[list(at)] = list(at.values())
+    best = fit(problem, replace(c, coordinates=held), f.gains, theta, NEXT, f.filter)
+    if best is None:
+        return np.inf
+    scores = f.hessian @ covariances[-1] @ f.hessian
+    correlated = max(1.0, *(float(scores[i, i] / max(f.hessian[i, i], 1e-300)) for i in index))
+    return float(np.sqrt(max(best.cost - f.cost, 0.0) / correlated))
+
+
+def _where(c: Candidate, i: int) -> float:
+    """Return the value of a coordinate of an added effect at which that does nothing."""
+    name = c.coordinates[i].name
+    kind = name.partition(".")[0]
+    effect = EFFECTS[c.model.effects[kind].type if kind in c.model.effects else kind]
+    return nothing(c.coordinates[i], effect)
+
+
 def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit | None:
     """Return the best fit of one more effect at the middle gain on a part of the records, from some of its starts with
     base parameters as given and as they were fitted before.
@@ -110,4 +139,4 @@ def _cost(f: Fit) -> float:
     return f.cost
 
 
-__all__ = ["Each", "Found", "bred", "climbed", "settled", "solved"]
+__all__ = ["Each", "Found", "bred", "climbed", "settled", "solved", "without"]

@@ -88,6 +88,17 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
     return float(np.sqrt(max(np.sum(samples / together * (first - second) / second) / 4, 0.0)))
 
 
+def elsewhere(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
+    """Tell whether a model follows unseen data so many times worse than those that it was fitted to, both beside the
+    noise of their sensors (channels): noise has a size of its own in every record, and is the same to a model.
+
+    ``known``, ``unseen``: mean squared errors (blocks, channels); ``here``, ``there``: noise of these sides.
+    """
+    first, second = (np.sqrt(np.nanmean(squares, axis=0)) for squares in (known, unseen))
+    least = np.max([first * np.maximum(there / here, 1.0), here, there], axis=0)
+    return bool(np.any(second > times * least))
+
+
 def of_windows(problem: Problem, squares: Array, noise: Array) -> dict[str, Score]:
     """Return mean squared errors (blocks, channels) as scores by channel; ``noise`` (channels) of the sensors."""
     rmse = np.sqrt(np.nanmean(squares, axis=0))
@@ -205,4 +216,4 @@ def _outputs(c: Candidate, p: Array, X: Array, u: Array) -> Array:
     return np.asarray(eq.keep.batch([*columns, sign])[h : h + ny].T)
 
 
-__all__ = ["Gain", "beyond_noise", "gain", "level", "of_windows", "windowed"]
+__all__ = ["Gain", "beyond_noise", "elsewhere", "gain", "level", "of_windows", "windowed"]

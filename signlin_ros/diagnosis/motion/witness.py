@@ -18,10 +18,10 @@ from signlin_ros.diagnosis.data import unit_asked
 from signlin_ros.diagnosis.fit import Fit, tidied
 from signlin_ros.diagnosis.gains import Gains
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
-from signlin_ros.diagnosis.motion.fitting import NEXT, Found, bred, climbed, settled, solved
+from signlin_ros.diagnosis.motion.fitting import NEXT, Found, bred, climbed, settled, solved, without
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.prepare import prepared, stretched
-from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, gain, level, windowed
+from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain, level, windowed
 from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
 from signlin_ros.diagnosis.problem import Problem
@@ -129,6 +129,7 @@ class Motion:
             self.unseen.noise,
             f,
             errors,
+            functools.cache(functools.partial(without, self.short, f, errors)),
         )
 
     def _observed(self, f: Fit, found: Found) -> tuple[Gains, Array]:
@@ -360,11 +361,13 @@ class Motion:
     def certainty(self, before: Fitted, after: Fitted) -> float:
         """Return by how many standard errors a model lowers the error on unseen data.
 
-        Where it leaves nothing but noise, these are of noise, and known data count too, if unseen data are beyond doubt
-        by themselves: what acts for once is in few blocks.
+        Where it leaves nothing but noise, of unseen data as of known ones, these are of noise, and known data count too,
+        if unseen data are beyond doubt by themselves: what acts for once is in few blocks.
         """
         blocks, before = self.gain(before, after).certainty, self.best(before)
-        if blocks > self.criteria.certainty or after.level > before.level or not after.white:
+        sides = (after.known_squares, after.unseen_squares, self.problem.noise, self.unseen.noise)
+        noise = after.white and not elsewhere(*sides, self.criteria.near)
+        if blocks > self.criteria.certainty or after.level > before.level or not noise:
             return blocks
         together = np.array([one.together for one in after.left])
         known = beyond_noise(before.known_squares, after.known_squares, _scored(self.problem), together)
@@ -375,13 +378,14 @@ class Motion:
         """Return why a model is no step beyond another, empty if it is one.
 
         Base parameters that were bent to imitate an effect, and are free with it, count as much as the error: both are
-        squares of standard errors.
+        squares of standard errors. Not where the error rises for it so that it shows.
         """
         c, g, certainty = self.criteria, self.gain(before, after), self.certainty(before, after)
         before = self.best(before)
         was = before.far(c)
         further = any(abs(x) > abs(was.get(n, 0.0)) for n, x in after.far(c).items())
-        freed = 0.0 if further else max(before.strain - after.strain, 0.0)
+        rises = float(np.mean(np.log(g.ratios))) > c.alike
+        freed = 0.0 if further or rises else max(before.strain - after.strain, 0.0)
         if certainty * abs(certainty) + freed < c.certainty**2:
             return f"the error on unseen data falls by {certainty:.1f} standard errors"
         if freed < c.certainty**2 and g.share < c.share:
