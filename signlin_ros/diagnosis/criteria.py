@@ -40,7 +40,9 @@ class Criteria:
     beam: int = 4
     """Sets of laws that the force witness follows at each step."""
     waves: float = 3.0
-    """Periods of a wave over the position that a record must hold."""
+    """Periods of a wave over the position that a record must hold, where its order is free;"""
+    once: float = 1.0
+    """and where it is known, as of a weight."""
 
     # ------------------------------------------------------------ what is known beforehand
     far: float = 5.0

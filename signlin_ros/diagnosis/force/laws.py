@@ -285,8 +285,8 @@ def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, Law]:
 
     ``placed``: whether the position was measured; if not, what depends on it cannot be told.
 
-    ``angular``: whether something may go with the sine of the position itself: the axis turns, or travels so far that
-    this is a wave like any other, whose order is free.
+    ``angular``: whether something may go with the sine of the position itself: the axis turns, or travels a whole
+    period of it.
 
     Left to the motion witness: what changes the input, an electrical state or a sensor, and hidden inertias.
     """

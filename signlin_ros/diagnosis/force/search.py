@@ -137,6 +137,11 @@ class Search:
         plant, c = self.r.model.plant, self.r.criteria
         return orders(self.r.known.pieces, plant.position, plant.velocity, self.whole, self.gear, c.waves)
 
+    @functools.cached_property
+    def _slowest(self) -> float:
+        """The least order of which the records hold enough periods."""
+        return min((float(row[0]) for row in self._orders if row.size), default=np.inf)
+
     def refined(self, f: Fit) -> Fit:
         """Return a fit whose shapes lie between the points of the grid, by what is left of the fitted data."""
         for step in STEPS:
@@ -174,9 +179,11 @@ class Search:
         return (1 / (1 + step), 1 + step)
 
     def _moved(self, f: Fit, j: int, n: str, factors: tuple[float, float]) -> Fit:
+        effect = self.r.laws[f.members[j][0]].effect
+        least = self._slowest if n in effect.periodic[:1] else -np.inf
         for _ in range(MOVES):
-            par = self.r.laws[f.members[j][0]].effect.pars()[n]
-            tried = [self.r.fitted(_with(f.members, j, n, factor, par)) for factor in factors]
+            sets = [_with(f.members, j, n, factor, effect.pars()[n]) for factor in factors]
+            tried = [self.r.fitted(one) for one in sets if dict(one[j][1])[n] >= least] or [f]
             best = min(tried, key=lambda x: x.trained)
             if best.trained >= f.trained * NOTHING:
                 break

@@ -91,7 +91,7 @@ def _in_band(
     base = Base((*moved, "timing"), spread)
     r = Regression(
         model,
-        laws(model, rotary or _waves(model, found) >= criteria.waves, found[0].position_measured),
+        laws(model, rotary or _waves(model, found) >= criteria.once, found[0].position_measured),
         side(model, found, moved),
         side(model, other, moved),
         base,

@@ -361,8 +361,8 @@ class Motion:
     def certainty(self, before: Fitted, after: Fitted) -> float:
         """Return by how many standard errors a model lowers the error on unseen data.
 
-        Where it leaves nothing but noise, of unseen data as of known ones, these are of noise, and known data count too,
-        if unseen data are beyond doubt by themselves: what acts for once is in few blocks.
+        Where it leaves nothing but noise, of unseen data as of known ones, these are of noise, and known data count
+        too, if unseen data are beyond doubt by themselves: what acts for once is in few blocks.
         """
         blocks, before = self.gain(before, after).certainty, self.best(before)
         sides = (after.known_squares, after.unseen_squares, self.problem.noise, self.unseen.noise)
