@@ -28,6 +28,7 @@ from signlin_ros.diagnosis.measures import (
     leaves_much,
     leaves_noise,
     not_seen,
+    of_effort,
     percent,
     sees,
     written,
@@ -235,7 +236,7 @@ def _both(force: Testimony, base: Fitted, second: Fitted, left: dict[int, Array]
         _listed(force.effects),
     )
     before = "" if shown is None else f" in place of {percent(force, shown):.3g} %"
-    told = f"by the force {laws} would leave {after:.3g} % of the effort{before}, but the motion"
+    told = f"by the force {laws} would leave {after:.3g} % {of_effort(force)}{before}, but the motion"
     other = f"; {_words(second)} would follow it better" if second.effects else ""
     return f"{told} that they make is not the one that was measured{other}"
 

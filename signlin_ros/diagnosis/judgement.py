@@ -201,10 +201,11 @@ class Judgement:
         if self.sees or self.small:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             near = near_noise(self.final, self.criteria)
-            more = large or self.little or near or self.changing
-            if (self.structure[0] and not (near and self.final.white)) or (more and not self.final.white):
-                return "structure"
-            return "elsewhere" if large and self.elsewhere else ""
+            if large and self.elsewhere:
+                return "elsewhere"
+            noise = self.final.clean or (near and self.final.white)
+            more = (self.little or near or self.changing) and not self.final.white
+            return "structure" if ((large or self.structure[0]) and not noise) or more else ""
         if not leaves_noise(self.final, self.criteria) and not self.within_noise:
             return "structure"
         if self.names and not near_noise(self.final, self.criteria):

@@ -26,6 +26,12 @@ def percent(force: Testimony, left: Array) -> float:
     return 100.0 * float(np.sqrt(np.mean(left))) / max(force.search.r.unseen.effort, 1e-300)
 
 
+def of_effort(force: Testimony | None) -> str:
+    """Return in words what forces are told in per cent of."""
+    free = force is not None and force.search.r.unseen.free
+    return "of the inertial force" if free else "of the effort"
+
+
 def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> Array | None:
     """Return the mean squared force (blocks,) that a set of effects leaves of unseen data; None where forces do not
     tell: with the values that the motion gave or those that the force gave, whichever leave less. So that what is held
@@ -82,7 +88,7 @@ def leaves_noise(f: Fitted, criteria: Criteria) -> bool:
     holds it to what is measured: its windows must be near the noise.
     """
     floats = any(find_effect(name, "effects").floating for name in f.effects)
-    return f.white and (not floats or near_noise(f, criteria))
+    return f.clean and (not floats or near_noise(f, criteria))
 
 
 def near_noise(f: Fitted, criteria: Criteria) -> bool:
@@ -118,15 +124,26 @@ def leaves_much(force: Testimony, before: Array, after: Array, criteria: Criteri
 def comparable(force: Testimony, f: Fitted) -> bool:
     """Tell whether the force that a model leaves can be compared with the base model's: not where the effort itself,
     or what is measured, is what was changed, nor where a load floats, which only an observer keeps where it is, nor
-    where it depends on a position that was not measured; nor where an effect that the force witness cannot see leaves
-    but noise of the motion.
+    where it depends on a position that was not measured, or has waves that its band does not hold; nor where an effect
+    that the force witness cannot see leaves but noise of the motion.
     """
     effects = [find_effect(name, "effects") for name in acting(force, f)]
     if any(changes_effort(effect) or effect.floating for effect in effects):
         return False
     if set(f.effects) & not_seen(force) and f.white:
         return False
+    if any(effect.periodic for effect in effects) and max(_orders(f)) > force.search.finest:
+        return False
     return force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
+
+
+def _orders(f: Fitted) -> list[float]:
+    """Return the orders of the waves of a model."""
+    found: list[float] = []
+    for use in f.model.effects.values():
+        for name in find_effect(use.type, "effects").periodic[:1]:
+            found += np.atleast_1d(use.parameters[name]).tolist()
+    return found
 
 
 def changes_effort(effect: type[Effect]) -> bool:
@@ -201,6 +218,7 @@ __all__ = [
     "near_noise",
     "noise_percent",
     "not_seen",
+    "of_effort",
     "percent",
     "sees",
     "with_laws",

@@ -13,6 +13,7 @@ from signlin_ros.diagnosis.cycles import one_cycle
 from signlin_ros.diagnosis.first_rows import Rows
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.measures import of_effort
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
@@ -192,7 +193,7 @@ def _by_force(j: Judgement, name: str, tie: tuple[str, ...]) -> Entry:
     force, fit = j.agreed.force, _forces(j)[name]
     assert force is not None  # noqa: S101  it tried the effect
     a, b = j.agreed.percent(j.agreed.base) or force.percent(force.search.base), force.percent(fit)
-    why = f"alone it leaves {b:.3g} % of the effort on unseen data, the model without it {a:.3g} %"
+    why = f"alone it leaves {b:.3g} % {of_effort(force)} on unseen data, the model without it {a:.3g} %"
     effect = find_effect(name, "effects")
     unseen = effect.only_beyond and b > a - 100.0 * j.criteria.visible
     return Entry(

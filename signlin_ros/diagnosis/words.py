@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.measures import of_effort
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.scores import follows_nothing
 from signlin_ros.effects import find_effect
@@ -72,7 +73,8 @@ def _unexplained(j: Judgement) -> str:
         if why == "elsewhere":
             return f"{known} ({what}), but follows the data it was fitted to far better than the unseen ones."
         return f"{known}: {what}.{remainder(j)}"
-    return f"Something is missing that no listed effect explains{_left_over(j)}.{remainder(j)}"
+    rest = remainder(j)
+    return f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}.{rest}"
 
 
 def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
@@ -80,7 +82,7 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
     parts = []
     a, b = j.agreed.percent(before), j.agreed.percent(after)
     if a is not None and b is not None and b < (1 - j.criteria.alike) * a:
-        parts.append(f"the missing force falls from {_digits(a)} % to {_digits(b)} % of the effort")
+        parts.append(f"the missing force falls from {_digits(a)} % to {_digits(b)} % {of_effort(j.agreed.force)}")
     motion = j.agreed.motion
     for k, name in enumerate(motion.problem.channels):
         first, last = (float(np.sqrt(np.nanmean(f.unseen_squares[:, k]))) for f in (before, after))
@@ -96,7 +98,7 @@ def remainder(j: Judgement) -> str:
     """Return what is left, and what would take it away."""
     if j.percent is None or not j.sees or not j.noise_percent:
         return ""
-    left, (flexible, after) = f" What is left is {_digits(j.percent)} % of the effort", j.structure
+    left, (flexible, after) = f" What is left is {_digits(j.percent)} % {of_effort(j.agreed.force)}", j.structure
     if flexible:
         return f"{left}; a flexible curve would leave {_digits(after)} %: {LEARN}."
     if j.changing:
@@ -107,7 +109,7 @@ def remainder(j: Judgement) -> str:
 def _left_over(j: Judgement) -> str:
     if j.percent is not None:
         left, noise = _digits(j.percent), _digits(j.noise_percent)
-        return f": the force that is left is {left} % of the effort, the sensors' noise {noise} %"
+        return f": the force that is left is {left} % {of_effort(j.agreed.force)}, the sensors' noise {noise} %"
     return ": the residual is noise" if j.final.white else ""
 
 
@@ -166,7 +168,7 @@ def why_not(j: Judgement, f: Fitted) -> str:
         return f"on unseen data {why}" if why.startswith(("the error of", "it takes away")) else why
     a, b = j.agreed.percent(j.agreed.base), j.agreed.percent(f)
     if a is not None and b is not None and b > a:
-        return f"it leaves {_digits(b)} % of the effort, the model as it is {_digits(a)} %"
+        return f"it leaves {_digits(b)} % {of_effort(j.agreed.force)}, the model as it is {_digits(a)} %"
     if j.names:
         return f"{listed(j.names)} leaves less" if len(j.names) == 1 else f"{listed(j.names)} leave less"
     return "the witnesses differ on it"

@@ -50,6 +50,10 @@ class Fit:
     def noise(self) -> np.ndarray:
         return np.full(len(self.rms), self.sensors)
 
+    @property
+    def clean(self) -> bool:
+        return self.white
+
     def far(self, criteria: Any) -> dict[str, float]:
         return {n: x for n, x in self.away.items() if abs(x) > criteria.far}
 
@@ -91,7 +95,7 @@ def force_witness(
     helpful: tuple[str, ...] = (),
     imposed: bool = False,
 ) -> Any:
-    unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT)
+    unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT, free=False)
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
     model = SimpleNamespace(plant=SimpleNamespace(motion_is_imposed=lambda: imposed))
     regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current, model=model)

@@ -49,8 +49,8 @@ MOST = 4000
 """Most samples of a record that are compared."""
 SLOW = 0.004
 """Slower than this share of the largest velocity counts as rest, whatever the noise."""
-SLOWEST = 2.0
-"""Frequency in Hz below which no position is so much quieter that it should tell the velocity in its sensor's place."""
+SLOWEST, TURNS = 2.0, 10.0
+"""Frequency in Hz, and its periods in a record, below which a velocity's sensor tells it better than a position's."""
 AT_REST = 0.15
 """Where more than this share of what the filter sees is rest, nothing is compared: friction there is any force."""
 SHORTEST_REST = 0.04
@@ -256,7 +256,7 @@ def _motion(plant: type[Plant], raw: _Raw, wide: float) -> tuple[Array, Array, f
     sq, sv = (raw.noise.get(n, np.inf) for n in (plant.position, plant.velocity))
     if q is not None and v is not None:
         across = sv / (2 * np.pi * max(sq, 1e-12))
-        if max(SLOWEST, 10 / raw.t[-1]) < across < wide:
+        if max(SLOWEST, TURNS / raw.t[-1]) < across < wide:
             lost = EDGE / across
             v = slope(low_pass(q, across, step), step) + v - low_pass(v, across, step)
         elif across >= wide:

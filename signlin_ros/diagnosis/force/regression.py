@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.laws import KEY, Law, Shape
-from signlin_ros.diagnosis.force.record import Piece, arriving, low_pass, missing_force, slope
+from signlin_ros.diagnosis.force.record import Piece, arriving, inertia, low_pass, missing_force, slope
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -45,13 +45,18 @@ def scaling(current: bool) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Side:
-    """The records of one side, fitted or unseen, stacked: y (K,), base columns X (K, b), block of each sample (K,)."""
+    """The records of one side, fitted or unseen, stacked: y (K,), base columns X (K, b), block of each sample (K,).
+
+    ``effort``: root mean square of what drives, that forces are compared with; of the inertial force where nothing does
+    (``free``).
+    """
 
     pieces: tuple[Piece, ...]
     y: Array
     X: Array
     blocks: NDArray[np.intp]
     effort: float
+    free: bool = False
 
     def columns(self, law: Law, shape: Shape) -> Array:
         """Return the columns (K, c) of a law."""
@@ -167,7 +172,10 @@ def side(model: Model, pieces: Sequence[Piece], moved: Mapping[str, tuple[float,
         blocks.append(p.blocks + count)
         count += int(p.blocks.max()) + 1
     y, X, effort = (np.concatenate([r[k] for r in rows]) for k in range(3))
-    return Side(tuple(pieces), y, X, np.concatenate(blocks), float(np.sqrt(np.mean(effort**2))))
+    free = not np.any(effort)
+    if free:
+        effort = np.concatenate([p.seen(p.acceleration) for p in pieces]) * inertia(model)
+    return Side(tuple(pieces), y, X, np.concatenate(blocks), float(np.sqrt(np.mean(effort**2))), free)
 
 
 def _rows(model: Model, piece: Piece, moved: Mapping[str, tuple[float, float]]) -> tuple[Array, Array, Array]:

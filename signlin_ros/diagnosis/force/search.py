@@ -138,6 +138,11 @@ class Search:
         return orders(self.r.known.pieces, plant.position, plant.velocity, self.whole, self.gear, c.waves)
 
     @functools.cached_property
+    def finest(self) -> float:
+        """The largest order that passes the band."""
+        return max((float(row[-1]) for row in self._orders if row.size), default=0.0)
+
+    @functools.cached_property
     def _slowest(self) -> float:
         """The least order of which the records hold enough periods."""
         return min((float(row[0]) for row in self._orders if row.size), default=np.inf)

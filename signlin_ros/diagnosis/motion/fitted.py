@@ -75,6 +75,11 @@ class Fitted:
         return not any(one.structured for one in self.left)
 
     @property
+    def clean(self) -> bool:
+        """Whether nothing is left but noise, and samples are enough to tell: what cannot be tested is no proof."""
+        return self.white and not any(np.isnan(one.dependent) for one in self.left)
+
+    @property
     def level(self) -> float:
         """Sum over channels of the logarithms of the mean squared error on unseen data, less being better."""
         return level(self.unseen_squares, self.noise)
@@ -118,6 +123,8 @@ class Fitted:
                 continue
             if k.name in self.at_bound and name in telling:
                 return f"{k.name} is at its bound"
+            if not np.isfinite(std):
+                return f"nothing is known of {k.name}"
             if not k.log or name in effect.neutral or kind == "sensor_gain":
                 sizes[name], at[name] = abs(x - nothing(k, effect)) / max(std, 1e-300), every.index(k.name)
             elif std > criteria.known and (not telling or name in telling):
@@ -146,8 +153,9 @@ class Fitted:
 
 
 def largest(covariances: Sequence[Array]) -> Array:
-    """Return standard errors (n,), the largest of some covariances (n, n)."""
-    return np.asarray(np.sqrt(np.max([np.maximum(np.diag(c), 0.0) for c in covariances], axis=0)))
+    """Return standard errors (n,), the largest of some covariances (n, n); inf of what moves nothing."""
+    variances = np.max([np.diag(c) for c in covariances], axis=0)
+    return np.asarray(np.sqrt(np.where(variances > 0.0, variances, np.inf)))
 
 
 def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:

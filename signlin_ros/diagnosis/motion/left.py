@@ -44,8 +44,8 @@ ALL = 0.99
 @dataclass(frozen=True)
 class Left:
     """The residual of a channel: root mean square in multiples of the sensor's noise, the share of its square that is
-    slow, the share that follows from the model's motion, the correlation of what counts as noise, and how many samples
-    of it go together.
+    slow, the share that follows from the model's motion (NaN: too few samples to tell), the correlation of what counts
+    as noise, and how many samples of it go together.
     """
 
     channel: str
@@ -83,7 +83,8 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
 
 def dependence(problem: Problem, f: Fit) -> Array:
     """Return which share (ny) of the squared residual of a fit follows from its own motion, on samples left out; 0 or
-    less: none. Nothing is said (0) of a model that an extended Kalman filter follows, whose gain changes.
+    less: none; NaN where samples are too few to tell. Nothing is said (0) of a model that an extended Kalman filter
+    follows, whose gain changes.
     """
     none = np.zeros(len(problem.channels))
     if f.candidate.filtered:
@@ -95,7 +96,7 @@ def dependence(problem: Problem, f: Fit) -> Array:
         block, seen, gains = next((s for s in sizes if 2 * FOLDS * s[0] <= problem.samples), (0, None, gains))
     found = _regressors(problem, f, gains, seen, block) if block else None
     if found is None or found[1].size < ENOUGH * found[0].shape[2]:
-        return none
+        return none + np.nan
     return _predicted(found[0], found[1], found[2] % FOLDS)
 
 

@@ -366,7 +366,7 @@ class Motion:
         """
         blocks, before = self.gain(before, after).certainty, self.best(before)
         sides = (after.known_squares, after.unseen_squares, self.problem.noise, self.unseen.noise)
-        noise = after.white and not elsewhere(*sides, self.criteria.near)
+        noise = after.clean and not elsewhere(*sides, self.criteria.near)
         if blocks > self.criteria.certainty or after.level > before.level or not noise:
             return blocks
         together = np.array([one.together for one in after.left])
