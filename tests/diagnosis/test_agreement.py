@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import acting, comparable
-from signlin_ros.diagnosis.motion.score import gain
+from signlin_ros.diagnosis.motion.score import elsewhere, gain
 
 BLOCKS, NOISE, EFFORT, SPREAD = 40, 0.1, 10.0, 9.0
 
@@ -37,10 +37,12 @@ class Fit:
     away: dict[str, float] = field(default_factory=dict)
     fit: Any = None
     sensors: float = 0.1
+    known: tuple[float, ...] = ()
+    tested: bool = True
 
     @property
     def known_squares(self) -> np.ndarray:
-        return self.unseen_squares
+        return np.column_stack([around(r, k) for k, r in enumerate(self.known)]) if self.known else self.unseen_squares
 
     @property
     def unseen_squares(self) -> np.ndarray:
@@ -52,7 +54,7 @@ class Fit:
 
     @property
     def clean(self) -> bool:
-        return self.white
+        return self.white and self.tested
 
     def far(self, criteria: Any) -> dict[str, float]:
         return {n: x for n, x in self.away.items() if abs(x) > criteria.far}
@@ -297,6 +299,28 @@ def test_what_is_gained_beside_a_refitted_base_alone_is_nothing_gained(rms, forc
         assert "standard errors beside the model as given, which is too little: nothing is confirmed" in words.sentence(
             found
         )
+
+
+@pytest.mark.parametrize(("fitted", "verdict"), [(30 * NOISE, "missing"), (NOISE, "unexplained")])
+def test_what_unseen_data_hold_nothing_of_is_missing_where_it_alone_follows_the_others(fitted, verdict):
+    """A voltage that was limited in the first record and never in the second: the model as given follows that."""
+    given = Fit((), (NOISE,), 0.005, known=(fitted,))
+    final = Fit(("input_saturation",), (NOISE,), 0.005, white=True)
+    assert judged(final, given=given).verdict == verdict
+
+
+@pytest.mark.parametrize(("tested", "verdict"), [(True, "adequate"), (False, "unexplained")])
+def test_a_large_force_is_noise_only_if_that_was_tested(tested, verdict):
+    """Some two hundred samples of a damper, 42 % of whose force was left and "nothing was missing"."""
+    final = Fit((), (5 * NOISE,), 0.42 * EFFORT, white=True, tested=tested)
+    assert judged(final, final, sees()).verdict == verdict
+
+
+def test_noise_has_a_size_of_its_own_in_every_record():
+    squares = [np.full((5, 1), size**2) for size in (3.0, 9.0)]
+    same, larger = np.ones(1), np.full(1, 3.0)
+    assert elsewhere(*squares, same, same, DEFAULT.near)
+    assert not elsewhere(*squares, same, larger, DEFAULT.near)
 
 
 def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):

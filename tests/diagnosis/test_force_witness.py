@@ -227,6 +227,45 @@ def test_the_simplest_law_of_a_family_is_named():
     assert models[frozenset({"stribeck_friction"})].trained <= 1.001 * models[frozenset({"coulomb_friction"})].trained
 
 
+def test_a_friction_does_not_explain_the_effort_by_itself():
+    """Slow, light and dry: nearly all of the effort is friction, and so "0.99 of the effort" takes nearly all away."""
+    light = Model.from_dict({**DRIVE, "parameters": {"m": 0.02, "c": 0.02, "k": 0.0}})
+
+    def dry(q: Array, v: Array) -> Array:
+        return -3.0 * np.sign(v) + (C - 0.02) * v
+
+    found = heard(dry, light, noise=1e-6)
+    assert "load_dependent_friction" not in named(found)
+    models = found.search.models
+    following, plain = (models[frozenset({n})].error for n in ("load_dependent_friction", "coulomb_friction"))
+    assert plain < following
+
+
+def test_a_position_that_is_noisier_does_not_tell_the_velocity():
+    t, q, v, a = moved(3)
+    rng = np.random.default_rng(3)
+    shown = {"displacement": q + 0.2 * rng.normal(size=t.size), "velocity": v + 0.002 * rng.normal(size=t.size)}
+    units = {"force": "N·m", "displacement": "rad", "velocity": "rad/s"}
+    effort = (M * a + C * v)[:, None]
+    data = ModelData(t, effort, shown, None, ("force",), ("displacement", "velocity"), units)
+    p = piece(Model.from_dict(DRIVE), data, 5.0)
+    assert np.std((p.values["velocity"] - np.interp(p.t, t, v))[p.kept]) < 0.002
+
+
+def test_forces_of_a_free_motion_are_told_beside_the_inertial_force():
+    t = np.arange(0.0, 8.0, STEP)
+    decay, w = 0.2, 3.0
+    q = np.exp(-decay * t) * np.cos(w * t)
+    v = np.exp(-decay * t) * (-decay * np.cos(w * t) - w * np.sin(w * t))
+    model = Model.from_dict({**DRIVE, "parameters": {"m": M, "c": 2 * decay * M, "k": M * (w**2 + decay**2)}})
+    shown = {"displacement": q, "velocity": v + 1e-6 * np.random.default_rng(4).normal(size=t.size)}
+    units = {"force": "N", "displacement": "m", "velocity": "m/s"}
+    data = ModelData(t, np.zeros((t.size, 1)), shown, None, ("force",), ("displacement", "velocity"), units)
+    found = witness.hear(model, [data], [data], False)
+    assert found.search.r.unseen.free
+    assert found.search.r.percent(found.search.base) < 1.0
+
+
 def test_a_richer_law_is_named_where_it_acts():
     found = heard(lambda q, v: -(1.0 + 1.5 * np.exp(-((v / 0.5) ** 2))) * np.sign(v))
     assert found.effects == ("stribeck_friction",)

@@ -55,6 +55,26 @@ def test_certainty_is_the_mean_difference_over_its_standard_error():
     assert gain(after, before, np.array([1e-3])).certainty == pytest.approx(-expected)
 
 
+def test_a_friction_that_is_known_but_for_a_scale_is_there():
+    """Voltage and speed tell a friction torque over the inertia alone; its own standard error is that of the scale."""
+    motor = {"plant": "dc_motor", "parameters": {"R_a": 2.0, "L_a": 0.0, "K_t": 0.1, "K_m": 0.1, "B": 0.0, "J": 1e-3}}
+    base = Model.from_dict({**motor, "tolerance": {"R_a": 0.5, "K_t": 0.5, "J": 0.5}})
+    truth = Model.from_dict({**motor, "effects": {"coulomb_friction": {"mu": 0.02}}})
+
+    def run(seed: int) -> ModelData:
+        rng, t = RNG(seed), np.arange(3000) * 0.005
+        u = (2.0 * np.sin(2 * np.pi * rng.uniform(0.1, 0.6, 3) * t[:, None] + rng.uniform(0, 6, 3))).sum(axis=1)
+        speed = simulate(truth, t, u[:, None], np.zeros(1)).x[:, 0] + rng.normal(0, 0.1, t.size)
+        return ModelData(t, u[:, None], {"speed": speed}, None, ("voltage",), ("speed",), {"speed": "rad/s"})
+
+    witness = Motion.of(base, [run(1)], [run(2)], Criteria(), jobs=1)
+    found = witness.fitted(["coulomb_friction"])
+    mu = found.parameters["coulomb_friction.mu"]
+    assert mu.value < 4 * mu.std
+    assert not found.vague(Criteria())
+    assert not witness.refused(witness.base, found)
+
+
 def test_the_simplest_law_that_suffices_is_named():
     found = motion(COULOMB)
     path = found.search()

@@ -68,7 +68,7 @@ class Subsets:
         """
         base, r = np.arange(self.r.b), self.r
         spread = np.minimum(np.maximum(r.base.spread, 1e-12), 1e12) * self._scale[: r.b]
-        held = np.minimum(size / spread**2, 1e12 * self._size)
+        held = np.minimum(size / np.maximum(spread**2, TINY), 1e12 * self._size)
         found = np.empty(len(sets))
         for at in range(0, len(sets), BATCH):
             some = sets[at : at + BATCH]

@@ -111,33 +111,41 @@ class Fitted:
         return next((why for key in self.fit.candidate.label if (why := self._vague(key, criteria))), "")
 
     def _vague(self, key: str, criteria: Criteria) -> str:
-        kind = key.partition(".")[0] if "." in key else self.model.effects[key].type
-        effect = EFFECTS[kind]
-        telling, where = (*effect.telling, *effect.essential), {*effect.turning[1:], *effect.periodic[:1]}
+        effect = self._effect(key)
+        told = (*effect.telling, *effect.essential)
         sizes: dict[str, float] = {}
-        every = [k.name for k in self.fit.candidate.coordinates]
+        own = self._of(key, effect)
+        moving = {i: one for i, one in own.items() if np.isfinite(one[2]) or one[0].name.rpartition(".")[2] in told}
+        if own and not moving:
+            return f"nothing is known of {key}"
         at: dict[str, int] = {}
-        for k, x, std in self._coordinates(True):
-            owner, _, name = k.name.rpartition(".")
-            if (key not in (owner, k.name)) or name in where:
-                continue
-            if k.name in self.at_bound and name in telling:
+        for i, (k, x, std) in moving.items():
+            name = k.name.rpartition(".")[2]
+            if k.name in self.at_bound and name in told:
                 return f"{k.name} is at its bound"
-            if not np.isfinite(std):
-                return f"nothing is known of {k.name}"
-            if not k.log or name in effect.neutral or kind == "sensor_gain":
-                sizes[name], at[name] = abs(x - nothing(k, effect)) / max(std, 1e-300), every.index(k.name)
-            elif std > criteria.known and (not telling or name in telling):
+            if not k.log or name in effect.neutral or k.name.startswith("sensor_gain"):
+                sizes[name], at[name] = abs(x - nothing(k, effect)) / max(std, 1e-300), i
+            elif std > criteria.known and (not told or name in told):
                 return f"{k.name} is not known to better than half"
             elif std > 1.0 / criteria.coefficient and name in effect.telling:
                 return f"{k.name} is {1.0 / std:.1f} of its own standard errors from nothing"
         tests: list[tuple[tuple[int, ...], float]] = [((at[n],), sizes[n]) for n in effect.telling if n in sizes]
         tests = tests or [(tuple(at.values()), self._together(key, effect, list(sizes)))]
-        for index, own in tests:
-            needed = own if own >= criteria.coefficient or not index else max(own, self.apart(index))
+        for index, size in tests:
+            needed = size if size >= criteria.coefficient or not index else max(size, self.apart(index))
             if needed < criteria.coefficient:
                 return f"{key} is {needed:.1f} of its own standard errors from nothing"
         return ""
+
+    def _effect(self, key: str) -> type[Effect]:
+        return EFFECTS[key.partition(".")[0] if "." in key else self.model.effects[key].type]
+
+    def _of(self, key: str, effect: type[Effect]) -> dict[int, tuple[Coordinate, float, float]]:
+        """Return the coordinates of an effect, with values and standard errors, but those that say where, by number."""
+        where = {*effect.turning[1:], *effect.periodic[:1]}
+        every = zip(self.fit.candidate.coordinates, self.fit.theta.tolist(), self.spreads.tolist(), strict=True)
+        mine = {i: one for i, one in enumerate(every) if key in (one[0].name.rpartition(".")[0], one[0].name)}
+        return {i: one for i, one in mine.items() if one[0].name.rpartition(".")[2] not in where}
 
     def _together(self, key: str, effect: type[Effect], names: Sequence[str]) -> float:
         """Return by how many standard errors coefficients of an effect differ from nothing, all of them together
