@@ -25,8 +25,8 @@ from signlin_ros.diagnosis.measures import (
     force_falls,
     force_left,
     force_raises,
+    is_shown_to_leave_noise,
     leaves_much,
-    leaves_noise,
     not_seen,
     of_effort,
     percent,
@@ -270,7 +270,7 @@ def _beyond(
     """Tell whether another model is to be stood for instead: it leaves noise where this one does not, and no more of
     unseen data, or surely less of the motion, and not more of the force; what the force witness can see, it must see.
     """
-    if leaves_noise(other, criteria) and not now.white and other.level <= now.level:
+    if is_shown_to_leave_noise(other, criteria) and not now.white and other.level <= now.level:
         return not force_raises(force, now, other, criteria, left)
     g = motion.gain(now, other)
     if g.worsens(criteria.worse, criteria.alike) or force_raises(force, now, other, criteria, left):

@@ -17,7 +17,7 @@ from signlin_ros.diagnosis.measures import (
     force_falls,
     force_left,
     force_raises,
-    leaves_noise,
+    is_shown_to_leave_noise,
     near_noise,
     sees,
     with_laws,
@@ -54,9 +54,13 @@ class Choice:
         """Return a set of the force witness fitted by simulation; None where that cannot be."""
         return self._fitted([n for n, _ in fit.members], partial(with_laws, self.force, fit))
 
-    def _fitted(self, names: Sequence[str], start: Callable[[], Model]) -> Fitted | None:
+    def _fitted(self, names: Sequence[str], start: Callable[[], Model], before: Fitted | None = None) -> Fitted | None:
+        """Return a fit; None where that cannot be, or promises nothing beyond one ``before`` it that leaves noise."""
         try:
-            found = self.motion.fitted(names, start())
+            model = start()
+            if before and before.clean and not self.imposed and not self.motion.promises(before, names, model):
+                return None
+            found = self.motion.fitted(names, model)
         except SignlinError:
             return None
         self.tried.append(found)
@@ -76,7 +80,7 @@ class Choice:
             options = []
             for other in self.worth_it(found, name, richer):
                 rest = tuple(n if n != name else other for n in found.effects)
-                one = self._fitted(rest, partial(self._started, found, name, other))
+                one = self._fitted(rest, partial(self._started, found, name, other), found)
                 options += [one] if one else []
             better = self.of_one_force(found, options) if self.imposed else self._asked_for(found, options)
             found = better[0] if better else found
@@ -106,7 +110,7 @@ class Choice:
         """Tell whether a model leaves nothing but noise of the motion, and near it, where another one does not: what
         tells them apart may be too short for the force.
         """
-        return not before.white and leaves_noise(after, self.criteria) and near_noise(after, self.criteria)
+        return not before.white and is_shown_to_leave_noise(after, self.criteria) and near_noise(after, self.criteria)
 
     def _shows(self, before: Fitted, after: Fitted) -> bool:
         """Tell whether a richer law surely takes away force, and a visible part of all that is missing, not of a

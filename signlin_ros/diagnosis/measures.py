@@ -88,7 +88,12 @@ def leaves_noise(f: Fitted, criteria: Criteria) -> bool:
     holds it to what is measured: its windows must be near the noise.
     """
     floats = any(find_effect(name, "effects").floating for name in f.effects)
-    return f.clean and (not floats or near_noise(f, criteria))
+    return f.white and (not floats or near_noise(f, criteria))
+
+
+def is_shown_to_leave_noise(f: Fitted, criteria: Criteria) -> bool:
+    """Tell whether a model leaves nothing but noise, and there are samples enough to have tested it."""
+    return f.clean and leaves_noise(f, criteria)
 
 
 def near_noise(f: Fitted, criteria: Criteria) -> bool:
@@ -213,6 +218,7 @@ __all__ = [
     "force_falls",
     "force_left",
     "force_raises",
+    "is_shown_to_leave_noise",
     "leaves_much",
     "leaves_noise",
     "near_noise",

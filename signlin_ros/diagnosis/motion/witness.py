@@ -184,6 +184,19 @@ class Motion:
         found = windowed(unseen, c, theta, gains)
         return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=found)
 
+    def promises(self, before: Fitted, effects: Sequence[str], start: Model) -> bool:
+        """Tell whether effects, from the values that a model has, may be a step beyond a fit: after a few steps they
+        lower -2 log likelihood of the known records as much as two standard errors do.
+        """
+        middle = self.problem.levels[1]
+        try:
+            c, theta = self._valued(effects, start)
+        except SignlinError:
+            return False
+        one, other = solved(self.short, c, middle, theta, NEXT), before.fit
+        known = solved(self.short, other.candidate, middle, other.theta, NEXT)
+        return one is not None and (known is None or known.cost - one.cost > self.criteria.least**2)
+
     def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
         """Return the fit of effects from the values of a model that has them all, its base parameters too."""
         if not effects:
