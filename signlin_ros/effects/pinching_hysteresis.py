@@ -29,7 +29,7 @@ class PinchingHysteresis(Effect):
     experiment = "cycle slowly between two positions, with several amplitudes"
     states = {"z": "Q"}
     family = "dry friction"
-    telling = ("F_c", "zeta")
+    telling = ("F_c", "zeta", "z_p")
     essential = ("zeta",)
 
     F_c = Par("F", nominal=0.03, positive=True, doc="force once it has yielded")

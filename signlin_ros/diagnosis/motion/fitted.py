@@ -92,8 +92,11 @@ class Fitted:
 
     @property
     def size(self) -> int:
-        """Number of parameters beyond those of the model as given."""
-        return len(self._coordinates(True))
+        """Number of parameters beyond those of the model as given, with the whole orders that were chosen for waves."""
+        own = [k.name for k, _, _ in self._coordinates(True)]
+        added = [k for k in self.fit.candidate.label if k in self.model.effects]
+        orders = [f"{k}.{n}" for k in added for n in self._effect(k).periodic[:1]]
+        return len({*own, *orders})
 
     @cached_property
     def strain(self) -> float:
