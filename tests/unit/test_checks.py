@@ -374,6 +374,27 @@ def test_a_one_way_input_of_a_drive_that_swings_back_is_right() -> None:
     assert found(base, record(base, 40.0 + multisine(4.0)))[1] == {}
 
 
+@pytest.mark.parametrize("friction", [0.3, 0.0])
+def test_a_short_swing_that_lacks_gravity_is_in_its_own_unit(friction: float) -> None:
+    """150 samples that begin far from rest: "the force fits if it is in kgf", which stood for the observer's start."""
+    base = Model.from_dict(
+        {"plant": "mass_spring_damper", "parameters": {"m": 0.15, "c": 0.1, "k": 0.0}, "axis": "rotary"}
+    )
+    rng, t = np.random.default_rng(1), np.arange(150) * 0.005
+    swing = base.with_effect("gravity_load", A=2.83)
+    swing = swing.with_effect("coulomb_friction", mu=friction) if friction else swing
+    u = np.where(t < 0.14, -0.9, 0.9)
+    x = simulate(swing, t, u[:, None], x0=[-0.4, -0.5]).x
+    measured = {
+        "displacement": 0.0029 * np.round(x[:, 0] / 0.0029),
+        "velocity": x[:, 1] + 0.1 * rng.normal(size=t.size),
+    }
+    data = ModelData(t, u[:, None], measured, None, base.inputs, base.states, dict(base.units), "run.csv")
+    assert nothing_but_notes(found(base, data)[1])
+    if not friction:  # beside friction of any size the swing hardly needs its torque, and tells of no unit
+        assert found(base, replace(data, u=1000.0 * data.u))[1]["unit_or_sign"].cure == "force_in_mNm"
+
+
 # ------------------------------------------------------------------ position and velocity
 
 
