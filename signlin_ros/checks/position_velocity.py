@@ -30,8 +30,8 @@ class PositionVelocity(Check):
     """The velocity is not the rate of the position: another unit (57.3, 2 pi, 9.55, 60, 1000), a gear, a sign, a lag,
     or another axis.
 
-    Test: over stretches in which it moves most, the change of the position is regressed on the integral of the
-    velocity; both exceed `CLEAR` times what their noise does, so that the factor is known to some per cent, and a
+    Test: over stretches in which it moves most, gaps aside, the change of the position is regressed on the integral of
+    the velocity; both exceed `CLEAR` times what their noise does, so that the factor is known to some per cent, and a
     clean record has 1. A factor counts beyond `EQUAL`, 10 of its standard errors or more. Cure: the conversion, a sign
     (``reverse_NAME``); a velocity of something else is left out (``leave_out_NAME``). A lag is noted.
     """

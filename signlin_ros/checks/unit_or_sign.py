@@ -36,10 +36,11 @@ class UnitOrSign(Check):
 
     Test: a constant observer of the linear base, beside dry friction, a load and gravity of any size, and from any
     start, leaves at most `BETTER` of what it leaves otherwise, and at most `GOOD` of what the channels do, or
-    `STRICTER` of either with a factor that is no unit's; the factor that suits best lies within `NEAR` of the unit's. What a model lacks, or has wrong by tens of per cent, does not move its prediction that
-    far: none of 200 clean records and none of those with hidden effects of the benchmark (benchmarks/checks.py) reads
-    better so. Cure: the conversion (``speed_in_rpm``), the other sign (``reverse_voltage``), or a factor where no unit
-    is known (``scale_speed``).
+    `STRICTER` of either with a factor that is no unit's; the factor that suits best lies within `NEAR` of the unit's.
+    What a model lacks, or has wrong by tens of per cent, does not move its prediction that far: none of 200 clean
+    records and none of those with hidden effects of the benchmark (benchmarks/checks.py) reads better so. Cure: the
+    conversion (``speed_in_rpm``), the other sign (``reverse_voltage``), or a factor where no unit is known
+    (``scale_speed``).
     """
 
     name = "unit_or_sign"

@@ -439,6 +439,25 @@ def test_a_velocity_of_another_axis_is_refused() -> None:
     assert findings["position_velocity"].open
 
 
+def swinging(t: Array, seed: int = 1) -> ModelData:
+    """Return a short swing that grows, at times t (T,): displacement in steps and a noisy velocity, rotary."""
+    rng = np.random.default_rng(seed)
+    q, v = 0.3 * t * np.sin(5.0 * t), 0.3 * np.sin(5.0 * t) + 1.5 * t * np.cos(5.0 * t)
+    base = Model.load("mass_spring_damper")
+    measured = {"displacement": 0.003 * np.round(q / 0.003), "velocity": v + 0.05 * rng.normal(size=t.size)}
+    return ModelData(t, np.zeros((t.size, 1)), measured, None, base.inputs, base.states, dict(base.units), "run.csv")
+
+
+@pytest.mark.parametrize("kept", [140, 100, 60])
+def test_nobody_knows_the_velocity_in_a_gap(kept: int) -> None:
+    """ "The velocity is 0.34 times the displacement's rate": integrated over a gap of 0.76 s."""
+    t = np.arange(152) * 0.005
+    data = swinging(np.where(np.arange(t.size) < kept, t, t + 0.76))
+    assert "position_velocity" not in found(Model.load("mass_spring_damper"), data)[1]
+    wrong = with_channel(data, "velocity", data.measured["velocity"] / 3.0)
+    assert found(Model.load("mass_spring_damper"), wrong)[1]["position_velocity"].cure == "scale_velocity"
+
+
 def test_a_velocity_that_lags_is_noted() -> None:
     model, data = changed("speed", lambda v: np.concatenate([np.full(8, v[0]), v[:-8]]))
     _, findings = found(model, data)
