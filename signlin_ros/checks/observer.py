@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.checks.linear import Base
 from signlin_ros.records import ModelData
+from signlin_ros.records.clean import HOLE
 
 Array = NDArray[np.float64]
 
@@ -25,8 +26,6 @@ PERSISTENCE = 0.1
 """How long, in s, an error of an equation lasts."""
 MOST, LEAST = 20_000, 60
 """So many samples are followed at most, and at least."""
-HOLE = 5.0
-"""A step longer than this many median steps is a gap."""
 START = 0.05
 """Share of the samples in which the observer forgets where it began."""
 ONE = "1"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.checks.observer import HOLE
+from signlin_ros.records.clean import HOLE
 
 Array = NDArray[np.float64]
 
