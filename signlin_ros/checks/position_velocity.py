@@ -114,7 +114,9 @@ def _lag(q: Array, v: Array) -> tuple[float, float]:
     rate, v = rate - rate.mean(), v - v.mean()
     lags = np.arange(-far, far + 1)
     inner = slice(far, rate.size - far)
-    r = np.array([np.corrcoef(rate[inner], v[far + k : v.size - far + k])[0, 1] for k in lags]) ** 2
+    with np.errstate(invalid="ignore", divide="ignore"):  # one speed tells nothing of a lag
+        r = np.array([np.corrcoef(rate[inner], v[far + k : v.size - far + k])[0, 1] for k in lags]) ** 2
+    r = np.nan_to_num(r)
     peaks = np.concatenate([[False], (r[1:-1] >= r[:-2]) & (r[1:-1] >= r[2:]), [False]]) | (r == r.max())
     best = min(lags[peaks & (r > r.max() - 0.1 * GAIN)], key=abs)
     return float(best), float(r.max() - r[far])

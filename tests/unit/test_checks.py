@@ -640,6 +640,22 @@ def test_a_drive_at_one_speed_tells_friction_from_a_load_no_more() -> None:
     assert "excitation" not in found(base, rich)[1]
 
 
+def test_an_imposed_motion_at_one_speed_tells_no_friction_from_another() -> None:
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 200.0}})
+    t = np.arange(400) * 0.1
+    steady, swinging = np.where(t % 20.0 < 10.0, 1e-3, -1e-3), 1e-3 * np.sin(0.3 * t)
+
+    def told(v: Array) -> str:
+        q = np.concatenate([[0.0], np.cumsum(v[:-1]) * 0.1])
+        measured = {"displacement": q, "force": 200.0 * q + 0.5 * np.sign(v)}
+        data = ModelData(t, v[:, None], measured, None, model.inputs, model.states, dict(model.units), "run.csv")
+        return found(model, data)[1]["excitation"].sentence if "excitation" in found(model, data)[1] else ""
+
+    assert told(steady) == "this record tells viscous friction and Coulomb friction only together"
+    assert told(np.abs(steady)).endswith("viscous friction, Coulomb friction and a constant load only together")
+    assert not told(swinging)
+
+
 def test_a_motion_that_is_too_slow_tells_nothing_of_the_damping() -> None:
     base = oscillator()[0]
     slow = record(base, np.sin(0.4 * np.arange(SAMPLES) * STEP))
