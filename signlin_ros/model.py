@@ -404,6 +404,8 @@ class Model:
             hint = suggest(name, known)
             if plain == self.plant.position:
                 hint = f"; with_position: true makes the {plain} a state"
+            elif plain in self.plant.sometimes:
+                hint = f"; {self.plant.sometimes[plain]}"
             raise ModelError(f"{name!r} is no state, input or output; there are: {choices(known)}{hint}")
         return plain
 

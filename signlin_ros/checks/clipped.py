@@ -13,6 +13,7 @@ from signlin_ros.checks.look import LEAST, Look
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
 
 RUN = 3
 """So many samples in a row at the limit are a run."""
@@ -24,7 +25,9 @@ LEVELS = 0.2
 """Distinct values, as a share of the samples, beneath which a signal has levels rather than limits."""
 ABRUPT = 0.3
 """Steps into and out of the runs, as a share of what they are a few samples before."""
-
+STEPS, WHOLE = 3, 0.1
+"""So many steps between values at which a signal rests tell its sensor's, if all are multiples, to this part of one:
+4 % are by chance."""
 PACE = 0.1
 """Pace at which a limit is reached, as a share of the usual one (RMS): a drive that comes to rest has none."""
 
@@ -33,8 +36,9 @@ class Clipped(Check):
     """A channel rests at its largest or smallest value, exactly, where it would have gone on.
 
     Test: runs of `RUN` equal values at an extreme of a signal that takes many values, entered at the pace that it has
-    elsewhere. With noise or digits beyond one step the chance of one such run is below 10^-6 a record; a drive
-    that comes to rest at an extreme slows down before.
+    elsewhere, and so long that a smooth turn meanwhile goes on for more than a step of the sensor. With noise or digits
+    beyond one step the chance of one such run is below 10^-6 a record; a drive that comes to rest at an extreme slows
+    down before.
     Cure: of a measured channel, samples at the limit are taken for missing (``blank_NAME``); an input acted as it was
     logged, and is only noted.
     """
@@ -79,7 +83,9 @@ def _clipped(values: Array, quantum: float, least: float) -> Mask | None:
     if quantum == 0.0 and levels < LEVELS * _changing(filled):
         return None
     limits = [limit for limit in (filled.max(), filled.min()) if abs(limit) >= least * np.abs(filled).max()]
-    sides = [side for limit in limits if (side := _runs(filled, filled == limit, quantum)).any()]
+    steps = [quantum or _resting_step(filled, limit) for limit in limits]
+    sides = [_runs(filled, filled == limit, quantum, step) for limit, step in zip(limits, steps, strict=True)]
+    sides = [side for side in sides if side.any()]
     found = np.any(sides, axis=0) if sides else np.zeros(0, dtype=bool)
     return found if found.sum() >= max(FEW, SHARE * values.size) else None
 
@@ -89,8 +95,33 @@ def _changing(values: Array) -> int:
     return int(np.count_nonzero(np.diff(values))) + 1
 
 
-def _runs(values: Array, at: Mask, quantum: float) -> Mask:
-    """Return which of the samples at a limit (T,) stand in runs that are entered at full pace."""
+def _resting_step(values: Array, limit: float) -> float:
+    """Return the step between the values (T,) at which a signal rests, its other extreme aside: that of a sensor whose
+    values were smoothed or resampled in between; 0 where they are no multiples of one.
+    """
+    resting = np.unique(values[1:][np.diff(values) == 0.0])
+    other = values.min() if limit == values.max() else values.max()
+    steps = np.diff(resting[resting != other])
+    if steps.size < STEPS:
+        return 0.0
+    step = float(np.median(steps[steps < 1.5 * steps.min()]))
+    return step if np.abs(steps / step - np.round(steps / step)).max() < WHOLE else 0.0
+
+
+def _hidden(values: Array, begins: Index, ends: Index) -> Array:
+    """Return how far (k,) a parabola goes beyond values (T,) that stand still in runs (k,) of samples, by how far away
+    the values are as many samples before and after: D = a (3 n / 2)^2 - a (n / 2)^2, and a (n / 2)^2 is hidden.
+    """
+    run = ends - begins
+    before, after = np.maximum(begins - run, 0), np.minimum(ends - 1 + run, values.size - 1)
+    aside = 0.5 * (np.abs(values[begins] - values[before]) + np.abs(values[begins] - values[after]))
+    return np.asarray(aside / 8.0)
+
+
+def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
+    """Return which of the samples at a limit (T,) stand in runs that are entered at full pace, and in which a smooth
+    turn would have gone on for more than a step of the sensor.
+    """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
     begins, ends = edges[::2], edges[1::2]
     long = ends - begins >= RUN
@@ -108,6 +139,8 @@ def _runs(values: Array, at: Mask, quantum: float) -> Mask:
     if np.median(paces) <= max(3.0 * quantum, PACE * usual) or np.median(last) < ABRUPT * 0.5 * np.median(paces):
         return kept
     if np.median(last) > 20.0 * max(np.median(paces), 1e-300):
+        return kept
+    if np.median(_hidden(values, b, e)) <= step:
         return kept
     for begin, end in zip(begins, ends, strict=True):
         kept[begin:end] = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +59,8 @@ class Excitation(Check):
     Test: how far each parameter moves the innovations of an observer, against what is left of them; the standard
     errors of all together come from the inverse of their information, groups from its weakest direction [Belsley, Kuh,
     Welsch, Regression Diagnostics, 1980, ch. 3]. By the record's own size of what is left, taken as `BLOCK` times as
-    lasting as white noise: the bounds are 3 standard errors of an amplitude, one of a logarithm. Cure: another motion.
+    lasting as white noise: the bounds are 3 standard errors of an amplitude, one of a logarithm. Where the motion is
+    imposed, effects add to the measured force as they are. Cure: another motion.
     """
 
     name = "excitation"
@@ -151,8 +152,12 @@ def _of_parameters(told: Told) -> Iterator[str]:
 
 def _of_effects(look: Look, f: Followed) -> Iterator[str]:
     """Yield which effects of the motion it does not tell, or not from each other."""
+    shapes = _shapes(look, f)
+    if look.model.plant.motion_is_imposed():  # what is measured is their force itself, beside what the base makes of it
+        columns = np.stack(list(shapes.values())) if shapes else np.zeros((0, 0))
+        yield from _together(list(shapes), columns @ columns.T, ())
+        return
     way = _per_force(look.model)
-    shapes = _shapes(look, f) if way is not None else {}
     if way is None or not shapes:
         return
     kept = np.array([way[look.model.states.index(name)] for name in f.base.states])
@@ -165,8 +170,13 @@ def _of_effects(look: Look, f: Followed) -> Iterator[str]:
     hidden = [n for n, least, size in zip(shapes, SURELY / seen, sizes, strict=True) if least * size > LARGE * drive]
     if hidden:
         yield f"nothing of {joined(hidden)}, were it {100 * LARGE:.0f} % of what drives"
+    yield from _together(list(shapes), information, hidden)
+
+
+def _together(names: list[str], information: Array, hidden: Collection[str]) -> Iterator[str]:
+    """Yield which effects look alike by their information (k, k), those that are hidden aside."""
+    seen = np.sqrt(np.maximum(np.diag(information), 1e-300))
     alike = np.abs(information / seen[:, None] / seen) > ALIKE
-    names = list(shapes)
     pairs = [(names[i], names[j]) for i, j in zip(*np.nonzero(np.triu(alike, 1)), strict=True)]
     for group in _merged([pair for pair in pairs if not set(pair) & set(hidden)], names):
         yield f"{joined(group)} only together"
@@ -176,10 +186,11 @@ def _shapes(look: Look, f: Followed) -> dict[str, Array]:
     """Return what effects of the motion are proportional to (T,), by name, where velocity or position are recorded."""
     found: dict[str, Array] = {}
     columns = dict(zip(f.channels, f.y.T, strict=True))
+    columns |= dict(zip(f.base.inputs, f.u.T, strict=True))
     q, v = columns.get(look.position), columns.get(look.velocity)
     if v is None and q is not None:
         v = np.gradient(q, f.t)
-    if v is not None and look.velocity not in look.record.inputs:
+    if v is not None:
         found |= {"viscous friction": v, "Coulomb friction": np.sign(v), "a constant load": np.ones_like(v)}
     if q is not None and look.model.parameters.get("k", 0.0) == 0.0:
         found["a spring"] = q - q.mean()
@@ -188,8 +199,6 @@ def _shapes(look: Look, f: Followed) -> dict[str, Array]:
 
 def _per_force(model: Model) -> Array | None:
     """Return the change of every state's rate (n,) for a unit of force on the mass; None where none answers to it."""
-    if model.plant.motion_is_imposed():
-        return None
     probe = model.with_effect("constant_load", key="probe", F0=1.0)
     with_it, without = linear_base(probe), linear_base(probe.with_parameters({"probe.F0": 0.0}))
     return None if with_it is None or without is None else with_it.c - without.c

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.checks.linear import Base
 from signlin_ros.records import ModelData
+from signlin_ros.records.clean import HOLE
 
 Array = NDArray[np.float64]
 
@@ -25,12 +26,16 @@ PERSISTENCE = 0.1
 """How long, in s, an error of an equation lasts."""
 MOST, LEAST = 20_000, 60
 """So many samples are followed at most, and at least."""
-HOLE = 5.0
-"""A step longer than this many median steps is a gap."""
 START = 0.05
 """Share of the samples in which the observer forgets where it began."""
 ONE = "1"
 """The name of what the equations hold whatever the record says."""
+ROUNDS = 2
+"""The sum of logarithms is made least by least squares with the weights of the last round: none makes it larger."""
+GONE = 1e-6
+"""Part of what a start does at its most, beneath which the observer has forgotten it."""
+BEGUN = "start: "
+"""What the name of a state begins with where it stands for where that state was at the first sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +117,15 @@ class Followed:
         pairs = zip(ways, states, strict=True)
         return np.stack([-(direct[:, None] * c + _times(d.C, x)).T for (_, direct, c), x in pairs])
 
+    def begun(self) -> list[Array]:
+        """Return what a unit of every state at the first sample adds to the innovations (T, ny), for each of them."""
+        d, first = self.design, np.zeros(self.t.size)
+        first[0] = 1.0  # x(1) = (A - K C) x(0), and x(0) is seen at the first sample besides
+        closed = d.A - self.K @ d.C
+        ways = [(closed[:, i], d.C[:, i]) for i in range(len(d.A))]
+        states = run(closed, [way[:, None] * first for way, _ in ways])
+        return [-(_times(d.C, x) + c[:, None] * first).T for (_, c), x in zip(ways, states, strict=True)]
+
 
 def follow(
     base: Base, record: ModelData, channels: Sequence[str], more: Mapping[str, Array] | None = None
@@ -132,10 +146,11 @@ def follow(
 class Prediction:
     """What a record leaves of an observer of a linear base.
 
-    ``sources``: the inputs, the channels, `ONE`, and further inputs; ``grams`` (ny, k, k): mean products of what each
+    ``sources``: the inputs, the channels, `ONE`, further inputs, and where the states were at the first sample, as far
+    as the observer has not forgotten it (a short record is all start); ``grams`` (ny, k, k): mean products of what each
     adds to the innovations of each channel; ``spread`` (ny,): standard deviations of the channels; ``samples`` that
-    tell it; ``free``: further inputs that count with the size that suits best, which is not negative where a channel is
-    named with it: turned with the sign of that.
+    tell it; ``free``: starts, and further inputs, that count with the size that suits best, which is not negative where
+    a channel is named with it: turned with the sign of that.
     """
 
     channels: tuple[str, ...]
@@ -162,7 +177,7 @@ class Prediction:
         s = np.array([[one.get(n, 0.0 if n in self.free else 1.0) for n in self.sources] for one in scales])
         own = np.abs(s[:, [self.sources.index(name) for name in self.channels]]) * self.spread
         found = self._squares(s)
-        if self.free:  # the channels count by their logarithms, as in `left`
+        for _ in range(ROUNDS if self.free else 0):  # the channels count by their logarithms, as in `left`
             more = self._squares(self._with_free(s, 1.0 / np.maximum(found, 1e-300)))
             better = np.log(more + 1e-300).sum(axis=1) < np.log(found + 1e-300).sum(axis=1)
             found = np.where(better[:, None], more, found)
@@ -211,11 +226,15 @@ def prediction(
 
 def summed(f: Followed, free: Mapping[str, str] | None = None) -> Prediction:
     """Return what is left of a record that is followed, by what adds to it."""
-    left = f.parts()[:, int(START * f.t.size) :]
+    first, answers = int(START * f.t.size), f.begun()
+    lasting = [np.abs(one[first:]).max() > GONE * np.abs(one).max() for one in answers]
+    begun = tuple(f"{BEGUN}{name}" for name, lasts in zip(f.base.states, lasting, strict=True) if lasts)
+    left = np.stack([*f.parts(), *(one for one, lasts in zip(answers, lasting, strict=True) if lasts)])[:, first:]
     left = left - left.mean(axis=1, keepdims=True)
     grams = np.einsum("atj,btj->jab", left, left) / left.shape[1]
-    sources = (*f.base.inputs, *f.channels, ONE, *f.more)
-    return Prediction(f.channels, sources, grams, f.y.std(axis=0), left.shape[1], free or {})
+    sources = (*f.base.inputs, *f.channels, ONE, *f.more, *begun)
+    free = {**(free or {}), **dict.fromkeys(begun, "")}
+    return Prediction(f.channels, sources, grams, f.y.std(axis=0), left.shape[1], free)
 
 
 def _finite(values: Array) -> Array:

@@ -30,8 +30,8 @@ class PositionVelocity(Check):
     """The velocity is not the rate of the position: another unit (57.3, 2 pi, 9.55, 60, 1000), a gear, a sign, a lag,
     or another axis.
 
-    Test: over stretches in which it moves most, the change of the position is regressed on the integral of the
-    velocity; both exceed `CLEAR` times what their noise does, so that the factor is known to some per cent, and a
+    Test: over stretches in which it moves most, gaps aside, the change of the position is regressed on the integral of
+    the velocity; both exceed `CLEAR` times what their noise does, so that the factor is known to some per cent, and a
     clean record has 1. A factor counts beyond `EQUAL`, 10 of its standard errors or more. Cure: the conversion, a sign
     (``reverse_NAME``); a velocity of something else is left out (``leave_out_NAME``). A lag is noted.
     """
@@ -114,7 +114,9 @@ def _lag(q: Array, v: Array) -> tuple[float, float]:
     rate, v = rate - rate.mean(), v - v.mean()
     lags = np.arange(-far, far + 1)
     inner = slice(far, rate.size - far)
-    r = np.array([np.corrcoef(rate[inner], v[far + k : v.size - far + k])[0, 1] for k in lags]) ** 2
+    with np.errstate(invalid="ignore", divide="ignore"):  # one speed tells nothing of a lag
+        r = np.array([np.corrcoef(rate[inner], v[far + k : v.size - far + k])[0, 1] for k in lags]) ** 2
+    r = np.nan_to_num(r)
     peaks = np.concatenate([[False], (r[1:-1] >= r[:-2]) & (r[1:-1] >= r[2:]), [False]]) | (r == r.max())
     best = min(lags[peaks & (r > r.max() - 0.1 * GAIN)], key=abs)
     return float(best), float(r.max() - r[far])

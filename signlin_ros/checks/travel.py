@@ -7,15 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.records.clean import HOLE
+
 Array = NDArray[np.float64]
 
 AGREE = 0.9
-"""Least squared correlation of travel and integral where one follows from the other."""
+"""Least squared correlation of travel and integral where one follows from the other: a factor that is twice as large in
+one half of the motion has just this."""
 CLEAR = 10.0
 """By how much both must exceed what their noise does, for anything to be said."""
 EQUAL = 0.6
 """Factors nearer to 1 than this are a matter of the sensors' gains, which a diagnosis tells."""
 FEWEST = 100
+"""Fewer samples tell nothing."""
 
 
 @dataclass(frozen=True)
@@ -35,18 +39,24 @@ class Travel:
 
 
 def travel(t: Array, q: Array, v: Array, of_q: float, of_v: float) -> Travel | None:
-    """Return how travel and integral go together, over the stretches in which the position changes most."""
-    path = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t))])
+    """Return how travel and integral go together, over the stretches in which the position changes most, and in which
+    no sample is missing for long.
+    """
     if q.size < FEWEST:
         return None
-    widths = [w for w in (2**k for k in range(1, 14)) if w <= q.size // 10]
-    if not widths:
+    steps = np.diff(t)
+    hole = steps > HOLE * np.median(steps)  # nobody knows the velocity meanwhile
+    path = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * steps)])
+    holes = np.concatenate([[0], np.cumsum(hole)])
+    found = [(w, holes[w:] == holes[:-w]) for w in (2**k for k in range(1, 14)) if w <= q.size // 10]
+    found = [(w, whole) for w, whole in found if whole.sum() > q.size // 2]
+    if not found:
         return None
-    w = max(widths, key=lambda width: float(np.std(q[width:] - q[:-width])))
-    dq, dp = q[w:] - q[:-w], path[w:] - path[:-w]
-    noise = max(np.sqrt(2.0) * of_q, 1e-300), max(of_v * float(np.median(np.diff(t))) * np.sqrt(w), 1e-300)
-    found = [_regressed(dq, dp, noise), _regressed(dq - dq.mean(), dp - dp.mean(), noise)]
-    return max((one for one in found if one is not None), key=lambda one: one.correlation, default=None)
+    w, whole = max(found, key=lambda one: float(np.std((q[one[0] :] - q[: -one[0]])[one[1]])))
+    dq, dp = (q[w:] - q[:-w])[whole], (path[w:] - path[:-w])[whole]
+    noise = max(np.sqrt(2.0) * of_q, 1e-300), max(of_v * float(np.median(steps)) * np.sqrt(w), 1e-300)
+    pairs = [_regressed(dq, dp, noise), _regressed(dq - dq.mean(), dp - dp.mean(), noise)]
+    return max((one for one in pairs if one is not None), key=lambda one: one.correlation, default=None)
 
 
 def _regressed(dq: Array, dp: Array, noise: tuple[float, float]) -> Travel | None:
@@ -57,7 +67,8 @@ def _regressed(dq: Array, dp: Array, noise: tuple[float, float]) -> Travel | Non
     if min(sizes) == 0.0:
         return None
     r = float(np.mean(dq * dp)) / (sizes[0] * sizes[1])
-    return Travel(float(np.sign(r)) * sizes[1] / sizes[0], r * r, min(sizes[0] / noise[0], sizes[1] / noise[1]))
+    clear = min(sizes[0] / noise[0], sizes[1] / noise[1])
+    return Travel(float(np.sign(r)) * sizes[1] / sizes[0], r * r, clear)
 
 
 __all__ = ["AGREE", "CLEAR", "EQUAL", "Travel", "travel"]

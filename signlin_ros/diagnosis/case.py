@@ -36,7 +36,7 @@ def case(
     known, unseen = (records, given) if given else held_out(records)
     model = with_measured_position(model, [*known, *unseen])
     channels = measured_channels(model, [*known, *unseen])
-    parts = tuple(tuple(p for d in side for p in pieces(d, channels)[0] if len(p) >= LEAST_SAMPLES)
+    parts = tuple(tuple(p for d in side if len(d) >= LEAST_SAMPLES for p in pieces(d, channels)[0])
                   for side in (known, unseen))  # fmt: skip
     return Case(model, tuple(known), tuple(unseen), parts, bool(given))  # type: ignore[arg-type]
 

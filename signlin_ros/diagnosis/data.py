@@ -14,16 +14,13 @@ from scipy.signal import savgol_filter
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_runs
+from signlin_ros.records.clean import gaps
 
 Array = NDArray[np.float64]
 PathName = str | os.PathLike[str]
 Early = float | Array
 """By how many s the rows of an input precede their samples: all alike, or each (T,); negative where they follow."""
 
-HOLE = 5.0
-"""A step of more than this many median steps is a gap: what drove the model in it is not known."""
-MANY = 0.05
-"""Where more than this share of the steps is that long, the record is unevenly sampled rather than full of gaps."""
 SHORTEST = 20
 """A stretch between gaps needs this many samples."""
 SLOW = ((1e5, "ns"), (500.0, "us"), (0.5, "ms"))
@@ -232,15 +229,6 @@ def _begun_late(record: ModelData, begin: int, first: int, channels: tuple[str, 
     late = [c for c in channels if not np.isfinite(record.measured[c][begin:first]).any()]
     what = ", ".join(late)
     return f"{record.source}: what is before t = {record.t[first]:.6g} s is left out: {what} is not measured there"
-
-
-def gaps(t: Array) -> list[int]:
-    """Return the samples of t (T,) at which stretches without a gap begin, and T."""
-    steps = np.diff(t)
-    long = np.flatnonzero(steps > HOLE * np.median(steps)) + 1
-    if long.size > max(1.0, MANY * steps.size):
-        long = long[:0]
-    return [0, *long.tolist(), t.size]
 
 
 def corrected(model: Model, record: ModelData, name: str) -> Array:

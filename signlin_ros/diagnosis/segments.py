@@ -17,6 +17,9 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 LEAST_SAMPLES = 100
+"""A record needs so many samples."""
+LEAST_PART = LEAST_SAMPLES // 2
+"""Its parts between gaps need half of them where none has as many: what is simulated through a gap tells nothing."""
 EVEN = 0.5
 """A channel is shown in steps if more than this share of the distances between its values are the same."""
 SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
@@ -112,8 +115,6 @@ def with_measured_position(model: Model, data: Sequence[ModelData]) -> Model:
 
 def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment:
     """Return one record as arrays, with the state that it starts from."""
-    if data.t.size < LEAST_SAMPLES:
-        raise RecordError(f"{data.source}: {data.t.size} samples; at least {LEAST_SAMPLES} are needed")
     y = np.ascontiguousarray(np.column_stack([data.measured[c] for c in channels]))
     held, known, early = driving(model, data)
     t, u = np.ascontiguousarray(data.t), np.ascontiguousarray(held)
@@ -167,13 +168,20 @@ def _first_slope(t: Array, values: Array) -> float:
 
 
 def pieces(data: ModelData, channels: tuple[str, ...]) -> tuple[list[ModelData], list[str]]:
-    """Cut a record at its gaps in time, each piece from where the channels are measured; pieces that are too short are
-    left out, if any is long enough. Returns notes on outliers, and on what is left out because it is not measured.
+    """Cut a record at its gaps in time, each piece from where the channels are measured. Pieces of less than
+    `LEAST_SAMPLES` are left out, or where none has as many those of less than `LEAST_PART`, if the others have as many
+    together. Returns notes on outliers, and on what is left out.
     """
     data, notes = without_outliers(data, channels)
     edges, late = measured_parts(data, channels, np.column_stack([data.measured[c] for c in channels]))
-    parts = [data.part(first, last) for first, last in edges if last - first >= LEAST_SAMPLES]
-    return parts or [data], [*notes, *late]
+    sizes = [last - first for first, last in edges]
+    least = LEAST_SAMPLES if max(sizes) >= LEAST_SAMPLES else LEAST_PART
+    if sum(size for size in sizes if size >= least) < LEAST_SAMPLES:
+        through = f"{data.source}: the parts between its gaps are too short to be taken by themselves"
+        return [data], [*notes, *late, *([through] if len(edges) > 1 else [])]
+    parts = [data.part(first, last) for first, last in edges]
+    lost = [f"{p.source}: {len(p)} samples at t = {p.t[0]:.6g} s are left out" for p in parts if 0 < len(p) < least]
+    return [part for part in parts if len(part) >= least], [*notes, *late, *lost]
 
 
 def _turned(model: Model, data: ModelData, u: Array) -> NDArray[np.bool_]:
@@ -190,6 +198,7 @@ def without(y: Array, unknown: NDArray[np.bool_]) -> Array:
 
 
 __all__ = [
+    "LEAST_PART",
     "LEAST_SAMPLES",
     "Segment",
     "check_moving",

@@ -11,7 +11,7 @@ rows in no order             refused, row named
 equal stamps                 identical rows: all but one dropped, with a note; else refused
 infinite value               refused, row and column named
 NaN, empty cell              a missing sample, kept as NaN
-missing rows, uneven steps   kept, with a note
+missing rows, uneven steps   kept, with a note; after a long gap everything starts anew
 fewer than two rows          refused
 ===========================  =================================================================
 """
@@ -40,7 +40,10 @@ GAP = 1.5
 """A step longer than this many median steps is a gap: rows are missing."""
 UNEVEN = 0.01
 """Steps that differ by more than this share of the median step are worth a note."""
-_MANY_GAPS = 0.05
+HOLE = 5.0
+"""A step of more than this many median steps: what drove the model in it is not known. What comes after it is taken by
+itself, from a start of its own."""
+MANY_GAPS = 0.05
 """Where more than this share of the steps is long, the record is unevenly sampled rather than full of gaps.
 """
 
@@ -151,23 +154,32 @@ def renamed(record: Record, signals: Mapping[str, str]) -> Record:
     )
 
 
+def gaps(t: Array) -> list[int]:
+    """Return the samples of t (T,) at which stretches without a gap begin, and T."""
+    steps = np.diff(t)
+    long = np.flatnonzero(steps > HOLE * np.median(steps)) + 1
+    return [0, *(long.tolist() if long.size <= max(1.0, MANY_GAPS * steps.size) else []), t.size]
+
+
 def spacing(t: Array, where: Callable[[int], str]) -> list[Note]:
     """Notes on gaps and uneven steps of the increasing stamps t (T,)."""
     steps = np.diff(t)
     median = float(np.median(steps))
-    gaps = np.flatnonzero(steps > GAP * median)
-    gaps = gaps if gaps.size <= max(1, _MANY_GAPS * steps.size) else gaps[:0]
+    long = np.flatnonzero(steps > GAP * median)
+    long = long if long.size <= max(1, MANY_GAPS * steps.size) else long[:0]
     notes = []
-    if gaps.size:
-        worst = int(gaps[np.argmax(steps[gaps])])
-        count = "1 gap" if gaps.size == 1 else f"{gaps.size} gaps"
+    if long.size:
+        worst = int(long[np.argmax(steps[long])])
+        count = "1 gap" if long.size == 1 else f"{long.size} gaps"
         longest = f"the longest, {steps[worst]:.4g} s, after t = {t[worst]:.6g} s"
         said = (
             f"{count} in the time stamps (steps over {GAP:g} times the median of {median:.4g} s): "
-            f"the first after {where(int(gaps[0]))}, {longest}"
+            f"the first after {where(int(long[0]))}, {longest}"
         )
-        notes.append(Note(said, "gap", "t"))
-    regular = np.delete(steps, gaps)
+        anew = len(gaps(t)) - 2
+        many = f"; what follows {anew} of them, over {HOLE:g} times it, starts anew" if anew else ""
+        notes.append(Note(f"{said}{many}", "gap", "t"))
+    regular = np.delete(steps, long)
     if np.ptp(regular) > UNEVEN * median:
         said = f"unevenly sampled: steps of {regular.min():.4g} to {regular.max():.4g} s, median {median:.4g} s"
         notes.append(Note(said, "uneven", "t"))

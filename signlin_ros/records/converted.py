@@ -42,20 +42,23 @@ def converted(
         if unit and units.kind(wanted.split(" or ")[0]) == "linear":
             kinds[name] = units.kind(unit)
     _check_kinds(record, chosen, kinds)
-    notes += _assumed(record, model, chosen)
-    if "rotary" in kinds.values():
+    rotary = "rotary" in kinds.values()
+    notes += _assumed(record, model, chosen, rotary or (not kinds and model.is_rotary is True))
+    if rotary:
         notes.append(Note("the record is rotary (rad, N·m): so are the model's parameters", "assumed"))
         unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}
     return values, unit_of
 
 
-def _assumed(record: Record, model: Model, chosen: Mapping[str, str]) -> list[Note]:
-    """What is said of columns without a unit beside others that have one."""
+def _assumed(record: Record, model: Model, chosen: Mapping[str, str], rotary: bool) -> list[Note]:
+    """What is said of columns without a unit beside others that have one; a formula states its own conversion."""
     silent = [n for n, key in chosen.items() if not record.signals[key].unit and model.units[n] not in ("", "-", "1")]
     if len(silent) == len(chosen):
         return []
+    formulas = {note.channel for note in record.notes if isinstance(note, Note) and note.kind == "mapped"}
     said = "no unit is stated for {} beside others that have one: taken in {}"
-    return [Note(said.format(name, model.units[name]), "assumed", name) for name in silent]
+    taken = {n: units.rotary(model.units[n]) if rotary else model.units[n] for n in silent if n not in formulas}
+    return [Note(said.format(name, unit), "assumed", name) for name, unit in taken.items()]
 
 
 def _how(record: Record, name: str, key: str, wanted: str) -> tuple[str, tuple[float, str]]:

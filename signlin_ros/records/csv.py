@@ -21,7 +21,7 @@ from signlin_ros.errors import RecordError
 
 from .clean import Keep, Table
 from .header import Heading, heading
-from .layout import MISSING, Layout, is_number, labelled, layout, opened, shortened
+from .layout import MISSING, Layout, by_number, is_number, labelled, layout, opened, shortened
 from .notes import Note
 from .regular import regular
 from .stamps import directions, times_of_day
@@ -56,13 +56,14 @@ class _Text:
         return Rows(np.arange(1, len(self.shape.body) + 1), self.shape.numbers)
 
 
-def read_table(path: Path, source: str, keep: Keep) -> Table:
+def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -> Table:
     """Read the columns of a CSV file.
 
     Separator: comma, semicolon, tab or blanks (with all but the first, decimal commas are understood, column by
     column). Lines that start with ``#``, ``%`` or ``//`` and blank lines are skipped; see `signlin_ros.records.layout`
     for what may stand before the table. `keep` says what to do with a column that does not read:
     refuse the file (True), leave the column out if all of it is text (None), leave it out in any case (False).
+    `asked`: the columns that matter, as they are called; by their numbers they are there below a broken header too.
 
     Raises
     ------
@@ -77,7 +78,7 @@ def read_table(path: Path, source: str, keep: Keep) -> Table:
         chosen = _told(headings, columns)
         said = (*notes, *shape.notes)
         return Table(source, [headings[i] for i in chosen], [columns[i] for i in chosen], rows, said, shape.named)
-    shape = layout(decoded, source)
+    shape = by_number(layout(decoded, source), asked)
     if '"' in decoded:
         _check_quotes(shape)
     text = _with_commas(_Text(replace(shape, notes=(*notes, *shape.notes)), shape.body))
@@ -254,8 +255,13 @@ def _check_widths(shape: Layout, where: Rows, rows: list[list[str]]) -> None:
             raise RecordError(
                 f"{shape.source}: {where.name(i)} has {len(row)} cells, the header {len(shape.header)} columns "
                 f"({shortened(', '.join(shape.header), 120)}); the line is {shortened(shape.body[i], 120)!r}; "
-                + ("the header must name every cell, divided alike" if i == 0 else "mend or delete the line")
+                + (_nameless(len(row)) if i == 0 else "mend or delete the line")
             )
+
+
+def _nameless(width: int) -> str:
+    """What is to be done about a header that has another number of cells than the rows."""
+    return f"the header must name every cell, divided alike; or call the columns c1 to c{width}: --signal NAME=c2"
 
 
 def _column(

@@ -160,7 +160,8 @@ def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list
         return records_of(read_table(file, source), signals, keep)
     from . import csv
 
-    return records_of(csv.read_table(file, source, keep), signals, keep)
+    asked = [*signals.values(), *(wanted or ())]
+    return records_of(csv.read_table(file, source, keep, asked), signals, keep)
 
 
 def _check_there(file: Path, source: str) -> None:

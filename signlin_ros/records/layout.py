@@ -10,8 +10,8 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from signlin_ros import units
 from signlin_ros.errors import RecordError
 
+from .grammar import words
 from .header import heading
 from .notes import Note
 
@@ -33,6 +34,7 @@ MISSING = frozenset(
 LOOKED_AT = 200
 """So many lines at the end and as many from the start tell the layout."""
 _COMMENT = re.compile(r"\s*(?:#|//|%(?!time\b))")
+_BY_NUMBER = re.compile(r"c\d+")
 _TIMELIKE = re.compile(
     r"(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]?)?\s*(?:\d{1,2}:\d\d(?::\d\d)?(?:[.,]\d*)?)?"
     r"\s*(?:[APap][Mm]|Z|[-+]\d\d:?\d\d)?"
@@ -281,6 +283,21 @@ def _fitted(header: list[str], body: Sequence[str], separator: str) -> list[str]
     ):
         header = [*header, ""]
     return header
+
+
+def by_number(shape: Layout, asked: Iterable[str]) -> Layout:
+    """The layout with ``c1``, ``c2``, ... for its names, where there are fewer of these than cells in the rows, so that
+    none is known to be right, and what is asked for is columns by such numbers, none by a name of the header.
+    """
+    specs = list(asked)
+    width = Counter(len(cells(line, shape.separator)) for line in shape.body[:LOOKED_AT]).most_common(1)[0][0]
+    numbers = any(_BY_NUMBER.fullmatch(word) for spec in specs for word in words(spec))
+    named = any(heading(cell).matches(spec) for cell in shape.header for spec in specs)
+    if len(shape.header) >= width or not numbers or named:
+        return shape
+    said = f"the header has {len(shape.header)} cells, the rows {width}: the columns are called c1 to c{width}"
+    header = [f"c{i + 1}" for i in range(width)]
+    return replace(shape, header=header, named=False, unit_row=(), notes=(*shape.notes, Note(said, "format")))
 
 
 def shortened(text: str, most: int = 60) -> str:

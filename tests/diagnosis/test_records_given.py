@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis import diagnose, load_records
+from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.motion.prepare import prepared
 from signlin_ros.diagnosis.outliers import without_outliers
@@ -108,3 +109,18 @@ def test_an_entry_of_a_ranking_shows_itself_as_a_table():
     shown = entry._repr_html_()
     for words in ("<table>", "lip_seal", "mu = 0.0800 ± 0.0010 N·m", "a &lt; b"):
         assert words in shown
+
+
+@pytest.mark.parametrize(("first", "lengths"), [(70, [70, 60]), (110, [110]), (40, [130])])
+def test_what_comes_after_a_pause_starts_anew(first: int, lengths: list[int]) -> None:
+    """Of 130 samples with a pause of 20 s: the motion after it has nothing to do with that before it."""
+    whole = record("paused.csv")
+    rows = np.concatenate([np.arange(first), 600 + np.arange(130 - first)])
+    t = np.where(rows < 600, T[rows], T[rows] + 20.0)
+    measured = {n: v[rows] for n, v in whole.measured.items()}
+    paused = replace(whole, t=t, u=whole.u[rows], measured=measured)
+    _, unseen = prepared(MOTOR, [record()], [paused])
+    assert [s.t.size for s in unseen.segments] == lengths
+    assert [len(part) for part in case(MOTOR, [record()], [paused]).parts[1]] == lengths
+    said = [note for note in unseen.notes if "left out" in note or "too short" in note]
+    assert len(said) == (len(lengths) == 1)

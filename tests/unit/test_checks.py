@@ -231,6 +231,28 @@ def test_a_drive_that_friction_holds_where_it_turns_back_is_not_clipped() -> Non
     assert not [f for f in check(base, [data])[1] if f.check == "clipped" and f.channel == "position"]
 
 
+@pytest.mark.parametrize("top", [0.8, 0.9, 1.0, 1.2])
+def test_a_smooth_motion_rests_for_a_step_of_its_sensor_where_it_turns_back(top: float) -> None:
+    """Steps of 0.0254 mm, smoothed where they change, 128 values a second: 1 to 4 % of the time at the turn."""
+    step, t, fine = 0.0254, np.arange(390) / 128, np.arange(0.0, 3.1, 1e-4)
+
+    def motion(t: Array) -> Array:
+        return 2.8 * np.sin(2.0 * t + 0.5) + 0.1 * np.sin(9.3 * t) + (63 + top) * step
+
+    smooth = np.convolve(np.pad(step * np.round(motion(fine) / step), 80, "edge"), np.full(161, 1 / 161), "valid")
+    values = np.interp(t, fine, np.round(smooth, 7))
+    base = Model.load("mass_spring_damper")
+
+    def clipped(q: Array) -> set[str]:
+        data = ModelData(t, np.zeros((t.size, 1)), {"displacement": q}, None, base.inputs, (), dict(base.units), "run")
+        return {f.channel for f in check(base, [data])[1] if f.check == "clipped"}
+
+    assert np.count_nonzero(values == values.max()) > 3
+    assert not clipped(values)
+    assert clipped(np.minimum(motion(t), 4.0)) == {"displacement"}
+    assert clipped(np.minimum(values, 160 * step)) == {"displacement"}
+
+
 def test_no_unit_is_asked_for_where_a_guess_of_the_model_would_do_as_well() -> None:
     """A load and dry friction, and a damping that is a guess, and too large: "the force fits if it is in lbf"."""
     rng, t = np.random.default_rng(5), np.arange(400) * 0.01
@@ -374,6 +396,27 @@ def test_a_one_way_input_of_a_drive_that_swings_back_is_right() -> None:
     assert found(base, record(base, 40.0 + multisine(4.0)))[1] == {}
 
 
+@pytest.mark.parametrize("friction", [0.3, 0.0])
+def test_a_short_swing_that_lacks_gravity_is_in_its_own_unit(friction: float) -> None:
+    """150 samples that begin far from rest: "the force fits if it is in kgf", which stood for the observer's start."""
+    base = Model.from_dict(
+        {"plant": "mass_spring_damper", "parameters": {"m": 0.15, "c": 0.1, "k": 0.0}, "axis": "rotary"}
+    )
+    rng, t = np.random.default_rng(1), np.arange(150) * 0.005
+    swing = base.with_effect("gravity_load", A=2.83)
+    swing = swing.with_effect("coulomb_friction", mu=friction) if friction else swing
+    u = np.where(t < 0.14, -0.9, 0.9)
+    x = simulate(swing, t, u[:, None], x0=[-0.4, -0.5]).x
+    measured = {
+        "displacement": 0.0029 * np.round(x[:, 0] / 0.0029),
+        "velocity": x[:, 1] + 0.1 * rng.normal(size=t.size),
+    }
+    data = ModelData(t, u[:, None], measured, None, base.inputs, base.states, dict(base.units), "run.csv")
+    assert nothing_but_notes(found(base, data)[1])
+    if not friction:  # beside friction of any size the swing hardly needs its torque, and tells of no unit
+        assert found(base, replace(data, u=1000.0 * data.u))[1]["unit_or_sign"].cure == "force_in_mNm"
+
+
 # ------------------------------------------------------------------ position and velocity
 
 
@@ -416,6 +459,25 @@ def test_a_velocity_of_another_axis_is_refused() -> None:
     _, findings = found(model, replace(data, measured={n: data.measured[n] for n in ("speed", "position")}))
     assert findings["position_velocity"].cure == "leave_out_speed"
     assert findings["position_velocity"].open
+
+
+def swinging(t: Array, seed: int = 1) -> ModelData:
+    """Return a short swing that grows, at times t (T,): displacement in steps and a noisy velocity, rotary."""
+    rng = np.random.default_rng(seed)
+    q, v = 0.3 * t * np.sin(5.0 * t), 0.3 * np.sin(5.0 * t) + 1.5 * t * np.cos(5.0 * t)
+    base = Model.load("mass_spring_damper")
+    measured = {"displacement": 0.003 * np.round(q / 0.003), "velocity": v + 0.05 * rng.normal(size=t.size)}
+    return ModelData(t, np.zeros((t.size, 1)), measured, None, base.inputs, base.states, dict(base.units), "run.csv")
+
+
+@pytest.mark.parametrize("kept", [140, 100, 60])
+def test_nobody_knows_the_velocity_in_a_gap(kept: int) -> None:
+    """ "The velocity is 0.34 times the displacement's rate": integrated over a gap of 0.76 s."""
+    t = np.arange(152) * 0.005
+    data = swinging(np.where(np.arange(t.size) < kept, t, t + 0.76))
+    assert "position_velocity" not in found(Model.load("mass_spring_damper"), data)[1]
+    wrong = with_channel(data, "velocity", data.measured["velocity"] / 3.0)
+    assert found(Model.load("mass_spring_damper"), wrong)[1]["position_velocity"].cure == "scale_velocity"
 
 
 def test_a_velocity_that_lags_is_noted() -> None:
@@ -576,6 +638,22 @@ def test_a_drive_at_one_speed_tells_friction_from_a_load_no_more() -> None:
     assert "viscous friction, Coulomb friction and a constant load only together" in told.sentence
     assert told.severity == "note"
     assert "excitation" not in found(base, rich)[1]
+
+
+def test_an_imposed_motion_at_one_speed_tells_no_friction_from_another() -> None:
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 200.0}})
+    t = np.arange(400) * 0.1
+    steady, swinging = np.where(t % 20.0 < 10.0, 1e-3, -1e-3), 1e-3 * np.sin(0.3 * t)
+
+    def told(v: Array) -> str:
+        q = np.concatenate([[0.0], np.cumsum(v[:-1]) * 0.1])
+        measured = {"displacement": q, "force": 200.0 * q + 0.5 * np.sign(v)}
+        data = ModelData(t, v[:, None], measured, None, model.inputs, model.states, dict(model.units), "run.csv")
+        return found(model, data)[1]["excitation"].sentence if "excitation" in found(model, data)[1] else ""
+
+    assert told(steady) == "this record tells viscous friction and Coulomb friction only together"
+    assert told(np.abs(steady)).endswith("viscous friction, Coulomb friction and a constant load only together")
+    assert not told(swinging)
 
 
 def test_a_motion_that_is_too_slow_tells_nothing_of_the_damping() -> None:

@@ -259,6 +259,13 @@ def test_a_gap_is_noted_with_its_place(read: Read) -> None:
     assert note.endswith("the first after row 20 (line 21), the longest, 0.3 s, after t = 1.9 s")
 
 
+def test_what_follows_a_long_gap_is_said_to_start_anew(read: Read) -> None:
+    rows = [*range(30), *range(60, 90), *range(2000, 2030)]
+    (note,) = read("t,a\n" + "".join(f"{i / 10},{i}\n" for i in rows)).notes
+    assert note.kind == "gap"
+    assert note.endswith("; what follows 2 of them, over 5 times it, starts anew")
+
+
 def test_uneven_sampling_is_noted(read: Read) -> None:
     t = np.cumsum(np.random.default_rng(1).uniform(0.09, 0.11, 50))
     record = read("t,a\n" + "".join(f"{x!r},0\n" for x in t.tolist()))

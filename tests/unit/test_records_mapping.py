@@ -220,6 +220,21 @@ def test_rotary_records_of_translational_models() -> None:
         record(force=(1, "N"), displacement=(1, "deg")).for_model(oscillator())
 
 
+def test_what_is_assumed_of_a_rotary_record_is_rotary_and_a_formula_states_its_own_conversion() -> None:
+    columns = {"force": (1, "N·m"), "displacement": (1, "deg"), "w": 1}
+
+    def assumed(spec: str, **more: object) -> list[str]:
+        notes = record(**{**columns, **more}).for_model(oscillator(), {"velocity": spec}).notes
+        return [note for note in notes if "no unit" in note]
+
+    assert assumed("w") == ["no unit is stated for velocity beside others that have one: taken in rad/s"]
+    assert assumed("6.283185307 * w") == assumed("w [rad/s]") == []
+    silent = record(force=1, displacement=(1, "rad"), velocity=(1, "rad/s")).for_model(oscillator())
+    assert "no unit is stated for force beside others that have one: taken in N·m" in silent.notes
+    linear = record(force=1, displacement=(1, "mm")).for_model(oscillator())
+    assert "no unit is stated for force beside others that have one: taken in N" in linear.notes
+
+
 def test_missing_samples() -> None:
     nan = np.nan
     data = record(voltage=[1, nan, 3, nan], speed=[nan, 1, 2, 3], current=nan).for_model(motor())

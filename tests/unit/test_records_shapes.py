@@ -139,6 +139,24 @@ def test_rows_that_are_evenly_spaced_need_no_time(tmp_path: Path) -> None:
         read_for_model(path, MOTOR)
 
 
+BY_NUMBER = {"t": "c1", "voltage": "c2 [V]", "current": "0.001 * c3", "speed": "c4 [rad/s]"}
+
+
+@pytest.mark.parametrize("header", ['"Time","data"', "Time,data,x"])
+def test_a_header_of_too_few_names_is_not_needed_where_columns_are_called_by_number(
+    tmp_path: Path, header: str
+) -> None:
+    file = tmp_path / "run.csv"
+    file.write_text(with_header(header, lines()))
+    data = read_for_model(file, MOTOR, BY_NUMBER)
+    np.testing.assert_allclose(data.t, T, atol=1e-9)
+    np.testing.assert_allclose(data.measured["current"], 1e-3 * ROWS[:, 2])
+    assert any("the rows 4: the columns are called c1 to c4" in note for note in data.notes)
+    for signals in ({}, {**BY_NUMBER, "t": "Time"}, {"voltage": "data"}):
+        with pytest.raises(RecordError, match=r"has 4 cells, the header .*call the columns c1 to c4: --signal NAME=c2"):
+            read_for_model(file, MOTOR, signals)
+
+
 def test_a_restart_with_its_header_and_one_that_is_short(tmp_path: Path) -> None:
     path, plain = tmp_path / "run.csv", ",".join(NAMES)
     path.write_text(with_header(plain, [*lines(), plain, *lines()]))

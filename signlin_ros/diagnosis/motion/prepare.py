@@ -73,6 +73,9 @@ def _check_held_out(data: Sequence[ModelData], last: Sequence[ModelData], channe
 
 def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[ModelData], tuple[str, ...]]:
     """Return the pieces of records without gaps, and the notes on what is left out of them."""
+    for d in data:
+        if len(d) < LEAST_SAMPLES:
+            raise RecordError(f"{d.source}: {len(d)} samples; at least {LEAST_SAMPLES} are needed")
     found = [pieces(d, channels) for d in data]
     return [part for parts, _ in found for part in parts], tuple(note for _, notes in found for note in notes)
 
