@@ -83,7 +83,7 @@ def _clipped(values: Array, quantum: float, least: float) -> Mask | None:
     if quantum == 0.0 and levels < LEVELS * _changing(filled):
         return None
     limits = [limit for limit in (filled.max(), filled.min()) if abs(limit) >= least * np.abs(filled).max()]
-    steps = [quantum or _resting_step(filled, limit) for limit in limits]
+    steps = [max(quantum, _step(filled, limit)) for limit in limits]
     sides = [_runs(filled, filled == limit, quantum, step) for limit, step in zip(limits, steps, strict=True)]
     sides = [side for side in sides if side.any()]
     found = np.any(sides, axis=0) if sides else np.zeros(0, dtype=bool)
@@ -95,17 +95,18 @@ def _changing(values: Array) -> int:
     return int(np.count_nonzero(np.diff(values))) + 1
 
 
-def _resting_step(values: Array, limit: float) -> float:
-    """Return the step between the values (T,) at which a signal rests, its other extreme aside: that of a sensor whose
-    values were smoothed or resampled in between; 0 where they are no multiples of one.
+def _step(values: Array, limit: float) -> float:
+    """Return the step of a sensor: the least change in its values (T,), or that between those at which they rest, the
+    other extreme aside, if all are multiples of it: values that were smoothed or resampled in between.
     """
-    resting = np.unique(values[1:][np.diff(values) == 0.0])
+    changes = np.abs(np.diff(values))
+    resting = np.unique(values[1:][changes == 0.0])
     other = values.min() if limit == values.max() else values.max()
-    steps = np.diff(resting[resting != other])
+    steps, least = np.diff(resting[resting != other]), float(changes[changes > 0.0].min(initial=np.inf))
     if steps.size < STEPS:
-        return 0.0
+        return least
     step = float(np.median(steps[steps < 1.5 * steps.min()]))
-    return step if np.abs(steps / step - np.round(steps / step)).max() < WHOLE else 0.0
+    return max(step, least) if np.abs(steps / step - np.round(steps / step)).max() < WHOLE else least
 
 
 def _hidden(values: Array, begins: Index, ends: Index) -> Array:
@@ -140,7 +141,7 @@ def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
         return kept
     if np.median(last) > 20.0 * max(np.median(paces), 1e-300):
         return kept
-    if np.median(_hidden(values, b, e)) <= step:
+    if _hidden(values, b, e).max() <= step:
         return kept
     for begin, end in zip(begins, ends, strict=True):
         kept[begin:end] = True

@@ -253,6 +253,23 @@ def test_a_smooth_motion_rests_for_a_step_of_its_sensor_where_it_turns_back(top:
     assert clipped(np.minimum(values, 160 * step)) == {"displacement"}
 
 
+def test_a_coarse_force_that_turns_at_full_pace_is_not_clipped() -> None:
+    """Levels 25 lbf apart, rounded to 5, that creep up to a reversal and fall at once: "rests at 1956 N"."""
+    up = [-150, -45, 65, 155, 200, 245, 270, 295, 320, 345, 345, 370, 395, 370, 395, 415, 395, 415, 440, 440, 440, 440]
+    down = [370, 320, 270, 220, 200, 175, 65]
+    force = np.array(2 * [*up, *down, *(-x for x in up), *(-x for x in down)], dtype=float)
+    t = np.arange(force.size) * 0.1
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 1e5}})
+    v = np.gradient(force, t)
+
+    def clipped(force: Array) -> bool:
+        data = ModelData(t, v[:, None], {"force": force}, None, model.inputs, (), dict(model.units), "run.csv")
+        return any((f.check, f.channel) == ("clipped", "force") for f in check(model, [data])[1])
+
+    assert not clipped(force)
+    assert clipped(np.clip(force + np.sin(97.0 * t), -200.0, 200.0))
+
+
 def test_no_unit_is_asked_for_where_a_guess_of_the_model_would_do_as_well() -> None:
     """A load and dry friction, and a damping that is a guess, and too large: "the force fits if it is in lbf"."""
     rng, t = np.random.default_rng(5), np.arange(400) * 0.01
