@@ -126,15 +126,17 @@ def _stood_for(
 def _searched(motion: Motion, force: Testimony | None, criteria: Criteria, left: dict[int, Array]) -> list[str] | None:
     """Return the effects among which the motion witness searches, None for all of them.
 
-    Where the force witness sees what the model leaves: those that it cannot see, and the laws that take away a visible
-    part of it; none of these if it finds no law in a force that is as little as any real machine lacks.
+    Where the force witness sees what the model leaves: those that it cannot see, waves, of which its band holds but
+    the slower ones, and the laws that take away a visible part of it; none of these if it finds no law in a force that
+    is as little as any real machine lacks.
     """
     base = motion.base
     if force is None or not sees(force, base, criteria, left):
         return None
     share = force_left(force, base, left)
     small = share is not None and percent(force, share) < 100.0 * criteria.large
-    names = not_seen(force) | (set() if small and not force.effects else force.search.helpful)
+    waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
+    names = not_seen(force) | (set() if small and not force.effects else force.search.helpful | waves)
     return [n for n in sorted(names) if _tryable(motion, n)]
 
 
