@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,9 +26,11 @@ LARGEST = 1e15
 
 
 def converted(
-    record: Record, model: Model, chosen: Mapping[str, str], notes: list[Note]
+    record: Record, model: Model, chosen: Mapping[str, str], notes: list[Note], numbers: Collection[str] = ()
 ) -> tuple[dict[str, Array], dict[str, str]]:
-    """The chosen columns in the model's units, and the units: name -> (T,), name -> unit."""
+    """The chosen columns in the model's units, and the units: name -> (T,), name -> unit. `numbers`: the inputs that
+    are no columns but said to be a number.
+    """
     values: dict[str, Array] = {}
     unit_of: dict[str, str] = dict(model.units)
     kinds: dict[str, str] = {}
@@ -43,7 +45,8 @@ def converted(
             kinds[name] = units.kind(unit)
     _check_kinds(record, chosen, kinds)
     rotary = "rotary" in kinds.values()
-    notes += _assumed(record, model, chosen, rotary or (not kinds and model.is_rotary is True))
+    columns = {name: key for name, key in chosen.items() if name not in numbers}
+    notes += _assumed(record, model, columns, rotary or (not kinds and model.is_rotary is True))
     if rotary:
         notes.append(Note("the record is rotary (rad, N·m): so are the model's parameters", "assumed"))
         unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}

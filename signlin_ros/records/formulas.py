@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,8 @@ from .notes import Note
 from .table import Record, Series, Signal
 
 Array = npt.NDArray[np.float64]
+
+_COUNT = re.compile(r"\s*0*[1-9]\d*\s*")
 
 
 def made(record: Record, name: str, spec: str) -> tuple[Record, str]:
@@ -42,6 +45,25 @@ def made(record: Record, name: str, spec: str) -> tuple[Record, str]:
     return _formula(record, name, spec, body, unit)
 
 
+def constant(record: Record, spec: str) -> tuple[float, str] | None:
+    """The number that `spec` is, and its unit or ""; None where it is a column or made of columns.
+
+    A whole number from 1 on is that of a column.
+    """
+    try:
+        body, unit = split_unit(spec)
+        if (
+            any(record.find(text) is not None for text in (spec, body))
+            or not is_formula(spec)
+            or _COUNT.fullmatch(body)
+        ):
+            return None
+        node = parse(body, _names(record), record.source)
+    except RecordError:
+        return None
+    return (float(node.evaluate({})), unit) if node.constant else None
+
+
 def sole(record: Record, spec: str) -> str | None:
     """The key of the one column that `spec` is made of; None where it is made of several, or of none that is there."""
     body, unit = split_unit(spec)
@@ -56,7 +78,8 @@ def _formula(record: Record, name: str, spec: str, body: str, unit: str) -> tupl
     node = parse(body, _names(record), f"{record.source}: {name}")
     used = list(dict.fromkeys(node.columns()))
     if not used:
-        raise RecordError(f"{record.source}: {name} = {spec}: names no column; {record.listing()}")
+        number = f", and a number that it is throughout has a decimal point, {body}.0" if _COUNT.fullmatch(body) else ""
+        raise RecordError(f"{record.source}: {name} = {spec}: names no column; {record.listing()}{number}")
     stated = node.unit({key: _unit(record, key) for key in used})
     if stated is None and not unit:
         units = ", ".join(f"{record.labels[key]!r} in {_unit(record, key) or 'no unit'}" for key in used)

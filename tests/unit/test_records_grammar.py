@@ -1,5 +1,7 @@
 """Mappings that state what a column is."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,8 +9,9 @@ from hypothesis import strategies as st
 
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
-from signlin_ros.records import Record, Signal
+from signlin_ros.records import Record, Signal, read_for_model
 from signlin_ros.records.grammar import is_formula, parse, split_unit, words
+from signlin_ros.records.table import Series
 
 COLUMNS = {
     "a": np.array([1.0, -2.0, 3.0]),
@@ -110,6 +113,64 @@ def test_a_unit_that_does_not_fit_says_what_to_say() -> None:
         found.for_model(MOTOR)
     unsure = record(voltage=Signal(np.ones(3)), speed_m=Signal(np.ones(3), "m", "speed_m"))
     np.testing.assert_array_equal(unsure.for_model(MOTOR).measured["speed"], 1.0)
+
+
+OSCILLATOR = Model.load("mass_spring_damper")
+
+
+@pytest.mark.parametrize(
+    ("said", "right"), [("0", 0.0), ("0.0", 0.0), ("-2.5", -2.5), ("0.5 [kN]", 500.0), ("3.0", 3.0)]
+)
+def test_an_input_may_be_a_number_throughout(said: str, right: float) -> None:
+    """A free motion has no column of its force."""
+    found = record(displacement=Signal(np.array([3.0, 2.0, 1.0]), "m", "displacement [m]"))
+    data = found.for_model(OSCILLATOR, {"force": said})
+    np.testing.assert_array_equal(data.u, np.full((3, 1), right))
+    assert f"force is {right:g} N throughout, as said" in data.notes
+    assert not any("no unit is stated" in note for note in data.notes)
+    assert data.unused == ()
+
+
+def test_the_model_file_takes_a_number_for_an_input() -> None:
+    model = Model.from_dict({**OSCILLATOR.to_dict(), "signals": {"force": 0.0}})
+    assert Model.from_dict(model.to_dict()).signals == model.signals
+    found = record(displacement=Signal(np.array([3.0, 2.0, 1.0]), "deg"), force=Signal(np.ones(3)))
+    data = found.for_model(model)
+    np.testing.assert_array_equal(data.u, 0.0)
+    assert "force is 0 N·m throughout, as said" in data.notes
+    assert found.for_model(model, {"force": "force"}).u[0, 0] == 1.0
+
+
+def test_what_is_measured_is_no_number() -> None:
+    found = record(force=Signal(np.ones(3)))
+    with pytest.raises(RecordError, match=r"run.csv: displacement = 0.0: displacement is measured, no input"):
+        found.for_model(OSCILLATOR, {"displacement": "0.0"})
+    with pytest.raises(RecordError, match=r"force = 1 / 0: inf is no value of an input"):
+        found.for_model(OSCILLATOR, {"force": "1 / 0"})
+
+
+def test_a_whole_number_is_that_of_a_column() -> None:
+    numbered = record(c1=Signal(np.ones(3), "", "c1", 1), c2=Signal(np.full(3, 7.0), "", "c2", 2))
+    assert numbered.for_model(OSCILLATOR, {"force": "2", "displacement": "1"}).u[0, 0] == 7.0
+    with pytest.raises(RecordError, match=r"force = 3: names no column.*has a decimal point, 3\.0"):
+        numbered.for_model(OSCILLATOR, {"force": "3"})
+
+
+@pytest.mark.parametrize("head", ["position [m]\n", ""])
+def test_a_free_motion_is_a_file_of_one_column(head: str, tmp_path: Path) -> None:
+    file = tmp_path / "free.csv"
+    file.write_text(head + "3.5\n2.5\n1.5\n")
+    data = read_for_model(file, OSCILLATOR, {"t": "0.01", "force": "0", "displacement": "position" if head else "c1"})
+    np.testing.assert_array_equal(data.measured["displacement"], [3.5, 2.5, 1.5])
+    np.testing.assert_array_equal(data.u, np.zeros((3, 1)))
+
+
+def test_a_number_in_a_bag_takes_the_stamps_of_what_is_measured() -> None:
+    t = np.arange(5) / 50
+    series = {"/x.data": Series(t, t + 1.0, "m", "/x.data")}
+    one = Record(t, {"/x.data": Signal(t + 1.0, "m", "/x.data")}, "bag", series=series)
+    data = one.for_model(OSCILLATOR, {"force": "0", "displacement": "/x.data"})
+    np.testing.assert_array_equal(data.u, np.zeros((5, 1)))
 
 
 def test_the_model_file_takes_formulas_and_a_step() -> None:
