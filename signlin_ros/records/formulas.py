@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros import units
 from signlin_ros.errors import RecordError
 
 from .align import align, looks_held
@@ -21,8 +22,8 @@ Array = npt.NDArray[np.float64]
 _COUNT = re.compile(r"\s*0*[1-9]\d*\s*")
 
 
-def made(record: Record, name: str, spec: str) -> tuple[Record, str]:
-    """The record with the quantity that `spec` says `name` is, and its key there.
+def made(record: Record, name: str, spec: str, wanted: str = "") -> tuple[Record, str]:
+    """The record with the quantity that `spec` says `name` is, and its key there; `wanted`: the model's unit of it.
 
     A text that is a column's name as a whole is that column; else a unit at its end is what the rest is in; else it is
     a formula.
@@ -42,7 +43,7 @@ def made(record: Record, name: str, spec: str) -> tuple[Record, str]:
         return _with(record, spec, record.signals[key].values, unit, record.series.get(key), Note(said, "mapped", name))
     if not is_formula(spec):
         record.require(spec, f"signal (mapped to {name})")
-    return _formula(record, name, spec, body, unit)
+    return _formula(record, name, spec, body, unit, wanted)
 
 
 def constant(record: Record, spec: str) -> tuple[float, str] | None:
@@ -74,17 +75,20 @@ def sole(record: Record, spec: str) -> str | None:
     return used.pop() if len(used) == 1 else None
 
 
-def _formula(record: Record, name: str, spec: str, body: str, unit: str) -> tuple[Record, str]:
+def _formula(record: Record, name: str, spec: str, body: str, unit: str, wanted: str) -> tuple[Record, str]:
     node = parse(body, _names(record), f"{record.source}: {name}")
     used = list(dict.fromkeys(node.columns()))
     if not used:
         number = f", and a number that it is throughout has a decimal point, {body}.0" if _COUNT.fullmatch(body) else ""
         raise RecordError(f"{record.source}: {name} = {spec}: names no column; {record.listing()}{number}")
-    stated = node.unit({key: _unit(record, key) for key in used})
+    units_of = {key: _unit(record, key) for key in used}
+    stated = node.unit(units_of)
+    if stated is None or units.conversion(stated, wanted) is None:
+        stated = node.unit(units_of, ones=False)
     if stated is None and not unit:
-        units = ", ".join(f"{record.labels[key]!r} in {_unit(record, key) or 'no unit'}" for key in used)
+        listed = ", ".join(f"{record.labels[key]!r} in {units_of[key] or 'no unit'}" for key in used)
         raise RecordError(
-            f"{record.source}: {name} = {spec} adds different units ({units}); state the result's: ... [UNIT]"
+            f"{record.source}: {name} = {spec} adds different units ({listed}); state the result's: ... [UNIT]"
         )
     unit = unit or stated or ""
     taken = f"in {unit}" if unit else "the columns' numbers as they stand"

@@ -196,10 +196,10 @@ def _chosen(
     """The record with what the mappings make of its columns; model name -> key in it; notes. `numbers` need none."""
     every = _unique(model.inputs, model.states, model.outputs)
     names = [name for name in every if name not in numbers]
-    columns = record
-    record, given, _ = _made(record, _canonical(model, signals, strict=True), names, strict=True)
+    columns, wanted = record, {name: model.units[name] for name in names}
+    record, given, _ = _made(record, _canonical(model, signals, strict=True), wanted, strict=True)
     left = {name: spec for name, spec in _canonical(model, model.signals, strict=False).items() if name not in given}
-    record, own, why_not = _made(record, left, names, strict=False)
+    record, own, why_not = _made(record, left, wanted, strict=False)
     chosen: dict[str, str] = {}
     idle = {name: why for name, why in model.plant.sometimes.items() if name in model.signals and name not in every}
     notes = [Note(f"{model.signals[name]!r} is not used: {why}", "left_out", name) for name, why in idle.items()]
@@ -243,15 +243,18 @@ def _check_once(record: Record, chosen: Mapping[str, str]) -> None:
 
 
 def _made(
-    record: Record, specs: Mapping[str, str], names: Collection[str], strict: bool
+    record: Record, specs: Mapping[str, str], wanted: Mapping[str, str], strict: bool
 ) -> tuple[Record, dict[str, str], set[str]]:
-    """The record with all that `specs` say; model name -> key; what is not there, unless that is refused (`strict`)."""
+    """The record with all that `specs` say; model name -> key; what is not there, unless that is refused (`strict`).
+
+    `wanted`: name -> the model's unit.
+    """
     found, missing = {}, set()
     for name, spec in specs.items():
-        if name not in names:
+        if name not in wanted:
             continue
         try:
-            record, found[name] = made(record, name, spec)
+            record, found[name] = made(record, name, spec, wanted[name])
         except RecordError:
             if strict:
                 raise

@@ -1,5 +1,6 @@
 """Mappings that state what a column is."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ COLUMNS = {
 NAMES = {"a": "a", "b": "b [m]", "b [m]": "b [m]", "/cmd.data[0]": "/cmd.data[0]"}
 A, B, C = COLUMNS.values()
 MOTOR = Model.load("dc_motor")
+OSCILLATOR = Model.load("mass_spring_damper")
 
 
 @pytest.mark.parametrize(
@@ -89,6 +91,30 @@ def test_a_factor_states_the_conversion_a_sign_does_not() -> None:
         assert any(note.kind == "mapped" and note.channel == "speed" for note in data.notes)
 
 
+@pytest.mark.parametrize("factor", [1.0, -1.0, 1.001])
+def test_a_factor_of_one_is_the_conversion_of_a_unit_that_does_not_fit(factor: float) -> None:
+    label = "Angle, Ch 3+4"
+    found = record(**{label: Signal(np.array([1.0, 2.0, 3.0]), "Ch 3+4", label)})
+    data = found.for_model(OSCILLATOR, {"force": f'{factor} * "{label}"'})
+    np.testing.assert_allclose(data.u[:, 0], factor * np.array([1.0, 2.0, 3.0]))
+    assert any("the columns' numbers as they stand" in note for note in data.notes)
+
+
+@pytest.mark.parametrize("spec", ["-1 * meas", "1.0 * meas", "meas / 1", "-meas"])
+def test_a_factor_of_one_leaves_a_unit_that_fits(spec: str) -> None:
+    found = record(voltage=Signal(np.ones(3)), meas=Signal(np.full(3, 30.0), "rpm", "meas [rpm]"))
+    np.testing.assert_allclose(np.abs(found.for_model(MOTOR, {"speed": spec}).measured["speed"]), np.pi)
+
+
+def test_what_a_refusal_says_of_a_formula_can_be_said() -> None:
+    found = record(**{"Angle, Ch 3+4": Signal(np.array([1.0, 2.0, 3.0]), "Ch 3+4", "Angle, Ch 3+4")})
+    with pytest.raises(RecordError) as error:
+        found.for_model(OSCILLATOR, {"force": '-"Angle, Ch 3+4"'})
+    one, two = re.findall(r"--signal 'force = (.*?)'", str(error.value))
+    assert found.for_model(OSCILLATOR, {"force": one.replace("UNIT", "kN")}).u[1, 0] == -2000.0
+    assert found.for_model(OSCILLATOR, {"force": two.replace("FACTOR", "3")}).u[1, 0] == -6.0
+
+
 def test_a_unit_may_be_stated_for_a_column_that_has_none() -> None:
     found = record(voltage=Signal(np.ones(3)), meas=Signal(np.ones(3)))
     np.testing.assert_allclose(found.for_model(MOTOR, {"speed": "meas [rpm]"}).measured["speed"], np.pi / 30)
@@ -113,9 +139,6 @@ def test_a_unit_that_does_not_fit_says_what_to_say() -> None:
         found.for_model(MOTOR)
     unsure = record(voltage=Signal(np.ones(3)), speed_m=Signal(np.ones(3), "m", "speed_m"))
     np.testing.assert_array_equal(unsure.for_model(MOTOR).measured["speed"], 1.0)
-
-
-OSCILLATOR = Model.load("mass_spring_damper")
 
 
 @pytest.mark.parametrize(
