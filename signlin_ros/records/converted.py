@@ -35,10 +35,10 @@ def converted(
     values: dict[str, Array] = {}
     unit_of: dict[str, str] = dict(model.units)
     kinds: dict[str, str] = {}
-    formulas = _mapped(record)
+    formulas, turns = _mapped(record), _turns(record, model, chosen)
     for name, key in chosen.items():
         signal, wanted = record.signals[key], model.units[name]
-        unit, how = _how(record, name, key, wanted, name in formulas)
+        unit, how = _how(record, name, key, wanted, name in formulas, turns)
         values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
         if how[0] != 1.0:
             notes.append(Note(f"{name} is converted from {unit} to {how[1]}", "converted", name))
@@ -71,10 +71,18 @@ def _mapped(record: Record) -> set[str]:
     return {note.channel for note in record.notes if isinstance(note, Note) and note.kind == "mapped"}
 
 
-def _how(record: Record, name: str, key: str, wanted: str, mapped: bool) -> tuple[str, tuple[float, str]]:
+def _turns(record: Record, model: Model, chosen: Mapping[str, str]) -> bool:
+    """Whether the record is rotary: by the units of its columns, else as the model says."""
+    linear = [name for name in chosen if units.kind(model.units[name].split(" or ")[0]) == "linear"]
+    pairs = [(record.signals[chosen[name]].unit, model.units[name]) for name in linear]
+    kinds = {units.kind(unit) for unit, wanted in pairs if unit and units.conversion(unit, wanted) is not None}
+    return kinds == {"rotary"} or (not kinds and model.is_rotary is True)
+
+
+def _how(record: Record, name: str, key: str, wanted: str, mapped: bool, turns: bool) -> tuple[str, tuple[float, str]]:
     """The unit of a column, and how to bring it to the one that is wanted: see `signlin_ros.units.conversion`.
 
-    `mapped`: it is what was said, perhaps a formula.
+    `mapped`: it is what was said, perhaps a formula; `turns`: the record is rotary.
     """
     signal = record.signals[key]
     label = signal.label or key
@@ -87,9 +95,10 @@ def _how(record: Record, name: str, key: str, wanted: str, mapped: bool) -> tupl
     formula = mapped and is_formula(label)
     term = split_unit(label)[0] if formula else _quoted(label)
     factor = f"FACTOR * ({term})" if formula else f"FACTOR * {term}"
+    needed = units.rotary(wanted) if turns else wanted
     what = f"{'formula' if formula else 'column'} {label!r}"
     raise RecordError(
-        f"{record.source}: {name} is {known} ({what}), the model in {wanted!r}; say what it is: "
+        f"{record.source}: {name} is {known} ({what}), the model in {needed!r}; say what it is: "
         f"--signal '{name} = {term} [UNIT]', or --signal '{name} = {factor}'"
     )
 

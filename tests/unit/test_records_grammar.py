@@ -196,6 +196,21 @@ def test_a_number_in_a_bag_takes_the_stamps_of_what_is_measured() -> None:
     np.testing.assert_array_equal(data.u, np.zeros((5, 1)))
 
 
+@pytest.mark.parametrize(("angle", "force"), [("deg", "N·m"), ("mm", "N"), ("", "N")])
+def test_the_unit_that_a_refusal_names_is_of_the_record_s_kind(angle: str, force: str) -> None:
+    """A force in newtons beside an angle would be the next refusal."""
+    found = record(force=Signal(np.ones(3), "V", "force [V]"), displacement=Signal(np.array([1.0, 2.0, 3.0]), angle))
+    with pytest.raises(RecordError, match=f"the model in '{force}'; say what it is"):
+        found.for_model(OSCILLATOR)
+    assert found.for_model(OSCILLATOR, {"force": f"force [{force}]"}).u[0, 0] == 1.0
+
+
+def test_the_unit_that_a_refusal_names_is_of_the_model_s_axis() -> None:
+    found = record(force=Signal(np.ones(3), "V", "force [V]"), displacement=Signal(np.ones(3)))
+    with pytest.raises(RecordError, match="the model in 'N·m'"):
+        found.for_model(Model.from_dict({**OSCILLATOR.to_dict(), "axis": "rotary"}))
+
+
 def test_the_model_file_takes_formulas_and_a_step() -> None:
     model = MOTOR.with_options(signals={"voltage": "2 * u", "speed": "w [deg/s]"})
     found = record(u=Signal(np.ones(3)), w=Signal(np.full(3, 180.0)))
