@@ -80,7 +80,8 @@ _one_signal = click.option(
     multiple=True,
     metavar="NAME=COLUMN",
     help="The column of DATA (or /topic.field[...]) that holds a signal of the model, or a formula of columns:"
-    " 'speed = meas [rpm]', 'speed = -0.105 * meas', 'voltage = sign(dir) * pwm', 't = time [ms]'."
+    " 'speed = meas [rpm]', 'speed = -0.105 * meas', 'voltage = sign(dir) * pwm', 't = time [ms]';"
+    " an input may be a number throughout: 'force = 0'."
     " FILE:NAME=COLUMN says it of one record. Repeatable.",
 )
 _dt_option = click.option(

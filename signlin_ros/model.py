@@ -567,10 +567,12 @@ def _number_table(low: float, positive: bool = False) -> Callable[[Any, str], di
 def _signals(value: Any, where: str) -> dict[str, str]:
     table = dict(_table(value, where))
     for name, item in table.items():
-        if isinstance(item, (int, float)) and not isinstance(item, bool) and (name in TIME or item == int(item) > 0):
-            table[name] = str(int(item)) if name not in TIME else repr(float(item))
+        if isinstance(item, (int, float)) and not isinstance(item, bool) and math.isfinite(item):
+            column = isinstance(item, int) and item > 0 and name not in TIME
+            table[name] = str(item) if column else repr(float(item))
         elif not isinstance(item, str) or not item.strip():
-            allowed = "a column's name, a formula of columns, or /topic.field[...]; for t also the s from row to row"
+            allowed = "a column's name or number, a formula of columns, or /topic.field[...]; for t also the s from row"
+            allowed += " to row, for an input also a number, 0.0, that it is throughout"
             raise ModelError(f"{where}.{name}: found {item!r}; allowed: {allowed}")
     return table
 

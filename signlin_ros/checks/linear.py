@@ -52,9 +52,15 @@ class Base:
         return float(moving.min(initial=np.inf)) if moving.size else 0.0
 
     @property
-    def damping(self) -> Array:
-        """How fast each motion dies out (n,), in 1/s."""
-        return np.asarray(-np.linalg.eigvals(self.A).real, dtype=float)
+    def times(self) -> Array:
+        """How long each motion takes (n,), in s: its time constant or, where that is shorter, the period of its
+        oscillation, which then tells the motion before it has died out; infinite for what does neither.
+        """
+        poles = np.linalg.eigvals(self.A)
+        size = 1e-9 * np.abs(poles).max(initial=0.0)
+        decay, turns = -poles.real, np.abs(poles.imag) / (2.0 * np.pi)
+        rates = np.maximum(decay, turns)
+        return np.asarray(np.divide(1.0, rates, out=np.full(poles.size, np.inf), where=rates > size), dtype=float)
 
 
 @symbolic

@@ -14,7 +14,8 @@ THIRD = 3
 FEWEST = 60
 """A part that is held out needs so many samples."""
 TIMES = 1.0
-"""And so many of the model's slowest time constant."""
+"""And so many times as long as the model's slowest motion: a time constant, or the period of an oscillation that goes
+on for longer."""
 LONGEST = 10.0
 """A motion slower than this, in s, is none that a part must hold."""
 
@@ -33,8 +34,8 @@ class ShortRecord(Check):
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield one note for the record."""
         samples, length = look.t.size // THIRD, look.duration / THIRD
-        rates = look.base.damping if look.base is not None else np.zeros(0)
-        slow = 1.0 / rates[rates > 1.0 / LONGEST].min() if (rates > 1.0 / LONGEST).any() else 0.0
+        times = look.base.times if look.base is not None else np.zeros(0)
+        slow = times[times < LONGEST].max(initial=0.0)
         if samples < FEWEST:
             yield self.note("", f"{look.t.size} samples are too few to hold a third of them out; give --validation")
         elif length < TIMES * slow:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from signlin_ros import units
 from signlin_ros.errors import RecordError
 
+from .grammar import is_formula, split_unit
 from .header import heading
 from .notes import Note
 from .table import Record, Signal
@@ -26,15 +27,18 @@ LARGEST = 1e15
 
 
 def converted(
-    record: Record, model: Model, chosen: Mapping[str, str], notes: list[Note]
+    record: Record, model: Model, chosen: Mapping[str, str], notes: list[Note], numbers: Collection[str] = ()
 ) -> tuple[dict[str, Array], dict[str, str]]:
-    """The chosen columns in the model's units, and the units: name -> (T,), name -> unit."""
+    """The chosen columns in the model's units, and the units: name -> (T,), name -> unit. `numbers`: the inputs that
+    are no columns but said to be a number.
+    """
     values: dict[str, Array] = {}
     unit_of: dict[str, str] = dict(model.units)
     kinds: dict[str, str] = {}
+    formulas, turns = _mapped(record), _turns(record, model, chosen)
     for name, key in chosen.items():
         signal, wanted = record.signals[key], model.units[name]
-        unit, how = _how(record, name, key, wanted)
+        unit, how = _how(record, name, key, wanted, name in formulas, turns)
         values[name], unit_of[name] = units.scaled(signal.values, how[0]), how[1]
         if how[0] != 1.0:
             notes.append(Note(f"{name} is converted from {unit} to {how[1]}", "converted", name))
@@ -43,7 +47,8 @@ def converted(
             kinds[name] = units.kind(unit)
     _check_kinds(record, chosen, kinds)
     rotary = "rotary" in kinds.values()
-    notes += _assumed(record, model, chosen, rotary or (not kinds and model.is_rotary is True))
+    columns = {name: key for name, key in chosen.items() if name not in numbers}
+    notes += _assumed(record, model, columns, rotary or (not kinds and model.is_rotary is True))
     if rotary:
         notes.append(Note("the record is rotary (rad, N·m): so are the model's parameters", "assumed"))
         unit_of = {name: units.rotary(unit) for name, unit in unit_of.items()}
@@ -55,14 +60,30 @@ def _assumed(record: Record, model: Model, chosen: Mapping[str, str], rotary: bo
     silent = [n for n, key in chosen.items() if not record.signals[key].unit and model.units[n] not in ("", "-", "1")]
     if len(silent) == len(chosen):
         return []
-    formulas = {note.channel for note in record.notes if isinstance(note, Note) and note.kind == "mapped"}
+    formulas = _mapped(record)
     said = "no unit is stated for {} beside others that have one: taken in {}"
     taken = {n: units.rotary(model.units[n]) if rotary else model.units[n] for n in silent if n not in formulas}
     return [Note(said.format(name, unit), "assumed", name) for name, unit in taken.items()]
 
 
-def _how(record: Record, name: str, key: str, wanted: str) -> tuple[str, tuple[float, str]]:
-    """The unit of a column, and how to bring it to the one that is wanted: see `signlin_ros.units.conversion`."""
+def _mapped(record: Record) -> set[str]:
+    """The signals that were said to be a formula, or a column in another unit than its own."""
+    return {note.channel for note in record.notes if isinstance(note, Note) and note.kind == "mapped"}
+
+
+def _turns(record: Record, model: Model, chosen: Mapping[str, str]) -> bool:
+    """Whether the record is rotary: by the units of its columns, else as the model says."""
+    linear = [name for name in chosen if units.kind(model.units[name].split(" or ")[0]) == "linear"]
+    pairs = [(record.signals[chosen[name]].unit, model.units[name]) for name in linear]
+    kinds = {units.kind(unit) for unit, wanted in pairs if unit and units.conversion(unit, wanted) is not None}
+    return kinds == {"rotary"} or (not kinds and model.is_rotary is True)
+
+
+def _how(record: Record, name: str, key: str, wanted: str, mapped: bool, turns: bool) -> tuple[str, tuple[float, str]]:
+    """The unit of a column, and how to bring it to the one that is wanted: see `signlin_ros.units.conversion`.
+
+    `mapped`: it is what was said, perhaps a formula; `turns`: the record is rotary.
+    """
     signal = record.signals[key]
     label = signal.label or key
     how = units.conversion(signal.unit, wanted)
@@ -71,9 +92,14 @@ def _how(record: Record, name: str, key: str, wanted: str) -> tuple[str, tuple[f
     if len(signal.unit) == 1 and heading(label).suffix:  # one letter at the end of a name is a unit where it fits
         return "", (1.0, wanted)
     known = f"in {signal.unit!r}" + ("" if units.parse(signal.unit) is not None else ", which is no unit that is known")
+    formula = mapped and is_formula(label)
+    term = split_unit(label)[0] if formula else _quoted(label)
+    factor = f"FACTOR * ({term})" if formula else f"FACTOR * {term}"
+    needed = units.rotary(wanted) if turns else wanted
+    what = f"{'formula' if formula else 'column'} {label!r}"
     raise RecordError(
-        f"{record.source}: {name} is {known} (column {label!r}), the model in {wanted!r}; say what it is: "
-        f"--signal '{name} = {_quoted(label)} [UNIT]', or --signal '{name} = FACTOR * {_quoted(label)}'"
+        f"{record.source}: {name} is {known} ({what}), the model in {needed!r}; say what it is: "
+        f"--signal '{name} = {term} [UNIT]', or --signal '{name} = {factor}'"
     )
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros import units
 from signlin_ros.errors import RecordError
 
 from .align import align, looks_held
@@ -17,9 +19,11 @@ from .table import Record, Series, Signal
 
 Array = npt.NDArray[np.float64]
 
+_COUNT = re.compile(r"\s*0*[1-9]\d*\s*")
 
-def made(record: Record, name: str, spec: str) -> tuple[Record, str]:
-    """The record with the quantity that `spec` says `name` is, and its key there.
+
+def made(record: Record, name: str, spec: str, wanted: str = "") -> tuple[Record, str]:
+    """The record with the quantity that `spec` says `name` is, and its key there; `wanted`: the model's unit of it.
 
     A text that is a column's name as a whole is that column; else a unit at its end is what the rest is in; else it is
     a formula.
@@ -39,7 +43,26 @@ def made(record: Record, name: str, spec: str) -> tuple[Record, str]:
         return _with(record, spec, record.signals[key].values, unit, record.series.get(key), Note(said, "mapped", name))
     if not is_formula(spec):
         record.require(spec, f"signal (mapped to {name})")
-    return _formula(record, name, spec, body, unit)
+    return _formula(record, name, spec, body, unit, wanted)
+
+
+def constant(record: Record, spec: str) -> tuple[float, str] | None:
+    """The number that `spec` is, and its unit or ""; None where it is a column or made of columns.
+
+    A whole number from 1 on is that of a column.
+    """
+    try:
+        body, unit = split_unit(spec)
+        if (
+            any(record.find(text) is not None for text in (spec, body))
+            or not is_formula(spec)
+            or _COUNT.fullmatch(body)
+        ):
+            return None
+        node = parse(body, _names(record), record.source)
+    except RecordError:
+        return None
+    return (float(node.evaluate({})), unit) if node.constant else None
 
 
 def sole(record: Record, spec: str) -> str | None:
@@ -52,16 +75,20 @@ def sole(record: Record, spec: str) -> str | None:
     return used.pop() if len(used) == 1 else None
 
 
-def _formula(record: Record, name: str, spec: str, body: str, unit: str) -> tuple[Record, str]:
+def _formula(record: Record, name: str, spec: str, body: str, unit: str, wanted: str) -> tuple[Record, str]:
     node = parse(body, _names(record), f"{record.source}: {name}")
     used = list(dict.fromkeys(node.columns()))
     if not used:
-        raise RecordError(f"{record.source}: {name} = {spec}: names no column; {record.listing()}")
-    stated = node.unit({key: _unit(record, key) for key in used})
+        number = f", and a number that it is throughout has a decimal point, {body}.0" if _COUNT.fullmatch(body) else ""
+        raise RecordError(f"{record.source}: {name} = {spec}: names no column; {record.listing()}{number}")
+    units_of = {key: _unit(record, key) for key in used}
+    stated = node.unit(units_of)
+    if stated is None or units.conversion(stated, wanted) is None:
+        stated = node.unit(units_of, ones=False)
     if stated is None and not unit:
-        units = ", ".join(f"{record.labels[key]!r} in {_unit(record, key) or 'no unit'}" for key in used)
+        listed = ", ".join(f"{record.labels[key]!r} in {units_of[key] or 'no unit'}" for key in used)
         raise RecordError(
-            f"{record.source}: {name} = {spec} adds different units ({units}); state the result's: ... [UNIT]"
+            f"{record.source}: {name} = {spec} adds different units ({listed}); state the result's: ... [UNIT]"
         )
     unit = unit or stated or ""
     taken = f"in {unit}" if unit else "the columns' numbers as they stand"

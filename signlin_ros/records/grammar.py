@@ -9,7 +9,7 @@ of `FUNCTIONS`. A unit in square brackets at the end states what the result is i
 
 Units: as long as columns are only added, negated and given a sign, their unit holds. What multiplies by a number states
 the conversion itself: the columns' numbers are then taken as they stand, and the result in the unit at the end, or the
-model's.
+model's. A factor of 1 or -1 leaves a unit that can be converted to the model's, and is the conversion of any other.
 """
 
 from __future__ import annotations
@@ -108,24 +108,25 @@ class Node:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return np.asarray(_OPERATIONS[self.op](*values), dtype=np.float64)
 
-    def unit(self, units: Mapping[str, str]) -> str | None:
+    def unit(self, units: Mapping[str, str], ones: bool = True) -> str | None:
         """The unit of the result as the columns state it: "" where a number states the conversion, None where two
-        units are added.
+        units are added. `ones`: a factor of 1 or -1 leaves the unit; else it is a conversion as any other.
         """
         if self.op == "number":
             return ""
         if self.op == "column":
             return units[self.name]
-        found = [part.unit(units) for part in self.parts if not part.constant]
+        found = [part.unit(units, ones) for part in self.parts if not part.constant]
         if None in found:
             return None
         if self.op == "sign":
             return ""
         if self.op in ("*", "/"):
-            ones = all(abs(part.value) == 1.0 for part in self.parts if part.constant and part.op == "number")
+            factors = [part for part in self.parts if part.constant]
+            kept = all(ones and abs(float(part.evaluate({}))) == 1.0 for part in factors)
             stated = [one for one in found if one]
             whole = len(stated) == 1 and (self.op == "*" or bool(self.parts[0].unit(units)))
-            return stated[0] or "" if ones and whole else ""
+            return stated[0] or "" if kept and whole else ""
         different = {one for one in found if one}
         return None if len(different) > 1 else next(iter(different), "")
 

@@ -76,7 +76,7 @@ def layout(text: str, source: str) -> Layout:
     if first is None:
         raise _no_rows(source, lines[kept[0]], kept, separator)
     names, unit_row, notes = _names(lines, kept, first, separator, width, source)
-    if names is not None and len(names) < 2:
+    if names is not None and len(names) < 2 <= width:
         raise RecordError(
             f"{source}: the header has one column, {names[0]!r}; separate columns by comma, semicolon, tab or blanks"
         )

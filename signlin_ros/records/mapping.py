@@ -15,7 +15,7 @@ from signlin_ros.errors import ModelError, RecordError
 
 from .align import align, named
 from .converted import converted
-from .formulas import made, sole
+from .formulas import constant, made, sole
 from .header import TIME_KEYS
 from .inputs import with_inputs
 from .notes import Note, as_notes
@@ -95,7 +95,7 @@ def for_model(
 
     A name is looked for in this order: `signals` (which must then be there), the model's own ``signals``, a
     column of that name, the topics ``/state`` and ``/input`` of the nodes, the aliases ``position``,
-    ``velocity``, ``effort``.
+    ``velocity``, ``effort``. An input may be mapped to a number, ``0.0``, that it is throughout, in its unit.
 
     Parameters
     ----------
@@ -106,16 +106,19 @@ def for_model(
     ------
     RecordError
         An input is missing, or has gaps too long to hold; a unit does not fit; a mapped column is not there, or mapped
-        twice; a value is beyond `LARGEST`.
+        twice; a value is beyond `LARGEST`; what is measured is mapped to a number.
     """
     if require not in ("inputs", "none"):
         raise RecordError(f"require must be 'inputs' or 'none', not {require!r}")
     _check_clock(record)
-    record, chosen, notes = _chosen(record, model, signals or {})
-    derived = _velocity_of(model, chosen)
-    _check_inputs(record, model, {*chosen, *derived}, require, notes)
+    numbers = _numbers(record, model, signals or {})
+    record, chosen, notes = _chosen(record, model, signals or {}, numbers)
+    derived = _velocity_of(model, {*chosen, *numbers})
+    _check_inputs(record, model, {*chosen, *numbers, *derived}, require, notes)
     record = _aligned(record, model, chosen, base)
-    values, unit_of = converted(record, model, chosen, notes)
+    record, chosen = _throughout(record, chosen, numbers)
+    values, unit_of = converted(record, model, chosen, notes, numbers)
+    notes += [Note(f"{n} is {values[n][0]:g} {unit_of[n]} throughout, as said", "mapped", n) for n in numbers]
     for name, position in derived.items():
         values[name], noise = slope(record.t, values[position])
         unit_of[name] = {"rad": "rad/s"}.get(unit_of[position], model.units[name])
@@ -161,15 +164,44 @@ def _unique(*groups: tuple[str, ...]) -> list[str]:
     return list(dict.fromkeys(name for group in groups for name in group))
 
 
-def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[Record, dict[str, str], list[Note]]:
-    """The record with what the mappings make of its columns; model name -> key in it; notes."""
-    names = _unique(model.inputs, model.states, model.outputs)
-    columns = record
-    record, given, _ = _made(record, _canonical(model, signals, strict=True), names, strict=True)
+def _numbers(record: Record, model: Model, signals: Mapping[str, str]) -> dict[str, tuple[float, str]]:
+    """The inputs that are said to be a number throughout: name -> number, its unit or ""."""
+    specs = _canonical(model, model.signals, strict=False) | _canonical(model, signals, strict=True)
+    found = {}
+    for name in _unique(model.inputs, model.states, model.outputs):
+        number = constant(record, specs[name]) if name in specs else None
+        if number is None:
+            continue
+        said = f"{record.source}: {name} = {specs[name]}"
+        if name not in model.inputs:
+            raise RecordError(f"{said}: {name} is measured, no input; allowed: a column, or a formula of columns")
+        if not np.isfinite(number[0]):
+            raise RecordError(f"{said}: {number[0]:g} is no value of an input; allowed: a finite number")
+        found[name] = number
+    return found
+
+
+def _throughout(
+    record: Record, chosen: Mapping[str, str], numbers: Mapping[str, tuple[float, str]]
+) -> tuple[Record, dict[str, str]]:
+    """The record with a signal for every number, and its key."""
+    keys = {name: f"{name} = {number:g} throughout" for name, (number, _) in numbers.items()}
+    made_of = {keys[n]: Signal(np.full(record.t.shape, v), unit, f"{v:g}") for n, (v, unit) in numbers.items()}
+    return replace(record, signals={**record.signals, **made_of}) if made_of else record, {**chosen, **keys}
+
+
+def _chosen(
+    record: Record, model: Model, signals: Mapping[str, str], numbers: Collection[str]
+) -> tuple[Record, dict[str, str], list[Note]]:
+    """The record with what the mappings make of its columns; model name -> key in it; notes. `numbers` need none."""
+    every = _unique(model.inputs, model.states, model.outputs)
+    names = [name for name in every if name not in numbers]
+    columns, wanted = record, {name: model.units[name] for name in names}
+    record, given, _ = _made(record, _canonical(model, signals, strict=True), wanted, strict=True)
     left = {name: spec for name, spec in _canonical(model, model.signals, strict=False).items() if name not in given}
-    record, own, why_not = _made(record, left, names, strict=False)
+    record, own, why_not = _made(record, left, wanted, strict=False)
     chosen: dict[str, str] = {}
-    idle = {name: why for name, why in model.plant.sometimes.items() if name in model.signals and name not in names}
+    idle = {name: why for name, why in model.plant.sometimes.items() if name in model.signals and name not in every}
     notes = [Note(f"{model.signals[name]!r} is not used: {why}", "left_out", name) for name, why in idle.items()]
     for name in names:
         key = given.get(name) or own.get(name)
@@ -182,7 +214,7 @@ def _chosen(record: Record, model: Model, signals: Mapping[str, str]) -> tuple[R
             notes.append(Note(said, "missing", name))
     for alias in ALIASES:
         target = _alias(model, alias)
-        if target is None or target in chosen:
+        if target is None or target in chosen or target in numbers:
             continue
         try:
             found = record.find(alias)
@@ -211,15 +243,18 @@ def _check_once(record: Record, chosen: Mapping[str, str]) -> None:
 
 
 def _made(
-    record: Record, specs: Mapping[str, str], names: Collection[str], strict: bool
+    record: Record, specs: Mapping[str, str], wanted: Mapping[str, str], strict: bool
 ) -> tuple[Record, dict[str, str], set[str]]:
-    """The record with all that `specs` say; model name -> key; what is not there, unless that is refused (`strict`)."""
+    """The record with all that `specs` say; model name -> key; what is not there, unless that is refused (`strict`).
+
+    `wanted`: name -> the model's unit.
+    """
     found, missing = {}, set()
     for name, spec in specs.items():
-        if name not in names:
+        if name not in wanted:
             continue
         try:
-            record, found[name] = made(record, name, spec)
+            record, found[name] = made(record, name, spec, wanted[name])
         except RecordError:
             if strict:
                 raise
@@ -293,7 +328,7 @@ def _alias(model: Model, alias: str) -> str | None:
     return name
 
 
-def _velocity_of(model: Model, chosen: Mapping[str, str]) -> dict[str, str]:
+def _velocity_of(model: Model, chosen: Collection[str]) -> dict[str, str]:
     """An imposed motion recorded as displacement only: the input velocity is derived from it."""
     if "velocity" in model.inputs and "velocity" not in chosen and "displacement" in chosen:
         return {"velocity": "displacement"}
@@ -310,8 +345,8 @@ def _check_inputs(record: Record, model: Model, found: set[str], require: str, n
         out = [note for note in record.notes if "left out" in note]
         raise RecordError(
             f"{record.source}: no column for input {name!r}; {record.listing()}{_hint(record, model, name)}; "
-            f"map it with --signal {name}=COLUMN or signals: {{{name}: COLUMN}} in the model file"
-            + "".join(f" ({note})" for note in out)
+            f"map it with --signal {name}=COLUMN or signals: {{{name}: COLUMN}} in the model file, "
+            f"or say that it is 0: --signal {name}=0" + "".join(f" ({note})" for note in out)
         )
 
 

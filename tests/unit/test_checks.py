@@ -560,6 +560,18 @@ def test_a_short_record_is_noted() -> None:
     assert "short_record" not in {finding.check for finding in check(model, both, validated=True)[1]}
 
 
+@pytest.mark.parametrize(("c", "slow"), [(0.3, 0.66), (0.0, 0.66), (19.0, 0.105), (60.0, 0.645)])
+def test_an_oscillation_takes_its_period(c: float, slow: float) -> None:
+    """A period of 0.66 s whose envelope dies out in 6.67 s: a part of 0.7 s shows it, one of 0.6 s does not."""
+    model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": c, "k": 90.63}})
+    for share in (0.9, 1.1):
+        t = np.linspace(0.0, 3 * share * slow, 600)
+        decay = np.exp(-0.5 * c * t) * np.cos(9.52 * t)
+        data = ModelData(t, np.zeros((600, 1)), {"displacement": decay}, None, model.inputs, model.states, model.units)
+        sentence = next((f.sentence for f in check(model, [data])[1] if f.check == "short_record"), "")
+        assert (f"slowest motion ({slow:.3g} s)" in sentence) == (share < 1.0), sentence
+
+
 # ------------------------------------------------------------------ motion
 
 

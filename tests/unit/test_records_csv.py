@@ -211,7 +211,7 @@ def test_only_the_wanted_columns_must_be_numbers(read: Read) -> None:
         ("t,voltage\n0,1\n0,1\n", ["only 1 row"]),
         ("3,1\n3,2\n2,4\n", ["no header", "'c1', 'c2'", "--dt"]),
         ("voltage,speed\n0,1\n1,2\n", ["no time column", "'voltage', 'speed'"]),
-        ("voltage\n0\n1\n", ["one column"]),
+        ("voltage\n0\n1\n", ["no time column", "--dt"]),
         ("t,a\n0,1\n1,abc\n2,3\n", ["row 2 (line 3)", "'a'", "'abc'"]),
         ("t,a\n0,1\n# x\n\n1,1_0\n", ["row 2 (line 5)", "'1_0'"]),
         ("t,a\n0,1\n1,2,3\n", ["row 2 (line 3)", "3 cells", "2 columns"]),

@@ -1,5 +1,8 @@
 """Mappings that state what a column is."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,8 +10,9 @@ from hypothesis import strategies as st
 
 from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
-from signlin_ros.records import Record, Signal
+from signlin_ros.records import Record, Signal, read_for_model
 from signlin_ros.records.grammar import is_formula, parse, split_unit, words
+from signlin_ros.records.table import Series
 
 COLUMNS = {
     "a": np.array([1.0, -2.0, 3.0]),
@@ -18,6 +22,7 @@ COLUMNS = {
 NAMES = {"a": "a", "b": "b [m]", "b [m]": "b [m]", "/cmd.data[0]": "/cmd.data[0]"}
 A, B, C = COLUMNS.values()
 MOTOR = Model.load("dc_motor")
+OSCILLATOR = Model.load("mass_spring_damper")
 
 
 @pytest.mark.parametrize(
@@ -86,6 +91,30 @@ def test_a_factor_states_the_conversion_a_sign_does_not() -> None:
         assert any(note.kind == "mapped" and note.channel == "speed" for note in data.notes)
 
 
+@pytest.mark.parametrize("factor", [1.0, -1.0, 1.001])
+def test_a_factor_of_one_is_the_conversion_of_a_unit_that_does_not_fit(factor: float) -> None:
+    label = "Angle, Ch 3+4"
+    found = record(**{label: Signal(np.array([1.0, 2.0, 3.0]), "Ch 3+4", label)})
+    data = found.for_model(OSCILLATOR, {"force": f'{factor} * "{label}"'})
+    np.testing.assert_allclose(data.u[:, 0], factor * np.array([1.0, 2.0, 3.0]))
+    assert any("the columns' numbers as they stand" in note for note in data.notes)
+
+
+@pytest.mark.parametrize("spec", ["-1 * meas", "1.0 * meas", "meas / 1", "-meas"])
+def test_a_factor_of_one_leaves_a_unit_that_fits(spec: str) -> None:
+    found = record(voltage=Signal(np.ones(3)), meas=Signal(np.full(3, 30.0), "rpm", "meas [rpm]"))
+    np.testing.assert_allclose(np.abs(found.for_model(MOTOR, {"speed": spec}).measured["speed"]), np.pi)
+
+
+def test_what_a_refusal_says_of_a_formula_can_be_said() -> None:
+    found = record(**{"Angle, Ch 3+4": Signal(np.array([1.0, 2.0, 3.0]), "Ch 3+4", "Angle, Ch 3+4")})
+    with pytest.raises(RecordError) as error:
+        found.for_model(OSCILLATOR, {"force": '-"Angle, Ch 3+4"'})
+    one, two = re.findall(r"--signal 'force = (.*?)'", str(error.value))
+    assert found.for_model(OSCILLATOR, {"force": one.replace("UNIT", "kN")}).u[1, 0] == -2000.0
+    assert found.for_model(OSCILLATOR, {"force": two.replace("FACTOR", "3")}).u[1, 0] == -6.0
+
+
 def test_a_unit_may_be_stated_for_a_column_that_has_none() -> None:
     found = record(voltage=Signal(np.ones(3)), meas=Signal(np.ones(3)))
     np.testing.assert_allclose(found.for_model(MOTOR, {"speed": "meas [rpm]"}).measured["speed"], np.pi / 30)
@@ -110,6 +139,76 @@ def test_a_unit_that_does_not_fit_says_what_to_say() -> None:
         found.for_model(MOTOR)
     unsure = record(voltage=Signal(np.ones(3)), speed_m=Signal(np.ones(3), "m", "speed_m"))
     np.testing.assert_array_equal(unsure.for_model(MOTOR).measured["speed"], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("said", "right"), [("0", 0.0), ("0.0", 0.0), ("-2.5", -2.5), ("0.5 [kN]", 500.0), ("3.0", 3.0)]
+)
+def test_an_input_may_be_a_number_throughout(said: str, right: float) -> None:
+    """A free motion has no column of its force."""
+    found = record(displacement=Signal(np.array([3.0, 2.0, 1.0]), "m", "displacement [m]"))
+    data = found.for_model(OSCILLATOR, {"force": said})
+    np.testing.assert_array_equal(data.u, np.full((3, 1), right))
+    assert f"force is {right:g} N throughout, as said" in data.notes
+    assert not any("no unit is stated" in note for note in data.notes)
+    assert data.unused == ()
+
+
+def test_the_model_file_takes_a_number_for_an_input() -> None:
+    model = Model.from_dict({**OSCILLATOR.to_dict(), "signals": {"force": 0.0}})
+    assert Model.from_dict(model.to_dict()).signals == model.signals
+    found = record(displacement=Signal(np.array([3.0, 2.0, 1.0]), "deg"), force=Signal(np.ones(3)))
+    data = found.for_model(model)
+    np.testing.assert_array_equal(data.u, 0.0)
+    assert "force is 0 N·m throughout, as said" in data.notes
+    assert found.for_model(model, {"force": "force"}).u[0, 0] == 1.0
+
+
+def test_what_is_measured_is_no_number() -> None:
+    found = record(force=Signal(np.ones(3)))
+    with pytest.raises(RecordError, match=r"run.csv: displacement = 0.0: displacement is measured, no input"):
+        found.for_model(OSCILLATOR, {"displacement": "0.0"})
+    with pytest.raises(RecordError, match=r"force = 1 / 0: inf is no value of an input"):
+        found.for_model(OSCILLATOR, {"force": "1 / 0"})
+
+
+def test_a_whole_number_is_that_of_a_column() -> None:
+    numbered = record(c1=Signal(np.ones(3), "", "c1", 1), c2=Signal(np.full(3, 7.0), "", "c2", 2))
+    assert numbered.for_model(OSCILLATOR, {"force": "2", "displacement": "1"}).u[0, 0] == 7.0
+    with pytest.raises(RecordError, match=r"force = 3: names no column.*has a decimal point, 3\.0"):
+        numbered.for_model(OSCILLATOR, {"force": "3"})
+
+
+@pytest.mark.parametrize("head", ["position [m]\n", ""])
+def test_a_free_motion_is_a_file_of_one_column(head: str, tmp_path: Path) -> None:
+    file = tmp_path / "free.csv"
+    file.write_text(head + "3.5\n2.5\n1.5\n")
+    data = read_for_model(file, OSCILLATOR, {"t": "0.01", "force": "0", "displacement": "position" if head else "c1"})
+    np.testing.assert_array_equal(data.measured["displacement"], [3.5, 2.5, 1.5])
+    np.testing.assert_array_equal(data.u, np.zeros((3, 1)))
+
+
+def test_a_number_in_a_bag_takes_the_stamps_of_what_is_measured() -> None:
+    t = np.arange(5) / 50
+    series = {"/x.data": Series(t, t + 1.0, "m", "/x.data")}
+    one = Record(t, {"/x.data": Signal(t + 1.0, "m", "/x.data")}, "bag", series=series)
+    data = one.for_model(OSCILLATOR, {"force": "0", "displacement": "/x.data"})
+    np.testing.assert_array_equal(data.u, np.zeros((5, 1)))
+
+
+@pytest.mark.parametrize(("angle", "force"), [("deg", "N·m"), ("mm", "N"), ("", "N")])
+def test_the_unit_that_a_refusal_names_is_of_the_record_s_kind(angle: str, force: str) -> None:
+    """A force in newtons beside an angle would be the next refusal."""
+    found = record(force=Signal(np.ones(3), "V", "force [V]"), displacement=Signal(np.array([1.0, 2.0, 3.0]), angle))
+    with pytest.raises(RecordError, match=f"the model in '{force}'; say what it is"):
+        found.for_model(OSCILLATOR)
+    assert found.for_model(OSCILLATOR, {"force": f"force [{force}]"}).u[0, 0] == 1.0
+
+
+def test_the_unit_that_a_refusal_names_is_of_the_model_s_axis() -> None:
+    found = record(force=Signal(np.ones(3), "V", "force [V]"), displacement=Signal(np.ones(3)))
+    with pytest.raises(RecordError, match="the model in 'N·m'"):
+        found.for_model(Model.from_dict({**OSCILLATOR.to_dict(), "axis": "rotary"}))
 
 
 def test_the_model_file_takes_formulas_and_a_step() -> None:
