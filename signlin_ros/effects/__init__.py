@@ -98,9 +98,8 @@ for _effect in (
     register(_effect)
 
 
-@functools.cache
 def load_entry_points() -> None:
-    """Register the effects that installed packages offer in the group ``signlin_ros.effects``, once."""
+    """Register the effects that installed packages offer in the group ``signlin_ros.effects``."""
     for entry in importlib.metadata.entry_points(group="signlin_ros.effects"):
         where = f"entry point {entry.name} = {entry.value}"
         _register_from(where, _checked(_loaded(entry), where))

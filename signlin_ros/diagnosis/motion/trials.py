@@ -9,7 +9,7 @@ from signlin_ros.diagnosis.candidate import Candidate, candidate
 from signlin_ros.diagnosis.fit import Fit
 from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.scan import periodic_starts
-from signlin_ros.effects import EFFECTS, find_effect, load_entry_points
+from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model
@@ -38,7 +38,6 @@ class Trial:
 
 def trials(problem: Problem, names: Sequence[str] | None = None) -> list[Trial]:
     """Return what can be tried on the base model; raise `InputError` for a name that cannot."""
-    load_entry_points()
     every = EFFECTS if names is None else names
     found = [one for name in every for one in _trials(problem, name, names is not None)]
     known = {one.effect for one in found}
