@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.curves import LEAST, Band, band, memory
-from signlin_ros.diagnosis.measures import changes_effort
+from signlin_ros.diagnosis.measures import changes_effort, with_laws
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.diagnosis.told import Findings
@@ -151,13 +151,25 @@ def _rival(f: Findings, fitted: Fitted, effect: str, place: Place) -> Explanatio
         for one in f.agreed.tried
         if rest < set(one.effects) and len(one.effects) == len(fitted.effects) and effect not in one.effects
     ]
-    best = min(options, key=lambda one: one.level, default=None)
+    best = min(options, key=lambda one: one.level, default=None) or _by_force(f, rest, effect)
     if best is None:
         return None
     (other,) = set(best.effects) - rest
     if changes_effort(find_effect(other, "effects")):
         return None
     return _explanation(f, best, other, place, *_lacking(f, best, other))
+
+
+def _by_force(f: Findings, rest: set[str], effect: str) -> Fitted | None:
+    """Return the best other effect in place of one as the force witness fitted it, if none was worth a simulation."""
+    force = f.agreed.force
+    if force is None:
+        return None
+    sets = [m for m in force.search.models.values() if rest < m.names and len(m.names) == len(rest) + 1]
+    best = min((m for m in sets if effect not in m.names), key=lambda m: m.error, default=None)
+    if best is None:
+        return None
+    return f.agreed.motion.stated([n for n, _ in best.members], with_laws(force, best))
 
 
 def _explanation(

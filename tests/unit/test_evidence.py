@@ -55,7 +55,9 @@ def test_over_the_coordinate_of_its_law(effect, parameters, coordinate):
     e = shown(effect, **parameters)
     assert (e.quantity, e.unit, e.place.label) == ("missing force", "N", coordinate)
     assert off(e.named) < 2.0
-    assert e.rival is None  # nothing else was tried
+    assert e.rival is not None  # by the force: no other was simulated
+    assert e.rival.effect != effect
+    assert np.std(e.rival.measured - e.rival.computed) >= 0.99 * np.std(e.named.measured - e.named.computed)
     assert e.sources == ("run_2.csv",)
     assert e.named.effect == effect
     assert set(e.named.parameters) == set(parameters)

@@ -31,7 +31,8 @@ def test_what_is_tried_is_told_as_it_is_fitted_best_first(diagnosed: tuple[Any, 
     assert counts[-1] > 10
     simulated = [row for row in told[-1]["found"]["tried"] if row["error"] is not None]
     assert any(row["effects"] == ["coulomb_friction"] for row in simulated)
-    assert all(row["error"] < 1.5 for row in simulated[:2])
+    assert simulated[0]["effects"] == ["coulomb_friction"]  # no richer law promised more, and none was simulated
+    assert simulated[0]["error"] < 1.5
     base = next(row for one in told for row in one["found"]["tried"] if row["effects"] == [])
     assert base["error"] > 3 * simulated[0]["error"]
 
