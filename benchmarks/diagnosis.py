@@ -23,7 +23,7 @@ from signlin_ros.simulate import simulate
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 LENGTHS = {"one effect": (3_200, 12_800, 100_000), "two effects": (3_200,)}
-MOST, MOST_AT_FIRST = {"one effect": 3.0, "two effects": 10.0}, 30.0
+MOST, MOST_AT_FIRST = {"one effect": 2.0, "two effects": 4.0}, 30.0
 """Seconds that the shortest record may take, and the first one on a machine."""
 STEP = 0.005
 
