@@ -91,7 +91,16 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
             verb = "" if parts else "falls "
             what = f"the error of {name} over {j.horizon:.3g} s {verb}from {_digits(first)} to {_digits(last)} {unit}"
             parts.append(what.rstrip())
-    return f"on unseen data {joined(parts)}" if parts else "unseen data hardly show it"
+    return f"on unseen data {joined(parts)}" if parts else f"unseen data hardly show it{_freed(before, after)}"
+
+
+def _freed(before: Fitted, after: Fitted) -> str:
+    """Return which base parameter is bent most without what was added, if it is less so with it."""
+    first, last = before.off, after.off
+    most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
+    if not most or not abs(first[most]) > abs(last.get(most, 0.0)) + 1.0:
+        return ""
+    return f", but without it {most} ends {abs(first[most]):.1f} tolerances from its nominal value"
 
 
 def remainder(j: Judgement) -> str:

@@ -53,6 +53,10 @@ class Fit:
         return np.full(len(self.rms), self.sensors)
 
     @property
+    def off(self) -> dict[str, float]:
+        return self.away
+
+    @property
     def clean(self) -> bool:
         return self.white and self.tested
 
@@ -314,6 +318,13 @@ def test_a_large_force_is_noise_only_if_that_was_tested(tested, verdict):
     """Some two hundred samples of a damper, 42 % of whose force was left and "nothing was missing"."""
     final = Fit((), (5 * NOISE,), 0.42 * EFFORT, white=True, tested=tested)
     assert judged(final, final, sees()).verdict == verdict
+
+
+def test_a_name_that_frees_a_base_parameter_alone_says_which():
+    base = Fit((), (NOISE,), 0.005, white=True, away={"k": 4.6})
+    final = Fit(("linear_stiffness",), (NOISE,), 0.005, white=True, away={"k": 0.2})
+    assert words._freed(base, final) == ", but without it k ends 4.6 tolerances from its nominal value"
+    assert words._freed(base, base) == ""
 
 
 def test_noise_has_a_size_of_its_own_in_every_record():

@@ -103,11 +103,15 @@ class Fitted:
         """Squared distance of the parameters of the model as given from their values there, in tolerances."""
         return float(sum(((x - k.prior) / k.spread) ** 2 for k, x, _ in self._coordinates(False)))
 
+    @property
+    def off(self) -> dict[str, float]:
+        """By how many tolerances every base parameter is off its nominal value."""
+        pairs = zip(self.fit.candidate.coordinates, self.fit.theta.tolist(), strict=True)
+        return {k.name: _off(k, x) / k.spread for k, x in pairs if k.spread < np.inf and "." not in k.name}
+
     def far(self, criteria: Criteria) -> dict[str, float]:
         """Return the base parameters that are far from nominal, and by how many tolerances."""
-        pairs = zip(self.fit.candidate.coordinates, self.fit.theta.tolist(), strict=True)
-        off = {k.name: _off(k, x) / k.spread for k, x in pairs if k.spread < np.inf and "." not in k.name}
-        return {n: x for n, x in off.items() if abs(x) > criteria.far}
+        return {n: x for n, x in self.off.items() if abs(x) > criteria.far}
 
     def vague(self, criteria: Criteria) -> str:
         """Return why what was added cannot be named: a coefficient that is nothing, at a bound or hardly known."""
