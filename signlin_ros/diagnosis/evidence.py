@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.curves import LEAST, Band, band, memory
-from signlin_ros.diagnosis.measures import changes_effort, with_laws
+from signlin_ros.diagnosis.measures import changes_effort, with_laws, written_left
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.diagnosis.told import Findings
@@ -166,10 +166,11 @@ def _by_force(f: Findings, rest: set[str], effect: str) -> Fitted | None:
     if force is None:
         return None
     sets = [m for m in force.search.models.values() if rest < m.names and len(m.names) == len(rest) + 1]
-    best = min((m for m in sets if effect not in m.names), key=lambda m: m.error, default=None)
-    if best is None:
-        return None
-    return f.agreed.motion.stated([n for n, _ in best.members], with_laws(force, best))
+    for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.error):
+        found = f.agreed.motion.stated([n for n, _ in m.members], with_laws(force, m))
+        if found is not None and np.mean(written_left(force, found)) < force.search.base.error:
+            return found  # as it is written: a stiff law may be no more than its column
+    return None
 
 
 def _explanation(
