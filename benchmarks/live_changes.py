@@ -11,7 +11,7 @@ base parameter of the monitor's model is wrong by up to 2 %. The monitor's logic
 of 0.04 rad opens with half of the inertia behind it, or the encoder shifts by ten times its noise, or the input comes
 10 ms late, or 1.2 times as large. Seeds: 61, 62, ... for healthy runs, 1061, ... for changes (``--first 60``); others
 were used while the detector was made (up to 39, up to 1060, 71, 201 to 260, 324, 355 to 361, 401 to 460, 1201 to 1260,
-1355 to 1361, 1401 to 1460, 501 to 620, 1501 to 1620, and from 2000, 6000 and 9000 on).
+1355 to 1361, 1401 to 1460, 501 to 626, 1501 to 1626, and from 2000, 6000 and 9000 on).
 """
 
 from __future__ import annotations
