@@ -254,11 +254,16 @@ class ChangeDetector:
         last.append(z)
         return _run_size(list(last))
 
+    @property
+    def _judging(self) -> bool:
+        """Whether enough is known of the situation to call a change in it, and none was called."""
+        usual = self._usual.get(self._situation)
+        return not self.learning and self.alarm is None and usual is not None and usual.seen
+
     def _look(self, t: float, channel: int, sizes: tuple[float, float, float]) -> None:
         """Call a shift, or a change by a run; what a run is the beginning of, or the end, shows some samples later."""
         run, shift, wild = sizes
-        usual = self._usual.get(self._situation)
-        if self.learning or self.alarm is not None or usual is None or not usual.seen:
+        if not self._judging:
             return
         if shift > max(SHIFT_MARGIN * max(known.shift for known in self._usual.values()), SHIFT_FLOOR):
             self.alarm = Alarm(t, self._traces[channel].begun, "shift")
@@ -271,8 +276,7 @@ class ChangeDetector:
 
     def _look_back(self, t: float, leaning: float, begun: float) -> None:
         """Call a change by a mean that lies to one side since ``begun`` s."""
-        usual = self._usual.get(self._situation)
-        if self.learning or self.alarm is not None or usual is None or not usual.seen:
+        if not self._judging:
             return
         if leaning > max(RUN_MARGIN * max(known.leaning for known in self._usual.values()), LEANING_FLOOR):
             self.alarm = Alarm(t, begun, "change")

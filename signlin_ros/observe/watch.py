@@ -46,9 +46,7 @@ class Watch:
     def __init__(self, model: Model, channels: Iterable[str], learn: float = 30.0) -> None:
         self.model, self.channels, self._learn = model, tuple(channels), learn
         self.detector = ChangeDetector(learn)
-        self._guards = {
-            trust: KalmanObserver(model, self.channels, trusts=(trust,), doubt=1 - KNOWN) for trust in GUARDS
-        }
+        self._guards = {trust: KalmanObserver(model, self.channels, trusts=(trust,), doubt=DOUBT) for trust in GUARDS}
         self._likelihood = dict.fromkeys(GUARDS, 0.0)
         self._heard: list[tuple[float, Array | Mapping[str, float]]] = []
         self._begun, self._fastest, self._slow_at = np.nan, 0.0, -np.inf

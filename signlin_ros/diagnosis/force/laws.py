@@ -196,12 +196,20 @@ class Law:
 
     def loads(self, piece: Piece, shape: Shape) -> Array | None:
         """Return what unit levels add (K, columns) to the part of the effort that drives; None if they add nothing."""
+        if loads_of(self.model.structure, KEY, self.parts) is None:
+            return None
+        key = ("loads", self.name, shape)
+        found = piece._cache.get(key)
+        if found is None:
+            found = piece._cache[key] = piece.seen(self._raw_loads(piece, shape))
+        return found
+
+    def _raw_loads(self, piece: Piece, shape: Shape) -> Array:
         model, p = self._shaped(shape)
         tape = loads_of(model.structure, KEY, self.parts)
-        if tape is None:
-            return None
+        assert tape is not None  # noqa: S101  a law follows the effort in every shape or in none
         x = states_of(model, piece, p) if self.model_has_own else self._measured(piece)
-        return piece.seen(mass(model, p) / effort_unit(model) * evaluated(model, tape, piece, x, p).T)
+        return np.asarray(mass(model, p) / effort_unit(model) * evaluated(model, tape, piece, x, p).T)
 
     @functools.cached_property
     def structural(self) -> frozenset[str]:

@@ -81,8 +81,8 @@ def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple
     known only as a multiple of what scales it is surely there. What correlation the residual has is allowed for by the
     scores' own variance, as in the robust covariance.
     """
-    c, key = f.candidate, {i: f.candidate.coordinates[i].name for i in index}
-    at = {i: _where(c, i) for i in key}
+    c = f.candidate
+    at = {i: _where(c, i) for i in index}
     held = tuple(replace(k, low=at[i], high=at[i]) if i in at else k for i, k in enumerate(c.coordinates))
     theta = f.theta.copy()
     theta[list(at)] = list(at.values())
