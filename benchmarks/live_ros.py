@@ -27,9 +27,9 @@ PATIENCE, SETTLED = 60.0, 3.0
 
 
 def watched(
-    rig: Any, model: Model, change: str, onset: float, length: float, learn: float, rate: float
-) -> tuple[float | None, float | None]:
-    """Return when the monitor has called a change, and when it says that it began, in s; None where it has not.
+    rig: Any, model: Model, change: str, onset: float, length: float, learn: float, rate: float, naming: bool
+) -> tuple[float | None, float | None, list[str]]:
+    """Return when the monitor has called a change, and when it says that it began, in s, None where it has not; names.
 
     ``rig`` has ``look(t)``, ``go_on(span)`` and ``change(what)``.
     """
@@ -45,7 +45,7 @@ def watched(
             processes.start("linearizer", folder / "model.yaml", joint)
             processes.start("monitor", folder / "model.yaml", joint, f"learn:={learn}", f"folder:={folder}")
             peer = Peer(processes.check)
-            return peer.run(rig, change, onset, length, 1.0 / rate)
+            return peer.run(rig, change, onset, length, 1.0 / rate, naming)
         finally:
             if peer is not None:
                 peer.close()
@@ -87,21 +87,27 @@ class Peer:
     def _on_verdict(self, message: Any) -> None:
         self.said.append((time.time(), json.loads(message.data)))
 
-    def run(self, rig: Any, change: str, onset: float, length: float, step: float) -> tuple[float | None, float | None]:
-        """Run the machine until the monitor calls a change, or for ``length`` s; returns when, and when it began."""
+    def run(
+        self, rig: Any, change: str, onset: float, length: float, step: float, naming: bool
+    ) -> tuple[float | None, float | None, list[str]]:
+        """Run the machine until the monitor calls or names a change, or for ``length`` s: when, since when, names."""
         self._wait()
         begun = last = time.time()
         rig.look(0.0)
         changed = False
-        while not self.said and last - begun < length:
+        while not self._heard("named" if naming else "changed") and last - begun < length:
             self._spend(begun + step * (int((last - begun) / step) + 1))
             if change and not changed and last - begun >= onset:
                 rig.change(change)
                 changed = True
             last = self._sample(rig, begun, last)
         self.check()
-        called = [(when - begun, said["since"] - begun) for when, said in self.said if said["state"] == "changed"]
-        return called[0] if called else (None, None)
+        called, named = self._heard("changed"), self._heard("named")
+        names = [name["name"] for name in named[0][1]["names"]] if named else []
+        return (called[0][0] - begun, called[0][1]["since"] - begun, names) if called else (None, None, [])
+
+    def _heard(self, state: str) -> list[tuple[float, dict[str, Any]]]:
+        return [(when, said) for when, said in self.said if said["state"] == state]
 
     def _wait(self) -> None:
         end = time.monotonic() + PATIENCE

@@ -1,21 +1,24 @@
-"""A diagnosis in a process of its own, so that callbacks keep their rate; nothing here waits."""
+"""A diagnosis, or a first word of what has changed, in a process of its own: callbacks keep their rate."""
 
 from __future__ import annotations
 
 import json
+import pickle
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
+from signlin_ros.observe.naming import Question
 from signlin_ros.records import Record, write_record
 
 NICE = 5
-POLITELY = f"import os, sys; os.nice({NICE}); from signlin_ros.cli import main; sys.exit(main())"
-"""What a process runs: the command line, with all others before it."""
+POLITELY = f"import os, sys; os.nice({NICE}); from signlin_ros.%s import main; sys.exit(main())"
+"""What a process runs: the ``main`` of a module, with all others before it."""
 
 
 class Diagnosis:
@@ -37,7 +40,7 @@ class Diagnosis:
 
     def _started(self, *verb: str) -> subprocess.Popen[bytes]:
         """Start a verb as a process that leaves the processor to whoever has times to keep."""
-        command = [sys.executable, "-c", POLITELY, *verb]
+        command = [sys.executable, "-c", POLITELY % "cli", *verb]
         out = self._errors if self._out.closed else self._out
         return subprocess.Popen(command, stdout=out, stderr=self._errors, stdin=subprocess.DEVNULL)
 
@@ -77,4 +80,38 @@ class Diagnosis:
                 process.wait()
 
 
-__all__ = ["Diagnosis"]
+class Naming:
+    """A `Question` put to a process, started at once."""
+
+    def __init__(self, question: Question) -> None:
+        command = [sys.executable, "-c", POLITELY % "observe.naming"]
+        with tempfile.TemporaryFile() as asked:
+            pickle.dump(question, asked)
+            asked.seek(0)
+            self._process = subprocess.Popen(command, stdin=asked, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+    @property
+    def running(self) -> bool:
+        """Whether the process is at work."""
+        return self._process.poll() is None
+
+    def result(self) -> list[dict[str, Any]]:
+        """Return what may have changed, the likeliest first: name, value, unit, gain and sentence of each.
+
+        Raises `SignlinError` where the process gave no answer.
+        """
+        said, errors = self._process.communicate()
+        try:
+            return list(json.loads(said))
+        except ValueError:
+            last = errors.decode(errors="replace").strip().splitlines()
+            raise SignlinError(f"what has changed was not found: {last[-1] if last else 'no answer'}") from None
+
+    def stop(self) -> None:
+        """End it, if it is still running."""
+        if self.running:
+            self._process.kill()
+        self._process.communicate()
+
+
+__all__ = ["Diagnosis", "Naming"]

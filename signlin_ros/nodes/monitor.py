@@ -27,7 +27,7 @@ from std_srvs.srv import Trigger
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert
-from signlin_ros.nodes.diagnosing import Diagnosis
+from signlin_ros.nodes.diagnosing import Diagnosis, Naming
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
@@ -66,6 +66,9 @@ class MonitorNode(ManagedNode):
         option = self.options
         self.logic: Any = None
         self.diagnosis: Diagnosis | None = None
+        self._naming: Naming | None = None
+        self._named: int | None = None
+        self._changed_in = ""
         self._better: Path | None = None
         self._applied: list[str] = []
         self._client: Any = None
@@ -142,9 +145,10 @@ class MonitorNode(ManagedNode):
         super().destroy_node()
 
     def _give_up(self) -> None:
-        if self.diagnosis is not None:
-            self.diagnosis.stop()
-            self.diagnosis = None
+        for process in (self.diagnosis, self._naming):
+            if process is not None:
+                process.stop()
+        self.diagnosis = self._naming = None
 
     # ---------------------------------------------------------------- messages
 
@@ -210,8 +214,10 @@ class MonitorNode(ManagedNode):
             self._errors.publish(error_message(score))
         if alarm is not None:
             since = self.logic.alarm_stamp or 0
-            self.get_logger().warning(f"the machine has changed ({alarm.kind}), since {since / NANO:.2f} s")
-            self._tell({"state": "changed", "kind": alarm.kind, "since": since / NANO})
+            sentence = f"the machine has changed ({alarm.kind}), since {since / NANO:.2f} s"
+            self.get_logger().warning(sentence)
+            self._tell({"state": "changed", "kind": alarm.kind, "since": since / NANO, "sentence": sentence})
+        self._look_after_naming()
         self._look_after_diagnosis()
 
     def _on_second(self) -> None:
@@ -222,16 +228,46 @@ class MonitorNode(ManagedNode):
         status = DiagnosticStatus(
             level=bytes([health.level]),
             name=f"{self.get_fully_qualified_name()}: model",
-            message=health.message,
+            message=health.message + (f"; {self._changed_in}" if self._changed_in else ""),
             hardware_id=self.model.plant.name,
             values=[KeyValue(key=key, value=value) for key, value in health.values.items()],
         )
         self._diagnostics.publish(DiagnosticArray(header=Header(stamp=convert.stamp_of(now)), status=[status]))
         if self.diagnosis is not None:
-            self._tell({"state": "running", "seconds": round(self.diagnosis.seconds, 1)})
+            self._tell_running(round(self.diagnosis.seconds, 1))
+
+    def _tell_running(self, seconds: float) -> None:
+        self._tell({"state": "running", "seconds": seconds, "sentence": f"a diagnosis is running, for {seconds:.0f} s"})
 
     def _tell(self, verdict: dict[str, Any]) -> None:
         self._verdicts.publish(String(data=json.dumps(verdict)))
+
+    def _look_after_naming(self) -> None:
+        """Ask what has changed, once for each change, and tell the answer."""
+        changed = self.logic.alarm_stamp
+        if changed != self._named:
+            self._changed_in = ""
+        if self._naming is None and changed != self._named:
+            question = self.logic.question(self.now())
+            if changed is None or question is not None:
+                self._named = changed
+            if question is not None:
+                self._naming = Naming(question)
+        if self._naming is None or self._naming.running:
+            return
+        found, self._naming = self._naming, None
+        if changed is None or changed != self._named:
+            return
+        try:
+            names = found.result()
+        except SignlinError as error:
+            self.get_logger().warning(str(error))
+            return
+        listed = "; or ".join(name["sentence"] for name in names)
+        self._changed_in = listed or "nothing that is tried at once: ask for a diagnosis"
+        sentence = f"what has changed: {self._changed_in}"
+        self.get_logger().warning(sentence)
+        self._tell({"state": "named", "since": changed / NANO, "names": names, "sentence": sentence})
 
     # ---------------------------------------------------------------- services
 
@@ -243,7 +279,7 @@ class MonitorNode(ManagedNode):
             self.diagnosis = Diagnosis(self.logic.model, record, self._new_folder("diagnosis"))
         except (SignlinError, OSError) as error:
             return _answer(response, False, str(error))
-        self._tell({"state": "running", "seconds": 0.0})
+        self._tell_running(0.0)
         return _answer(response, True, f"{record.t[-1]:.1f} s of data; files in {self.diagnosis.folder}")
 
     def _since(self) -> int:
@@ -258,7 +294,7 @@ class MonitorNode(ManagedNode):
         try:
             verdict = found.result()
         except SignlinError as error:
-            self._tell({"state": "failed", "why": str(error)})
+            self._tell({"state": "failed", "why": str(error), "sentence": str(error)})
             self.get_logger().warning(str(error))
             return
         self._better = found.better_file if found.better_file.is_file() else None

@@ -18,7 +18,7 @@ from signlin_ros.linearize import Linearization, Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.linearizer_logic import ERROR, NANO, OK, WARN, Health, Refusal, Update
 from signlin_ros.observe.detect import Alarm
-from signlin_ros.observe.naming import Named, Stretch, name_change
+from signlin_ros.observe.naming import Question, Stretch
 from signlin_ros.observe.watch import Watch
 from signlin_ros.predict import without_dry_friction
 from signlin_ros.records import Record, Signal
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 PARTS = 10
 """An update period is predicted in so many parts, each with its mean input."""
 SPAN = 20 * NANO
-"""Nanoseconds of data before and after a change that its name is taken from at most."""
+"""Nanoseconds of data before and after a change that its name is taken from."""
 LEAST_FITTED = 5
 """Predictions that a fit is told of at least."""
 
@@ -167,18 +167,13 @@ class MonitorLogic:
         """When the change that was called began, in ns."""
         return None if self.alarm is None else self._epoch + round(self.alarm.onset * NANO)
 
-    def name_change(self) -> list[Named]:
-        """Return what may have changed, the likeliest first; empty where nothing has.
-
-        A sensor that shifted leaves a model that is right again.
-        """
-        if self.alarm is None or self._watch is None or self.model is None or self._watch.trust is None:
-            return []
-        onset = self.alarm_stamp or 0
+    def question(self, now: int) -> Question | None:
+        """Return what is to be asked of what has changed, once `SPAN` of data since then are there; None before."""
+        watch, alarm, onset = self._watch, self.alarm, self.alarm_stamp or 0
+        if alarm is None or watch is None or self.model is None or watch.trust is None or now < onset + SPAN:
+            return None
         since, before = self._stretch(self.model, onset, onset + SPAN), self._stretch(self.model, onset - SPAN, onset)
-        found = name_change(self.model, before, since, self._watch.trust, self._watch.sigma)
-        shift = [Named("sensor_offset", float("nan"), "", 0.0)] if self.alarm.kind == "shift" else []
-        return found or shift
+        return Question(self.model, before, since, watch.trust, watch.sigma, alarm.kind == "shift")
 
     def _stretch(self, model: Model, since: int, until: int) -> Stretch:
         record = self.record(model, since, until)

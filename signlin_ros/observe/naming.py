@@ -1,12 +1,16 @@
 """What a machine has changed in: hypotheses with one number each, judged by the filter's likelihood on data since then.
 
 A quick first word while a diagnosis, which compares the whole catalogue on held-out data, is not asked for yet.
+``python -m signlin_ros.observe.naming`` answers a pickled `Question` from its standard input as JSON.
 """
 
 from __future__ import annotations
 
+import json
+import pickle
+import sys
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +29,7 @@ SETTLING = 0.5
 TRIES = 14
 """Values of its number that a hypothesis is tried at."""
 GAIN = 30.0
-"""Logarithm of the likelihood ratio that a hypothesis must gain to be told."""
+"""Logarithm of the likelihood ratio that a hypothesis must gain to be told, and that tells two apart."""
 KEPT = 0.5
 """Share of its gain that a hypothesis must not have had before the change already."""
 SHARES = (0.3, 0.6)
@@ -41,16 +45,30 @@ class Named:
     unit: str
     gain: float
 
+    @property
+    def sentence(self) -> str:
+        """What has changed, in words: ``coulomb_friction, 1.49 times as much``."""
+        if not np.isfinite(self.value):
+            return self.name
+        return f"{self.name}, {self.value:.3g} {self.unit or 'times as much'}"
+
 
 @dataclass(frozen=True)
 class _Hypothesis:
-    """A number between ``low`` and ``high`` that makes another model and another input of it."""
+    """A number between ``low`` and ``high`` that makes another model and another input of it.
+
+    ``parameter``: which one it is, by its ROS name; empty where it is a factor.
+    """
 
     name: str
-    unit: str
+    parameter: str
     low: float
     high: float
     made: Callable[[float], tuple[Model, float]]
+
+    def unit(self, value: float) -> str:
+        """Return the unit of the number; empty for a factor."""
+        return self.made(value)[0].par_declarations()[self.parameter].unit if self.parameter else ""
 
 
 @dataclass(frozen=True)
@@ -77,7 +95,26 @@ def name_change(model: Model, before: Stretch, since: Stretch, trust: float, noi
             net = named.gain - max(old, 0.0) * since.t.size / max(before.t.size, 1)
             if net > max(GAIN, KEPT * named.gain):
                 found.append(replace(named, gain=net))
-    return sorted(found, key=lambda h: -h.gain)
+    found.sort(key=lambda h: -h.gain)
+    names = [named.name for named in found]
+    return [n for k, n in enumerate(found) if n.gain > found[0].gain - GAIN and n.name not in names[:k]]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What `name_change` is asked, and whether a sensor has shifted: that leaves a model that is right again."""
+
+    model: Model
+    before: Stretch
+    since: Stretch
+    trust: float
+    noise: Mapping[str, float]
+    shifted: bool
+
+    def answer(self) -> list[Named]:
+        """Return what may have changed, the likeliest first; empty where nothing has."""
+        found = name_change(self.model, self.before, self.since, self.trust, self.noise)
+        return found or ([Named("sensor_offset", float("nan"), "", 0.0)] if self.shifted else [])
 
 
 class _Scored:
@@ -112,26 +149,27 @@ def _best(hypothesis: _Hypothesis, score: _Scored, before: float) -> Named:
     bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, grid.size - 1)]))
     found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"maxiter": TRIES // 2})
     value, least = (float(found.x), float(found.fun)) if found.fun < costs[k] else (float(grid[k]), costs[k])
-    return Named(hypothesis.name, value, hypothesis.unit, -least - before)
+    return Named(hypothesis.name, value, hypothesis.unit(value), -least - before)
 
 
 def _hypotheses(model: Model, u: Array) -> Iterator[_Hypothesis]:
-    yield _Hypothesis("input_gain", "1", 0.5, 1.6, lambda g: (model, g))
+    yield _Hypothesis("input_gain", "", 0.5, 1.6, lambda g: (model, g))
     if model.delay == 0.0:
-        yield _Hypothesis("input_delay", "s", 0.0, 0.05, lambda T: (model.with_effect("input_delay", T=T), 1.0))
+        late = lambda T: (model.with_effect("input_delay", T=T), 1.0)  # noqa: E731
+        yield _Hypothesis("input_delay", "effects.input_delay.T", 0.0, 0.05, late)
     for key, use in model.effects.items():
         if any(s.kind == "switch" for s in model.trace.surfaces) and "mu" in use.parameters:
             yield _scaled(model, key)
     size = _usual_force(model, u)
     load = "constant_load" if "constant_load" not in model.effects else "constant_load_since"
     added = lambda F: (model.with_effect("constant_load", key=load, F0=F), 1.0)  # noqa: E731
-    yield _Hypothesis("constant_load", "F", -size, size, added)
+    yield _Hypothesis("constant_load", f"effects.{load}.F0", -size, size, added)
     yield from _plays(model)
 
 
 def _scaled(model: Model, key: str) -> _Hypothesis:
     name, value = f"{key}.mu", model.value(f"{key}.mu")
-    return _Hypothesis(key, "1", 0.3, 3.0, lambda s: (model.with_parameters({name: s * value}), 1.0))
+    return _Hypothesis(key, "", 0.3, 3.0, lambda s: (model.with_parameters({name: s * value}), 1.0))
 
 
 def _usual_force(model: Model, u: Array) -> float:
@@ -155,7 +193,20 @@ def _plays(model: Model) -> Iterator[_Hypothesis]:
             rest = model.with_parameters({inertia: whole - loose})
             return rest.with_effect("backlash", gap=gap, k=k, c=0.1 * (k * loose) ** 0.5, J=loose), 1.0
 
-        yield _Hypothesis("backlash", "Q", 0.002, 0.06, made)
+        yield _Hypothesis("backlash", "effects.backlash.gap", 0.002, 0.06, made)
 
 
-__all__ = ["Named", "Stretch", "name_change"]
+def main() -> None:
+    """Answer a pickled question from the standard input."""
+    question = pickle.load(sys.stdin.buffer)
+    told = [{**asdict(named), "sentence": named.sentence} for named in question.answer()]
+    for entry in told:
+        entry["value"] = entry["value"] if np.isfinite(entry["value"]) else None
+    sys.stdout.write(json.dumps(told))
+
+
+__all__ = ["Named", "Question", "Stretch", "main", "name_change"]
+
+
+if __name__ == "__main__":
+    main()

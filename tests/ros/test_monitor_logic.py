@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from signlin_ros.errors import InputError
+from signlin_ros.errors import InputError, SignlinError
 from signlin_ros.linearize import Linearizer
 from signlin_ros.model import Model
+from signlin_ros.nodes.diagnosing import Naming
 from signlin_ros.nodes.linearizer_logic import ERROR, NANO, OK, WARN, Refusal, Update
 from signlin_ros.nodes.monitor_logic import MonitorLogic, Score, Settings
 
@@ -56,7 +58,24 @@ def test_a_change_is_called_and_named(change: str) -> None:
     assert run.alarms
     assert 0 <= run.alarms[0] - AT < 10.0
     assert run.logic.health(run.k * round(STEP * NANO)).level == ERROR
-    assert run.logic.name_change()[0].name == CHANGES[change]
+    question = run.logic.question(run.k * round(STEP * NANO))
+    assert question is not None
+    assert question.answer()[0].name == CHANGES[change]
+    assert run.logic.question(round((AT + 1.0) * NANO)) is None
+    naming = Naming(question)
+    while naming.running:
+        time.sleep(0.1)
+    (told,) = naming.result()
+    assert told["name"] == CHANGES[change]
+    assert told["sentence"].startswith(told["name"])
+    assert told["value"] == pytest.approx(1.5, abs=0.2) if change == "friction" else told["value"] is None
+
+
+def test_a_first_word_that_fails_says_why() -> None:
+    naming = Naming(None)  # type: ignore[arg-type]
+    with pytest.raises(SignlinError, match="what has changed was not found"):
+        naming.result()
+    naming.stop()
 
 
 def test_a_healthy_machine_is_left_alone_and_friction_in_the_model_pays() -> None:

@@ -71,3 +71,17 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
     graph.spin(PERIOD)
     assert median(errors, speed) > before / 2
     assert not trigger(graph, "revert").success
+
+
+@pytest.mark.slow
+def test_a_change_is_called_then_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    from live_changes import NOMINAL, RATE, Machine
+    from live_ros import watched
+
+    rig = Machine(np.random.default_rng(3200))
+    called, began, names = watched(rig, NOMINAL, "load", 12.0, 60.0, 8.0, RATE, naming=True)
+    assert called is not None
+    assert 12.0 <= called < 17.0
+    assert began is not None
+    assert names[:1] == ["constant_load"]
