@@ -206,11 +206,9 @@ class Judgement:
             noise = self.final.clean or (near and self.final.white)
             more = (self.little or near or self.changing) and not self.final.white
             return "structure" if ((large or self.structure[0]) and not noise) or more else ""
-        if not leaves_noise(self.final, self.criteria) and not self.within_noise:
-            return "structure"
         if self.names and not near_noise(self.final, self.criteria):
             return "elsewhere" if self.elsewhere else "structure" if self.little_motion else ""
-        return ""
+        return "" if leaves_noise(self.final, self.criteria) or self.within_noise else "structure"
 
     @property
     def within_noise(self) -> bool:

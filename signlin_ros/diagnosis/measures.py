@@ -137,17 +137,19 @@ def comparable(force: Testimony, f: Fitted) -> bool:
         return False
     if set(f.effects) & not_seen(force) and f.white:
         return False
-    if any(effect.periodic for effect in effects) and max(_orders(f)) > force.search.finest:
+    if any(effect.angular for effect in effects) and max(_orders(f)) > force.search.finest:
         return False
     return force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
 
 
 def _orders(f: Fitted) -> list[float]:
-    """Return the orders of the waves of a model."""
+    """Return the orders of the waves of a model; a weight's is one."""
     found: list[float] = []
     for use in f.model.effects.values():
-        for name in find_effect(use.type, "effects").periodic[:1]:
+        effect = find_effect(use.type, "effects")
+        for name in effect.periodic[:1]:
             found += np.atleast_1d(use.parameters[name]).tolist()
+        found += [1.0] if effect.angular and not effect.periodic else []
     return found
 
 
@@ -191,11 +193,13 @@ def force_falls(
 def force_raises(
     force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]
 ) -> bool:
-    """Tell whether a model leaves more force than another one, beyond doubt, and so that it shows."""
+    """Tell whether a model leaves more force than another one, beyond doubt, and so that it shows: more than the
+    sensors' noise.
+    """
     a, b = force_left(force, before, left), force_left(force, after, left)
     if a is None or b is None or force is None:
         return False
-    shows = float(np.mean(b)) > (1 + criteria.alike) ** 2 * float(np.mean(a))
+    shows = float(np.mean(b)) > max((1 + criteria.alike) ** 2 * float(np.mean(a)), force.search.r.unseen.noise)
     return shows and mean_certainty(a, b) < -criteria.tie
 
 

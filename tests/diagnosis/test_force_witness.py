@@ -167,6 +167,20 @@ def test_a_right_model_lacks_no_force():
     assert np.sqrt(np.mean(left**2)) < 5e-3 * np.sqrt(np.mean(p.effort**2))
 
 
+def test_a_current_that_the_model_carries_is_not_late():
+    model = Model.load("dc_motor").without_effect("coulomb_friction")
+    model = model.with_options(with_position=True, input_hold="centred")
+    t, q, v, a = (4.0 * x if k else x for k, x in enumerate(moved(1)))
+    R, L, K_t, K_m, J = (model.value(n) for n in ("R_a", "L_a", "K_t", "K_m", "J"))
+    current = (J * a + model.value("B") * v) / K_t
+    voltage = R * current + L * np.gradient(current, STEP) + K_m * v
+    data = ModelData(t, voltage[:, None], {"position": q}, None, ("voltage",), ("position",), {"position": "rad"})
+    slow = piece(model, data, 2.0)
+    assert slow.step > 10 * STEP  # few samples, each of many
+    left, effort = slow.seen(missing_force(model, slow)), slow.seen(slow.effort)
+    assert np.std(left) < 0.01 * np.std(effort)
+
+
 def test_nothing_goes_with_the_sine_of_a_position_that_does_not_turn():
     straight, round_ = (laws(Model.from_dict(DRIVE), rotary) for rotary in (False, True))
     assert "gravity_load" not in straight

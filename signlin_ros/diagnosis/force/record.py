@@ -346,7 +346,7 @@ def states_of(model: Model, piece: Piece, p: Array | None = None) -> Array:
     ``p``: values of the model's parameters in the trace's order, by default its own.
     """
     known = {n: v for n, v in piece.values.items() if n in model.states}
-    return driven(model, piece.t, piece.u, known, p=p)
+    return driven(model, piece.t, piece.u, known, 0.5 * piece.step, p=p)
 
 
 def missing_force(model: Model, piece: Piece, p: Array | None = None, x: Array | None = None) -> Array:
