@@ -206,9 +206,10 @@ class Judgement:
             noise = self.final.clean or (near and self.final.white)
             more = (self.little or near or self.changing) and not self.final.white
             return "structure" if ((large or self.structure[0]) and not noise) or more else ""
-        if self.names and not near_noise(self.final, self.criteria):
+        noise, far = leaves_noise(self.final, self.criteria), not near_noise(self.final, self.criteria)
+        if self.names and far and (noise or self.percent is None):
             return "elsewhere" if self.elsewhere else "structure" if self.little_motion else ""
-        return "" if leaves_noise(self.final, self.criteria) or self.within_noise else "structure"
+        return "" if noise or self.within_noise else "structure"
 
     @property
     def within_noise(self) -> bool:
