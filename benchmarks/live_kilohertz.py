@@ -38,8 +38,9 @@ steady = Clock(clock_type=ClockType.STEADY_TIME)
 node.create_timer({PERIOD}, lambda: publisher.publish(Float64MultiArray()), clock=steady)
 rclpy.spin(node)
 """
-SETTLED, IN_TIME, SHARE = 60.0, 0.010, 0.999
-"""Seconds until memory is looked at first; seconds within which an update is in time; part of them that has to be."""
+SETTLED, IN_TIME, SHARE = 180.0, 0.010, 0.999
+"""Seconds until memory is looked at first, when all that nodes keep is full; seconds within which an update is in time,
+and the part of them that has to be."""
 REFERENCE, SPEED, WAVE, LIMIT = 0.02, 4.0, 6.0, 8.0
 """Period of the reference's messages in s, its largest speed in rad/s and its period in s; the largest voltage."""
 LISTENED = 0.1
@@ -153,7 +154,7 @@ def show(report: Report, shares: dict, early: dict, now: dict, models: np.ndarra
     for name, share in shares.items():
         grown = now[name] - early[name]
         report.line(
-            name, f"{100 * share:.1f} % of a core, {now[name]:.1f} MiB, {grown:+.2f} MiB since the first minute"
+            name, f"{100 * share:.1f} % of a core, {now[name]:.1f} MiB, {grown:+.2f} MiB since minute {SETTLED / 60:g}"
         )
     ratio = shares["linearizer"] / max(shares["bare subscription"], 1e-9)
     report.target("linearizer, in a bare subscription's share", ratio, high=MOST_SHARE)

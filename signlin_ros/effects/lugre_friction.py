@@ -55,6 +55,15 @@ class LuGreFriction(Effect):
         return [{name: values, "viscous_friction": {"b": p["sigma2"]}} for name, values in dry.items()]
 
     @classmethod
+    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        """Return presliding without a rising level, and a rising level without presliding."""
+        excess = max(p["F_s"] - p["F_c"], 0.01 * p["F_c"])
+        return {
+            "dahl_presliding": {"F_c": p["F_c"], "sigma": p["sigma0"]},
+            "stribeck_friction": {"mu": p["F_c"], "excess": excess, "v_s": p["v_s"]},
+        }
+
+    @classmethod
     def blurred(cls, p: Mapping[str, float], blur: float) -> tuple[str, ...]:
         """Return friction without presliding, and presliding without a rising level."""
         return ("coulomb_friction", "dahl_presliding") if p["F_c"] / p["sigma0"] < blur else ()

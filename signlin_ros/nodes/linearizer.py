@@ -127,7 +127,9 @@ class LinearizerNode(ManagedNode):
     # ---------------------------------------------------------------- messages
 
     def _rest(self) -> float:
-        return min(LONGEST_REST, self.model.update_period / 20)
+        """Return how long messages may gather, in s: not beyond the next update."""
+        due = self._timer.time_until_next_call() or 0
+        return max(0.0, min(LONGEST_REST, self.model.update_period / 20, due / NANO))
 
     def _take_input(self, message: Float64MultiArray, now: int) -> None:
         self.logic.take_input(convert.read_vector(message, len(self.model.inputs)), now)
