@@ -672,6 +672,7 @@ def figures(output: str) -> Report:
     cls=_Examples,
     epilog="""signlin workbench
 signlin workbench my_motor.yaml monday.csv tuesday.csv
+signlin workbench my_motor.yaml --namespace /arm --joint elbow
 signlin workbench --host 0.0.0.0 --port 8080""",
 )
 @click.argument("model", required=False)
@@ -682,8 +683,17 @@ signlin workbench --host 0.0.0.0 --port 8080""",
 @click.option("--port", default=0, type=click.IntRange(0, 65535), help="Default: any that is free.")
 @click.option("--no-browser", is_flag=True, help="Only print the address.")
 @click.option("--sample", is_flag=True, help="Begin with the sample record.")
+@click.option("--namespace", default="", help="ROS namespace of the nodes that the tab Live follows.")
+@click.option("--joint", default="joint", show_default=True, help="Which joint of joint_states it follows.")
 def workbench(
-    model: str | None, data: tuple[str, ...], host: str | None, port: int, no_browser: bool, sample: bool
+    model: str | None,
+    data: tuple[str, ...],
+    host: str | None,
+    port: int,
+    no_browser: bool,
+    sample: bool,
+    namespace: str,
+    joint: str,
 ) -> None:
     """Open a page on this machine on which records are compared, diagnosed and explained by clicking.
 
@@ -695,7 +705,8 @@ def workbench(
         if (error.name or "signlin_ros").startswith("signlin_ros"):
             raise
         raise MissingExtraError("The workbench", "web") from error
-    serve((model, *data) if model else (), host, port, show=not no_browser, sample=sample)
+    live = (f"--namespace={namespace}", f"--joint={joint}")
+    serve((model, *data) if model else (), host, port, show=not no_browser, sample=sample, live=live)
 
 
 # -------------------------------------------------------------------- running

@@ -14,6 +14,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -327,6 +328,7 @@ def _draw_moments(story: Story, ax: Any) -> None:
 @click.option("--output", default="out", help="Folder for the figure, the report and the models.")
 def main(output: str) -> None:
     """Run the live demo."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # as an interruption does: the nodes are ended
     folder = Path(output)
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="signlin_live_") as work:

@@ -7,6 +7,7 @@ import contextlib
 import json
 import os
 import sys
+from collections.abc import Sequence
 from importlib.util import find_spec
 from typing import Any
 
@@ -17,9 +18,13 @@ WAITING = 100
 
 
 class Live:
-    """The subscriber, started with the first page that looks and ended after the last."""
+    """The subscriber, started with the first page that looks and ended after the last.
 
-    def __init__(self) -> None:
+    ``options``: what the subscriber is told of the names (``--namespace /arm``).
+    """
+
+    def __init__(self, options: Sequence[str] = ()) -> None:
+        self.options = tuple(options)
         self.listeners: set[asyncio.Queue[str]] = set()
         self._ended = False
         self._process: asyncio.subprocess.Process | None = None
@@ -51,7 +56,7 @@ class Live:
 
     async def _start(self) -> None:
         self._process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-m", "signlin_ros.nodes.feed"),
+            *(sys.executable, "-m", "signlin_ros.nodes.feed", *self.options),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},

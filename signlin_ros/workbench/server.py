@@ -47,11 +47,11 @@ SESSION = "signlin_project"
 class Workbench:
     """The projects of a folder, those that are open, and what the command line named."""
 
-    def __init__(self, store: Path, given: Sequence[str] = (), sample: bool = False) -> None:
+    def __init__(self, store: Path, given: Sequence[str] = (), sample: bool = False, live: Sequence[str] = ()) -> None:
         self.store, self.given, self.sample = store, tuple(given), sample
         self.sessions: dict[str, Session] = {}
         self.ended = False
-        self.live = Live()
+        self.live = Live(live)
 
     def session(self, identity: str) -> Session:
         """Return the session of a project, opened if need be; raises `InputError` where there is no such project."""
@@ -347,13 +347,21 @@ def application(bench: Workbench, hosts: Sequence[str] = safety.LOCAL, token: st
 
 
 def serve(
-    given: Sequence[str] = (), host: str | None = None, port: int = 0, show: bool = True, sample: bool = False
+    given: Sequence[str] = (),
+    host: str | None = None,
+    port: int = 0,
+    show: bool = True,
+    sample: bool = False,
+    live: Sequence[str] = (),
 ) -> None:
-    """Serve the page until interrupted; raises `InputError` where the address cannot be had."""
+    """Serve the page until interrupted; raises `InputError` where the address cannot be had.
+
+    ``live``: options of `signlin_ros.nodes.feed`.
+    """
     import uvicorn
 
     token = None if host is None else safety.new_token()
-    bench = Workbench(Path(STORE), given, sample)
+    bench = Workbench(Path(STORE), given, sample, live)
     listening = _listening(host or "127.0.0.1", port)
     shown = host if host not in (None, "0.0.0.0", "::") else "127.0.0.1"
     address = f"http://{shown}:{listening.getsockname()[1]}/" + (f"?token={token}" if token else "")

@@ -33,7 +33,8 @@ def running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         drive = ("-p", "input_signal:=sine", "-p", "amplitude:=3.0", "-p", "input_period:=2.0")
         processes = []
         for name, more in (("linearizer", ()), ("plant_simulator", drive)):
-            command = [str(BIN / name), "--ros-args", "--params-file", str(CONFIG / "dc_motor.yaml"), *more]
+            command = [str(BIN / name), "--ros-args", "-r", "__ns:=/arm", *more]
+            command += ["--params-file", str(CONFIG / "dc_motor.yaml")]
             with (tmp_path / f"{name}.log").open("wb") as log:
                 processes.append(subprocess.Popen(command, stdout=log, stderr=log, env=dict(os.environ)))
         yield
@@ -48,7 +49,7 @@ def test_a_running_system_is_seen_marked_and_taken(
     running: None, server: Callable[..., Server], browser: Callable[..., Page]
 ) -> None:
     page = browser()
-    page.open(server("dc_motor").address)
+    page.open(server("dc_motor", "--namespace", "/arm").address)
     page.wait(
         lambda: page.driver.find_element("css selector", "#model option").text.startswith("dc_motor"), "the model"
     )

@@ -94,7 +94,11 @@ class View {
       this.curves[name].forget(frame.now - MINUTE);
     }
     if (frame.model) this.model(frame.model);
-    if (frame.texts?.verdict) this.verdict.textContent = told(frame.texts.verdict);
+    if (frame.texts?.verdict) this.hear(frame.texts.verdict);
+    if (frame.texts?.model_yaml && this.yaml !== frame.texts.model_yaml) {
+      if (this.yaml) this.mark("another model");
+      this.yaml = frame.texts.model_yaml;
+    }
     this.curves.A.forget(frame.now - MINUTE);
     if (frame.state) {
       this.seen = frame.now;
@@ -111,6 +115,16 @@ class View {
         this.draw();
       });
     }
+  }
+
+  // A change, a name or a verdict is marked; how long a diagnosis has been running is not.
+  hear(text) {
+    const { sentence, state } = told(text);
+    this.verdict.textContent = sentence;
+    const what = { changed: "changed", named: "named", running: this.asked ? "" : "diagnosis asked", done: "verdict" }[state];
+    if (what) this.mark(what);
+    if (state === "running") this.asked = true;
+    if (state === "done" || state === "failed") this.asked = false;
   }
 
   model(m) {
@@ -180,7 +194,7 @@ class View {
     ctx.save();
     ctx.strokeStyle = css("--simulated");
     ctx.setLineDash([4, 4]);
-    for (const t of this.marks) {
+    for (const { t } of this.marks) {
       const x = u.valToPos(t - this.now, "x", true);
       if (x < bbox.left || x > bbox.left + bbox.width) continue;
       ctx.beginPath();
@@ -191,10 +205,10 @@ class View {
     ctx.restore();
   }
 
-  mark() {
+  mark(what = "") {
     if (!this.now) return;
-    this.marks.push(this.now);
-    const times = this.marks.map((t) => new Date(1000 * t).toLocaleTimeString());
+    this.marks.push({ t: this.now, what });
+    const times = this.marks.map((m) => `${new Date(1000 * m.t).toLocaleTimeString()}${m.what ? ` (${m.what})` : ""}`);
     this.marked.textContent = `Marked: ${times.join(", ")}`;
     say("marked");
   }
@@ -219,13 +233,13 @@ class View {
   }
 }
 
-// What a monitor says, as it writes it: JSON like that of diagnose.
+// What a monitor says, as it writes it: JSON like that of diagnose, with its state.
 function told(text) {
   try {
     const verdict = JSON.parse(text);
-    return verdict.sentence ?? verdict.verdict ?? text;
+    return { sentence: verdict.sentence ?? verdict.verdict ?? text, state: verdict.state };
   } catch {
-    return text;
+    return { sentence: text };
   }
 }
 
