@@ -17,6 +17,7 @@ from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.measures import (
     acting,
     comparable,
+    is_shown_to_leave_noise,
     leaves_much,
     leaves_noise,
     near_noise,
@@ -208,7 +209,8 @@ class Judgement:
             return "structure" if ((large or self.structure[0]) and not noise) or more else ""
         noise, far = leaves_noise(self.final, self.criteria), not near_noise(self.final, self.criteria)
         if self.names and far and (noise or self.percent is None):
-            return "elsewhere" if self.elsewhere else "structure" if self.little_motion else ""
+            shown = is_shown_to_leave_noise(self.final, self.criteria)
+            return "elsewhere" if self.elsewhere else "structure" if self.little_motion and not shown else ""
         return "" if noise or self.within_noise else "structure"
 
     @property
@@ -239,8 +241,12 @@ class Judgement:
 
     @property
     def little_motion(self) -> bool:
-        """Whether a proposal leaves the larger part of what the motion lacks, in every channel."""
+        """Whether a proposal leaves the larger part of what the motion lacks, in every channel. A base that follows the
+        motion only with parameters far from nominal, which the proposal sets right, does not say what it lacks.
+        """
         motion = self.agreed.motion
+        if self.agreed.base.far(self.criteria) and not self.far:
+            return False
         return motion.gain(self.agreed.base, self.final).share < 1.0 - self.criteria.part
 
     @property

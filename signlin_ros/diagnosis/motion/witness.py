@@ -325,14 +325,17 @@ class Motion:
         return [f for f in self.each(lambda t: self._climbed(of.fit, t, len(t.starts)), jobs) if f]
 
     def plainer(self, f: Fitted) -> list[Fitted]:
-        """Return a fit with the simpler law in place of one that cannot be told from it; without it beside others."""
+        """Return a fit with the simpler law in place of one that cannot be told from it, or that is one for the values
+        found; without it beside others where nothing tells it from nothing.
+        """
         parts, found = Parts.of(f.fit), list[Fitted | None]()
-        for key in (k for k in parts.keys if f.vague(self.criteria).startswith(k)):
+        for key in parts.keys:
             effect, values = EFFECTS[f.model.effects[key].type], f.model.effects[key].parameters
-            nothing = {n: 0.0 for n in effect.telling if not effect.pars()[n].positive}
+            vague = f.vague(self.criteria).startswith(key)
+            nothing = {n: 0.0 for n in effect.telling if vague and not effect.pars()[n].positive}
             simpler = effect.simpler(values | nothing)
             fewer = [extended(self.problem, parts.without(key), Trial(n, ()), start) for n, start in simpler.items()]
-            if not fewer and len(f.effects) > 1:
+            if vague and not fewer and len(f.effects) > 1:
                 fewer = [parts.without(key).candidate(self.problem)]
             found += [self._from(f, c) for c in fewer]
         return [one for one in found if one]
