@@ -241,13 +241,12 @@ class Judgement:
 
     @property
     def little_motion(self) -> bool:
-        """Whether a proposal leaves the larger part of what the motion lacks, in every channel. A base that follows the
-        motion only with parameters far from nominal, which the proposal sets right, does not say what it lacks.
+        """Whether a proposal leaves the larger part of what the motion lacks, of unseen data or of those that it was
+        fitted to.
         """
-        motion = self.agreed.motion
-        if self.agreed.base.far(self.criteria) and not self.far:
-            return False
-        return motion.gain(self.agreed.base, self.final).share < 1.0 - self.criteria.part
+        motion, base = self.agreed.motion, self.agreed.base
+        known = gain(base.known_squares, self.final.known_squares, motion.problem.noise)
+        return min(motion.gain(base, self.final).share, known.share) < 1.0 - self.criteria.part
 
     @property
     def verdict(self) -> str:
