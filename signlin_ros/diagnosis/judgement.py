@@ -17,7 +17,6 @@ from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.measures import (
     acting,
     comparable,
-    is_shown_to_leave_noise,
     leaves_much,
     leaves_noise,
     near_noise,
@@ -209,8 +208,7 @@ class Judgement:
             return "structure" if ((large or self.structure[0]) and not noise) or more else ""
         noise, far = leaves_noise(self.final, self.criteria), not near_noise(self.final, self.criteria)
         if self.names and far and (noise or self.percent is None):
-            shown = is_shown_to_leave_noise(self.final, self.criteria)
-            return "elsewhere" if self.elsewhere else "structure" if self.little_motion and not shown else ""
+            return "elsewhere" if self.elsewhere else "structure" if self.little_motion else ""
         return "" if noise or self.within_noise else "structure"
 
     @property

@@ -137,19 +137,19 @@ def comparable(force: Testimony, f: Fitted) -> bool:
         return False
     if set(f.effects) & not_seen(force) and f.white:
         return False
-    if any(effect.angular for effect in effects) and max(_orders(f)) > force.search.finest:
+    if any(effect.periodic for effect in effects) and max(_orders(f)) > force.search.finest:
         return False
+    if any(effect.angular and not effect.periodic for effect in effects) and force.search.finest < 1.0:
+        return False  # a weight is a wave of order one
     return force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
 
 
 def _orders(f: Fitted) -> list[float]:
-    """Return the orders of the waves of a model; a weight's is one."""
+    """Return the orders of the waves of a model."""
     found: list[float] = []
     for use in f.model.effects.values():
-        effect = find_effect(use.type, "effects")
-        for name in effect.periodic[:1]:
+        for name in find_effect(use.type, "effects").periodic[:1]:
             found += np.atleast_1d(use.parameters[name]).tolist()
-        found += [1.0] if effect.angular and not effect.periodic else []
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -106,7 +107,7 @@ def force_witness(
     model = SimpleNamespace(plant=SimpleNamespace(motion_is_imposed=lambda: imposed))
     regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current, model=model)
     models = {frozenset(effects): SimpleNamespace(unseen=np.zeros(1))}
-    search = SimpleNamespace(r=regression, models=models, helpful=frozenset(helpful))
+    search = SimpleNamespace(r=regression, models=models, helpful=frozenset(helpful), finest=math.inf)
     return SimpleNamespace(search=search, effects=effects, structure=structure, flexible=flexible)
 
 
@@ -251,7 +252,7 @@ def test_a_force_that_changes_along_the_record_is_told(monkeypatch):
         (Fit(("coulomb_friction",), (0.5, 1.2), 0.4), sees(), "", "worse"),
         (Fit(("coulomb_friction",), (0.5,), 0.4, away={"K_m": 45.0}), sees(), "", "far"),
         (COULOMB, sees(structure=True, flexible=0.5), "", "structure"),
-        (COULOMB, None, "", "structure"),
+        (Fit(("coulomb_friction",), (2.0,), 0.4), None, "", "structure"),
     ],
     ids=["the witnesses differ", "a channel gets worse", "a known parameter is far", "a curve", "no force is seen"],
 )

@@ -346,7 +346,8 @@ def states_of(model: Model, piece: Piece, p: Array | None = None) -> Array:
     ``p``: values of the model's parameters in the trace's order, by default its own.
     """
     known = {n: v for n, v in piece.values.items() if n in model.states}
-    return driven(model, piece.t, piece.u, known, 0.5 * piece.step, p=p)
+    follows = any("." not in n and n not in known for n in model.states)  # the input, as a current of the plant does
+    return driven(model, piece.t, piece.u, known, 0.5 * piece.step if follows else 0.0, p=p)
 
 
 def missing_force(model: Model, piece: Piece, p: Array | None = None, x: Array | None = None) -> Array:
