@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field, replace
-import math
 from types import SimpleNamespace
 from typing import Any
 
