@@ -246,18 +246,10 @@ class MonitorNode(ManagedNode):
         """Ask what has changed, once for each change, and tell the answer."""
         changed = self.logic.alarm_stamp
         if changed != self._named:
-            self._changed_in = ""
-        if self._naming is None and changed != self._named:
-            question = self.logic.question(self.now())
-            if changed is None or question is not None:
-                self._named = changed
-            if question is not None:
-                self._naming = Naming(question)
-        if self._naming is None or self._naming.running:
+            self._ask_for_names(changed)
+        if self._naming is None or self._naming.running or changed is None:
             return
         found, self._naming = self._naming, None
-        if changed is None or changed != self._named:
-            return
         try:
             names = found.result()
         except SignlinError as error:
@@ -268,6 +260,23 @@ class MonitorNode(ManagedNode):
         sentence = f"what has changed: {self._changed_in}"
         self.get_logger().warning(sentence)
         self._tell({"state": "named", "since": changed / NANO, "names": names, "sentence": sentence})
+
+    def _ask_for_names(self, changed: int | None) -> None:
+        """Ask what has changed as soon as there are data enough; what was asked of another change is given up."""
+        self._changed_in = ""
+        if self._naming is not None:
+            self._naming.stop()
+            self._naming = None
+        try:
+            question = None if changed is None else self.logic.question(self.now())
+        except SignlinError as error:  # less is kept than is asked of
+            self._named = changed
+            self.get_logger().warning(f"what has changed is not tried: {error}")
+            return
+        if changed is None or question is not None:
+            self._named = changed
+        if question is not None:
+            self._naming = Naming(question)
 
     # ---------------------------------------------------------------- services
 

@@ -168,7 +168,10 @@ class MonitorLogic:
         return None if self.alarm is None else self._epoch + round(self.alarm.onset * NANO)
 
     def question(self, now: int) -> Question | None:
-        """Return what is to be asked of what has changed, once `SPAN` of data since then are there; None before."""
+        """Return what is to be asked of what has changed, once `SPAN` of data since then are there; None before.
+
+        Raises `InputError` where less than that is kept.
+        """
         watch, alarm, onset = self._watch, self.alarm, self.alarm_stamp or 0
         if alarm is None or watch is None or self.model is None or watch.trust is None or now < onset + SPAN:
             return None

@@ -71,6 +71,18 @@ def test_a_change_is_called_and_named(change: str) -> None:
     assert told["value"] == pytest.approx(1.5, abs=0.2) if change == "friction" else told["value"] is None
 
 
+def test_what_has_changed_is_not_asked_where_too_little_is_kept() -> None:
+    run = Run(3001)
+    run.logic = MonitorLogic(Settings(keep=5.0, learn=LEARN), 0)
+    run.logic.configure(MOTOR, 0)
+    run.go(AT)
+    run.rig.change("friction")
+    run.go(AT + 22.0)
+    assert run.alarms
+    with pytest.raises(InputError, match="nothing to record"):
+        run.logic.question(run.k * round(STEP * NANO))
+
+
 def test_a_first_word_that_fails_says_why() -> None:
     naming = Naming(None)  # type: ignore[arg-type]
     with pytest.raises(SignlinError, match="what has changed was not found"):
