@@ -52,6 +52,7 @@ OFF: dict[str, float | int] = {
     "most": 1,
     "beam": 1,
     "waves": 1.0,
+    "once": ALWAYS,
     "far": NEVER,
     "bent": NEVER,
     "bent_share": NEVER,

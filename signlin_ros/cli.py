@@ -355,7 +355,7 @@ def compare(
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis.comparison import compare as run
-    from signlin_ros.diagnosis.data import load_sides
+    from signlin_ros.follow.data import load_sides
     from signlin_ros.guard import check_files, check_sides
     from signlin_ros.model import Model
 
@@ -397,7 +397,7 @@ def check(model: str, data: tuple[str, ...], signals: tuple[str, ...], cures: tu
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
     from signlin_ros.checks.run import check as run
-    from signlin_ros.diagnosis.data import load_records
+    from signlin_ros.follow.data import load_records
     from signlin_ros.guard import check_files
     from signlin_ros.model import Model
 
@@ -495,7 +495,7 @@ def _learned(
     mapping = _mapping(signals, *data, *validation)
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
-    from signlin_ros.diagnosis.data import load_sides
+    from signlin_ros.follow.data import load_sides
     from signlin_ros.guard import check_files, check_sides
     from signlin_ros.learned import add_learned
     from signlin_ros.model import SUFFIXES, Model
@@ -540,9 +540,9 @@ def _diagnosed(
     from signlin_ros import console
     from signlin_ros.checks.finding import to_json
     from signlin_ros.diagnosis import verbs as page
-    from signlin_ros.diagnosis.data import load_sides
     from signlin_ros.diagnosis.proposal import printed
     from signlin_ros.files import write_text
+    from signlin_ros.follow.data import load_sides
     from signlin_ros.guard import check_files, check_sides
     from signlin_ros.model import SUFFIXES, Model
 

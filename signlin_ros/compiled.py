@@ -9,12 +9,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.engine.symbolic import symbolic
+from signlin_ros.engine.tape import Tape
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
 from signlin_ros.sign import valid_expression
 from signlin_ros.smooth import SmoothForm, smooth_form
-from signlin_ros.symbolic import symbolic
-from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
 TINY = 1e-290

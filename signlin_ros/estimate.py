@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from signlin_ros import kernels
+from signlin_ros.engine import kernels
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.simulate import Stepper

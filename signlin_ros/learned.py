@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.comparison.inverse import Efforts
 from signlin_ros.diagnosis.comparison import compare_efforts
-from signlin_ros.diagnosis.data import as_list
 from signlin_ros.diagnosis.first_rows import ready
-from signlin_ros.diagnosis.inverse import Efforts
-from signlin_ros.diagnosis.motion.prepare import held_out
 from signlin_ros.effects.learned_force import OVER
 from signlin_ros.errors import InputError
+from signlin_ros.fitting.prepare import held_out
+from signlin_ros.follow.data import as_list
 from signlin_ros.learning import Learned, learn
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -34,7 +34,7 @@ def learn_missing(
     """Learn the force that a model lacks on records, as a curve over one coordinate or two.
 
     The missing force is the effort that the measured motion takes by the model, less the measured one, both behind the
-    same zero-phase low-pass (`signlin_ros.diagnosis.inverse`); where the machine stands it is not known.
+    same zero-phase low-pass (`signlin_ros.comparison.inverse`); where the machine stands it is not known.
 
     Parameters
     ----------

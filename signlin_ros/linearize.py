@@ -137,7 +137,7 @@ class Linearizer:
 
     def _compiled(self) -> Callable[[Array, Array, Array], None]:
         """Return what fills results (T, ...) from x (T, n) and u (T, m); here because one point needs no compiler."""
-        from signlin_ros.wide import at_points
+        from signlin_ros.engine.wide import at_points
 
         tape, _ = linear_tape(self.model.structure, self.model.sign_order, self.method)
         return at_points(tape, (self.n, self.m), np.concatenate(self._constants))

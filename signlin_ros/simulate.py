@@ -13,12 +13,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from signlin_ros import kernels
 from signlin_ros.compiled import exact_tape, linear_tape, scales, smooth_tape, weights
+from signlin_ros.engine import kernels
+from signlin_ros.engine.native import native
+from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import InputError, SimulationError, choices, suggest
 from signlin_ros.model import Model
-from signlin_ros.native import native
-from signlin_ros.symbolic import symbolic
 from signlin_ros.trace import Structure, trace
 
 Array = NDArray[np.float64]

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from signlin_ros.engine.symbolic import symbolic
+from signlin_ros.engine.terms import Change, Groups, TermSplitter
 from signlin_ros.sign import sign_j_change, sign_j_expression
-from signlin_ros.symbolic import symbolic
-from signlin_ros.terms import Change, Groups, TermSplitter
 from signlin_ros.trace import Structure, Trace, trace
 
 

@@ -15,11 +15,11 @@ import casadi as ca
 
 from signlin_ros.asking import asked
 from signlin_ros.effects import Effect
+from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
 from signlin_ros.par import POWERS, Namespace, as_law_sees
 from signlin_ros.plants import Plant
-from signlin_ros.symbolic import symbolic
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def trace(structure: Structure) -> Trace:
     """Trace the equations of a structure; raise `ModelError` if an effect does not apply to the plant.
 
     What was traced is kept until the process ends, as is its machine code: expressions that are forgotten in one thread
-    must not be written in another (`signlin_ros.symbolic`).
+    must not be written in another (`signlin_ros.engine.symbolic`).
     """
     tracer = _Tracer(structure)
     results, delay = tracer.run()

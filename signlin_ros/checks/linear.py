@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.model import Model
-from signlin_ros.symbolic import symbolic
 from signlin_ros.trace import Structure, trace
 
 Array = NDArray[np.float64]

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros import kernels
 from signlin_ros.control.drive import Drive, resting
 from signlin_ros.control.law import Law, step
 from signlin_ros.control.reference import Profile
-from signlin_ros.native import compiled, inner
+from signlin_ros.engine import kernels
+from signlin_ros.engine.native import compiled, inner
 
 Array = NDArray[np.float64]
 

@@ -16,17 +16,17 @@ from signlin_ros.lazy import exports
 _EXPORTS = {
     "Comparison": "comparison",
     "Diagnosis": "results",
-    "Missing": "missing",
-    "Noise": "noise",
-    "Region": "locate",
-    "Score": "scores",
+    "Missing": "signlin_ros.comparison.missing",
+    "Noise": "signlin_ros.noise",
+    "Region": "signlin_ros.comparison.locate",
+    "Score": "signlin_ros.comparison.scores",
     "add": "verbs",
     "compare": "comparison",
     "diagnose": "verbs",
-    "load_records": "data",
+    "load_records": "signlin_ros.follow.data",
     "refine": "verbs",
-    "noise_level": "noise",
-    "residual_test": "whiteness",
+    "noise_level": "signlin_ros.noise",
+    "residual_test": "signlin_ros.comparison.whiteness",
 }
 
 __getattr__, __dir__ = exports(__name__, _EXPORTS)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from signlin_ros.diagnosis.data import as_list, measured_channels
-from signlin_ros.diagnosis.motion.prepare import held_out
-from signlin_ros.diagnosis.segments import LEAST_SAMPLES, pieces, with_measured_position
+from signlin_ros.fitting.prepare import held_out
+from signlin_ros.follow.data import as_list, measured_channels
+from signlin_ros.follow.segments import LEAST_SAMPLES, pieces, with_measured_position
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

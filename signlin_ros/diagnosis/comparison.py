@@ -2,7 +2,7 @@
 
 ``free_run``   the exact simulation from an initial state that is estimated, held against all samples
 ``windowed``   non-overlapping windows of the horizon, each from a state estimated from the samples before it
-``inverse``    the effort that the measured motion should have taken (`signlin_ros.diagnosis.inverse`)
+``inverse``    the effort that the measured motion should have taken (`signlin_ros.comparison.inverse`)
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.data import Stretch, as_list, measured_channels, stretches, unit_asked
+from signlin_ros.comparison.inverse import Efforts, Inverse, inverse
+from signlin_ros.comparison.locate import Region, by_direction, locate
+from signlin_ros.comparison.missing import Missing, missing
+from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
+from signlin_ros.comparison.whiteness import ResidualTest, residual_test
 from signlin_ros.diagnosis.first_rows import FirstRows, Ready, ready
-from signlin_ros.diagnosis.freerun import FreeRun, free_run
-from signlin_ros.diagnosis.inverse import Efforts, Inverse, inverse
-from signlin_ros.diagnosis.locate import Region, by_direction, locate
-from signlin_ros.diagnosis.missing import Missing, missing
-from signlin_ros.diagnosis.observer import TRUSTS, Observer
-from signlin_ros.diagnosis.outliers import without_outliers
-from signlin_ros.diagnosis.scores import Score, follows_nothing, score, unfollowed
-from signlin_ros.diagnosis.tracking import mean_square
-from signlin_ros.diagnosis.whiteness import ResidualTest, residual_test
 from signlin_ros.errors import InputError
+from signlin_ros.follow.data import Stretch, as_list, measured_channels, stretches, unit_asked
+from signlin_ros.follow.freerun import FreeRun, free_run
+from signlin_ros.follow.observer import TRUSTS, Observer
+from signlin_ros.follow.outliers import without_outliers
+from signlin_ros.follow.tracking import mean_square
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, sensor_noise
 from signlin_ros.predict import windows

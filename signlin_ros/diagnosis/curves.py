@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.comparison.missing import per_force
 from signlin_ros.diagnosis.comparison import Comparison, Traces
-from signlin_ros.diagnosis.missing import per_force
-from signlin_ros.diagnosis.tracking import Tracker
+from signlin_ros.follow.tracking import Tracker
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
+FORGOTTEN = 0.1
+"""Correlation of a quantity with itself below which it has forgotten itself."""
 LEAST = 8
 """A bin with fewer samples says nothing."""
 
@@ -52,7 +54,7 @@ def memory(values: Array) -> int:
     """Return after how many samples a quantity (N,) has forgotten itself: twice the lag of correlation 0.1."""
     centred = values - values.mean()
     own = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2)[: centred.size]
-    below = np.flatnonzero(own < 0.1 * own[0]) if own[0] > 0 else np.array([1])
+    below = np.flatnonzero(own < FORGOTTEN * own[0]) if own[0] > 0 else np.array([1])
     return int(min(2 * (below[0] if below.size else values.size), max(1, values.size // 20)))
 
 

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.data import travelled
+from signlin_ros.follow.data import travelled
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

@@ -19,11 +19,11 @@ from signlin_ros.diagnosis.force.record import depends_on_place
 from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.measures import comparable, force_left, noise_percent, percent, written_left
 from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.motion.prepare import prepared
 from signlin_ros.diagnosis.motion.score import of_windows
-from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.results import Rung, Scores
 from signlin_ros.effects import load_entry_points
+from signlin_ros.fitting.prepare import prepared
+from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.comparison.scores import unfollowed
 from signlin_ros.diagnosis.agreement import Agreed
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
@@ -26,10 +27,9 @@ from signlin_ros.diagnosis.measures import (
 )
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain, of_windows
-from signlin_ros.diagnosis.scores import unfollowed
-from signlin_ros.diagnosis.signs import reversed_signal
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import SignlinError
+from signlin_ros.fitting.signs import reversed_signal
 
 Array = NDArray[np.float64]
 

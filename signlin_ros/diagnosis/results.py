@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from signlin_ros.diagnosis.scores import Score
+from signlin_ros.comparison.scores import Score
 from signlin_ros.digits import with_error
 from signlin_ros.markup import html_table
 from signlin_ros.model import Model

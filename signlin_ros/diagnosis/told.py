@@ -15,11 +15,11 @@ from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import of_effort
 from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import SignlinError
+from signlin_ros.fitting.problem import Problem
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import of_effort
 from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.scores import follows_nothing
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from signlin_ros.engine.native import native
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
-from signlin_ros.native import native
 from signlin_ros.observe.events import INPUT, QUERY, run_filters
 from signlin_ros.observe.meter import NoiseMeter
 from signlin_ros.observe.steps import pushed_states, step_tape

@@ -27,9 +27,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.engine.symbolic import symbolic
+from signlin_ros.engine.tape import Tape
 from signlin_ros.plants import Plant
-from signlin_ros.symbolic import symbolic
-from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]

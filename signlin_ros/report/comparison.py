@@ -9,13 +9,13 @@ from typing import Any
 
 from signlin_ros import __version__
 from signlin_ros.checks.finding import Finding
+from signlin_ros.comparison.scores import Score
 from signlin_ros.console import error_rows
-from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import NOWHERE, Comparison
 from signlin_ros.diagnosis.results import Rung
-from signlin_ros.diagnosis.scores import Score
 from signlin_ros.errors import SignlinError
 from signlin_ros.names import AS_GIVEN, REFITTED
+from signlin_ros.report import pictures
 from signlin_ros.report.files import write_report
 from signlin_ros.report.page import Block, Code, Items, Page, Picture, Section, Table, Text
 

@@ -7,18 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 
 from signlin_ros.checks.finding import Finding
-from signlin_ros.diagnosis import diagnosis_pictures as drawn
-from signlin_ros.diagnosis import pictures
 from signlin_ros.diagnosis.comparison import Comparison, compare
 from signlin_ros.diagnosis.evidence import Evidence, evidence, nearest
 from signlin_ros.diagnosis.motion.fitted import held
-from signlin_ros.diagnosis.motion.prepare import held_out
 from signlin_ros.diagnosis.proposal import given
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate
 from signlin_ros.errors import SignlinError
+from signlin_ros.fitting.prepare import held_out
 from signlin_ros.model import Model
 from signlin_ros.names import AS_GIVEN, REFITTED
 from signlin_ros.records import ModelData
+from signlin_ros.report import diagnosis_pictures as drawn
+from signlin_ros.report import pictures
 from signlin_ros.report.comparison import (
     OVER_TIME,
     drawing,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.follow import NONE_LATE, _allocated, follow
-from signlin_ros.diagnosis.steps import padded
+from signlin_ros.follow.equations import equations, neutral_sensors
+from signlin_ros.follow.loop import NONE_LATE, _allocated, follow
+from signlin_ros.follow.steps import padded
 from signlin_ros.model import Model
 from signlin_ros.simulate import simulate
 

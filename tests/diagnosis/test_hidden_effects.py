@@ -11,8 +11,8 @@ import pytest
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import add, diagnose, refine
-from signlin_ros.diagnosis.data import load_records
 from signlin_ros.errors import InputError, ModelError, RecordError
+from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data"))

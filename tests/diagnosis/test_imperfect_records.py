@@ -8,8 +8,8 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.derived import without_derived
-from signlin_ros.diagnosis.outliers import without_outliers
+from signlin_ros.fitting.derived import without_derived
+from signlin_ros.follow.outliers import without_outliers
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

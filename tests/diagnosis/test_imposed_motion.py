@@ -10,8 +10,8 @@ import pytest
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.cycles import one_cycle, seldom
-from signlin_ros.diagnosis.data import driving
 from signlin_ros.effects.lugre_friction import LuGreFriction
+from signlin_ros.follow.data import driving
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
 

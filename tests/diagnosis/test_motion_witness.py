@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.data import load_records
 from signlin_ros.diagnosis.motion import CancelledError, Motion
 from signlin_ros.diagnosis.motion.score import gain
+from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate

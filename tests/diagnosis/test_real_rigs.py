@@ -9,9 +9,9 @@ import pytest
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.motion.prepare import prepared
-from signlin_ros.diagnosis.scan import finest
 from signlin_ros.effects import find_effect
+from signlin_ros.fitting.prepare import prepared
+from signlin_ros.fitting.scan import finest
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_traps import AXIS, SMALL, proposed, recorded

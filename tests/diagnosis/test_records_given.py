@@ -10,10 +10,10 @@ import pytest
 from signlin_ros.diagnosis import diagnose, load_records
 from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.motion.prepare import prepared
-from signlin_ros.diagnosis.outliers import without_outliers
 from signlin_ros.diagnosis.results import Entry, Estimate
 from signlin_ros.errors import InputError, RecordError, SimulationError
+from signlin_ros.fitting.prepare import prepared
+from signlin_ros.follow.outliers import without_outliers
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis import diagnose
-from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.tracking import Tracker
+from signlin_ros.follow.equations import equations, neutral_sensors
+from signlin_ros.follow.tracking import Tracker
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate

@@ -9,11 +9,11 @@ import pytest
 
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import diagnose
-from signlin_ros.diagnosis.candidate import candidate
-from signlin_ros.diagnosis.fit import fit
-from signlin_ros.diagnosis.following import _belief, follow_records
-from signlin_ros.diagnosis.problem import prepare
-from signlin_ros.diagnosis.segments import _first_slope
+from signlin_ros.fitting.candidate import candidate
+from signlin_ros.fitting.fit import fit
+from signlin_ros.fitting.following import _belief, follow_records
+from signlin_ros.fitting.problem import prepare
+from signlin_ros.follow.segments import _first_slope
 from tests.diagnosis.test_hidden_effects import records
 from tests.diagnosis.test_traps import BENCH, SMALL, proposed, recorded
 
@@ -165,5 +165,5 @@ def test_a_fit_whose_sensitivities_run_away_is_given_up(tmp_path, monkeypatch):
         errors, derivatives, states = follow_records(*arguments)
         return errors, [d * 1e140 for d in derivatives], states
 
-    monkeypatch.setattr("signlin_ros.diagnosis.fit.follow_records", running_away)
+    monkeypatch.setattr("signlin_ros.fitting.fit.follow_records", running_away)
     assert fit(problem, c, problem.levels[1]) is None

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis import diagnose
-from signlin_ros.diagnosis.problem import prepare
+from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.noise import fourth_difference_noise
 from signlin_ros.records import ModelData

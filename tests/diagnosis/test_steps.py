@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis.equations import equations
-from signlin_ros.diagnosis.steps import DECLARED, carrier, corrected, pace, padded, runge_kutta, seen
+from signlin_ros.engine.native import call_among, compiled, translated
+from signlin_ros.engine.tape import Tape
+from signlin_ros.follow.equations import equations
+from signlin_ros.follow.steps import DECLARED, carrier, corrected, pace, padded, runge_kutta, seen
 from signlin_ros.model import Model
-from signlin_ros.native import call_among, compiled, translated
-from signlin_ros.tape import Tape
 
 RANDOM = np.random.default_rng(4)
 

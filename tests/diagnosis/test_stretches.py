@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis.candidate import candidate
-from signlin_ros.diagnosis.fit import fit
-from signlin_ros.diagnosis.problem import prepare
+from signlin_ros.fitting.candidate import candidate
+from signlin_ros.fitting.fit import fit
+from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate

@@ -12,9 +12,9 @@ from benchmarks.hidden.drives import CHANNELS, INPUT, MASS, MOTOR, Drive, excite
 from benchmarks.hidden.generator import draw, simulate, write
 from benchmarks.hidden.laws import STEP
 from signlin_ros.diagnosis import add, diagnose
-from signlin_ros.diagnosis.problem import prepare
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
 from signlin_ros.errors import RecordError, SimulationError
+from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate as our_simulation

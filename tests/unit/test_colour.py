@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from signlin_ros.diagnosis.motion.colour import Colour, colours, white
 from signlin_ros.diagnosis.motion.score import beyond_noise, gain
+from signlin_ros.fitting.colour import Colour, colours, white
 
 T = 4000
 

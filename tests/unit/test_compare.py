@@ -16,11 +16,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from signlin_ros import cli
+from signlin_ros.comparison.scores import score
 from signlin_ros.console import compare_text
 from signlin_ros.diagnosis.comparison import Comparison, compare
-from signlin_ros.diagnosis.data import load_records
-from signlin_ros.diagnosis.scores import score
 from signlin_ros.errors import InputError, RecordError
+from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
@@ -382,7 +382,7 @@ def test_xl330_is_rotary():
 
 
 def test_a_force_on_the_mass_counts_alike_with_load_dependent_friction():
-    from signlin_ros.diagnosis.missing import per_force
+    from signlin_ros.comparison.missing import per_force
 
     model = Model.load("mass_spring_damper")
     loaded = model.with_effect("load_dependent_friction", kappa_d=0.1, kappa_e=0.2)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.signal import butter, decimate, filtfilt
 
-from signlin_ros.diagnosis.data import load_records, measured_channels, stretches
-from signlin_ros.diagnosis.inverse import inverse
+from signlin_ros.comparison.inverse import inverse
+from signlin_ros.follow.data import load_records, measured_channels, stretches
 from signlin_ros.model import Model
 from signlin_ros.noise import noise_level
 from signlin_ros.records import ModelData

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from signlin_ros.comparison.whiteness import residual_test
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.data import load_records
-from signlin_ros.diagnosis.whiteness import residual_test
+from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.noise import noise_level, quantum_of
 

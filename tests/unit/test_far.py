@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis.candidate import Coordinate
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.fitting.candidate import Coordinate
 
 
 def far(nominal: float, tolerance: float, value: float) -> dict[str, float]:

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 
 from signlin_ros.cli import signlin
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.data import load_records
 from signlin_ros.errors import RecordError
+from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model, read_runs
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from signlin_ros.comparison.locate import block_mean
 from signlin_ros.diagnosis import curves
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.locate import block_mean
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -182,7 +182,7 @@ def test_the_loop_of_a_hysteresis_is_the_spring_force():
 
 @pytest.mark.slow
 def test_every_picture_is_drawn():
-    pictures = pytest.importorskip("signlin_ros.diagnosis.pictures")
+    pictures = pytest.importorskip("signlin_ros.report.pictures")
     pytest.importorskip("matplotlib")
     c = found(MOTOR.with_effect("coulomb_friction", mu=0.033), MOTOR, multisine(4.0))
     curve = np.linspace(-10, 10, 50)

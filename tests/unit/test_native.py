@@ -12,8 +12,8 @@ import pytest
 from numba import njit
 from numba.core.errors import TypingError
 
-from signlin_ros.native import _Cache, call, call_within, caller, native
-from signlin_ros.tape import OPERATIONS, Tape
+from signlin_ros.engine.native import _Cache, call, call_within, caller, native
+from signlin_ros.engine.tape import OPERATIONS, Tape
 
 RANDOM = np.random.default_rng(7)
 UNIT, POSITIVE, ABOVE_ONE = (-1.0, 1.0), (0.0, 5.0), (1.0, 5.0)
@@ -33,8 +33,8 @@ SPECIAL = [(np.nan, 1.0), (1.0, np.nan), (np.nan, np.nan), (np.inf, 1.0), (-np.i
 IN_A_PROCESS = """
 import sys
 import numpy as np
-from signlin_ros.native import caller, native
-from signlin_ros.tape import Tape
+from signlin_ros.engine.native import caller, native
+from signlin_ros.engine.tape import Tape
 import casadi as ca
 x = ca.SX.sym("x")
 print("ready", flush=True)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.diagnosis.data import arriving
 from signlin_ros.errors import InputError
+from signlin_ros.follow.data import arriving
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, Record, Series, Signal
 from signlin_ros.simulate import simulate

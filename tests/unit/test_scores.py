@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis.scores import FLOOR, follows_nothing, score, unfollowed
+from signlin_ros.comparison.scores import FLOOR, follows_nothing, score, unfollowed
 
 T = np.linspace(0.0, 10.0, 2000)
 Y = np.sin(T)

@@ -9,9 +9,9 @@ from concurrent.futures import ThreadPoolExecutor
 import casadi as ca
 import pytest
 
+from signlin_ros.comparison.missing import per_force
 from signlin_ros.compiled import exact_tape, linear_tape, smooth_tape
-from signlin_ros.diagnosis.equations import equations
-from signlin_ros.diagnosis.missing import per_force
+from signlin_ros.follow.equations import equations
 from signlin_ros.model import Model
 
 PARAMETERS = {"m": 1.0, "c": 0.5, "k": 20.0}

@@ -8,7 +8,7 @@ import sys
 import numpy as np
 from scipy.integrate import RK45
 
-from signlin_ros import tableau
+from signlin_ros.engine import tableau
 
 
 def test_coefficients_are_scipys() -> None:

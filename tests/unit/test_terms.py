@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from signlin_ros.terms import Change, TermSplitter
+from signlin_ros.engine.terms import Change, TermSplitter
 
 pytestmark = pytest.mark.slow
 

@@ -35,11 +35,11 @@ from signlin_ros.diagnosis.force.record import (
     tape_of,
 )
 from signlin_ros.effects import EFFECTS, Effect, find_effect
+from signlin_ros.engine.symbolic import symbolic
+from signlin_ros.engine.tape import Tape
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.scale import Scale
-from signlin_ros.symbolic import symbolic
-from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]

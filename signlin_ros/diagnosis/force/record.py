@@ -16,15 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from signlin_ros.diagnosis.data import corrected
-from signlin_ros.diagnosis.missing import per_force
-from signlin_ros.diagnosis.tracking import driven, filled
+from signlin_ros.comparison.missing import per_force
+from signlin_ros.engine.symbolic import symbolic
+from signlin_ros.engine.tape import Tape
+from signlin_ros.follow.data import corrected
+from signlin_ros.follow.tracking import driven, filled
 from signlin_ros.model import Model
 from signlin_ros.noise import quantum_of
 from signlin_ros.plants import Plant
 from signlin_ros.records import ModelData
-from signlin_ros.symbolic import symbolic
-from signlin_ros.tape import Tape
 from signlin_ros.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]

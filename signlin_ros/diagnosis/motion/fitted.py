@@ -9,17 +9,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.candidate import Coordinate, nothing
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.fit import Fit, tidied
-from signlin_ros.diagnosis.following import follow_records
 from signlin_ros.diagnosis.motion.left import Left
 from signlin_ros.diagnosis.motion.score import level
 from signlin_ros.diagnosis.motion.trials import sensors_of
-from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import Effect
+from signlin_ros.fitting.candidate import Coordinate, nothing
+from signlin_ros.fitting.fit import Fit, tidied
+from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 from signlin_ros.trace import resolve_unit
 

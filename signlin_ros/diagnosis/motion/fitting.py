@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.candidate import Candidate, nothing
-from signlin_ros.diagnosis.fit import Filter, Fit, _normal, fit, further
-from signlin_ros.diagnosis.following import follow_records
-from signlin_ros.diagnosis.gains import Gains
 from signlin_ros.diagnosis.motion.score import level, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, extended
-from signlin_ros.diagnosis.narrow import narrowed
-from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.effects import EFFECTS
+from signlin_ros.fitting.candidate import Candidate, nothing
+from signlin_ros.fitting.fit import Filter, Fit, _normal, fit, further
+from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.narrow import narrowed
+from signlin_ros.fitting.problem import Problem
 
 Array = NDArray[np.float64]
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]

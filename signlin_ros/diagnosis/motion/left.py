@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.data import travelled
-from signlin_ros.diagnosis.fit import Fit
-from signlin_ros.diagnosis.following import follow_records
-from signlin_ros.diagnosis.gains import Gains
-from signlin_ros.diagnosis.motion.colour import colours
 from signlin_ros.diagnosis.motion.fitting import solved
-from signlin_ros.diagnosis.problem import Problem
-from signlin_ros.diagnosis.scan import halfway, response
-from signlin_ros.diagnosis.segments import Segment
+from signlin_ros.fitting.colour import colours
+from signlin_ros.fitting.fit import Fit
+from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.fitting.scan import halfway, response
+from signlin_ros.follow.data import travelled
+from signlin_ros.follow.segments import Segment
 
 Array = NDArray[np.float64]
 

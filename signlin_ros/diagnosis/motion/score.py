@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.candidate import Candidate
-from signlin_ros.diagnosis.equations import equations, neutral_sensors
-from signlin_ros.diagnosis.follow import NONE_LATE, follow
-from signlin_ros.diagnosis.following import follow_records, seen_late
-from signlin_ros.diagnosis.gains import Gains
-from signlin_ros.diagnosis.problem import Problem
-from signlin_ros.diagnosis.scores import Score, rated
-from signlin_ros.diagnosis.segments import Segment
+from signlin_ros.comparison.scores import Score, rated
+from signlin_ros.fitting.candidate import Candidate
+from signlin_ros.fitting.following import follow_records, seen_late
+from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.follow.equations import equations, neutral_sensors
+from signlin_ros.follow.loop import NONE_LATE, follow
+from signlin_ros.follow.segments import Segment
 from signlin_ros.predict import windows
 
 Array = NDArray[np.float64]

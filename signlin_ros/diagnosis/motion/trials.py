@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from signlin_ros.diagnosis.candidate import Candidate, candidate
-from signlin_ros.diagnosis.fit import Fit
-from signlin_ros.diagnosis.problem import Problem
-from signlin_ros.diagnosis.scan import periodic_starts
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import InputError, ModelError
+from signlin_ros.fitting.candidate import Candidate, candidate
+from signlin_ros.fitting.fit import Fit
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.fitting.scan import periodic_starts
 from signlin_ros.model import Model
 from signlin_ros.par import nominal_values
 

@@ -12,21 +12,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.candidate import Candidate, candidate
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.data import unit_asked
-from signlin_ros.diagnosis.fit import Fit, tidied
-from signlin_ros.diagnosis.gains import Gains
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
 from signlin_ros.diagnosis.motion.fitting import NEXT, Found, bred, climbed, settled, solved, without
 from signlin_ros.diagnosis.motion.left import left
-from signlin_ros.diagnosis.motion.prepare import prepared, stretched
 from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain, level, windowed
 from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
-from signlin_ros.diagnosis.problem import Problem
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SignlinError, SimulationError
+from signlin_ros.fitting.candidate import Candidate, candidate
+from signlin_ros.fitting.fit import Fit, tidied
+from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.prepare import prepared, stretched
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.follow.data import unit_asked
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

@@ -1,0 +1,195 @@
+"""What the equations lack: the force, or the voltage, that would make the model follow the measurements.
+
+The innovations of an observer, smoothed backwards, give the disturbance at each time [Koopman, Biometrika 80 (1993)
+117]: no derivative of a measurement is taken, and no measured channel is needed but what makes the states observable.
+How far the model is trusted decides how much of it is noise: here as little as a third.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.engine.native import compiled
+from signlin_ros.engine.symbolic import symbolic
+from signlin_ros.errors import InputError
+from signlin_ros.follow.observer import TRUSTS, Design, Observer
+from signlin_ros.model import Model
+from signlin_ros.trace import Trace
+
+Array = NDArray[np.float64]
+
+CLEAR = 3.0
+"""What is missing must be this many times larger (RMS) than what the measurement noise alone would make of it."""
+WORTH = 0.005
+"""What is missing must be at least this share of what the equation typically holds."""
+FREQUENCIES = 512
+"""Frequencies at which the smoother is evaluated, up to Nyquist's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Missing:
+    """What one equation lacks: ``values`` (T,) for each stretch in ``unit``, positive where the state should speed up.
+
+    ``name``: force, torque or an input; ``noise``: its standard deviation where the model is right; ``resolution`` in
+    s: what is closer together is blurred. ``typical``: RMS of what the equation holds. ``clear``: what is missing
+    stands out of the noise at all.
+    """
+
+    name: str
+    unit: str
+    values: tuple[Array, ...]
+    noise: float
+    resolution: float
+    typical: float
+    clear: bool
+
+    @property
+    def rms(self) -> float:
+        """Its root mean square over all stretches."""
+        return float(np.sqrt(np.mean(np.concatenate(self.values) ** 2)))
+
+    def to_json(self) -> dict[str, float | str | bool]:
+        """Return it without its samples."""
+        numbers = {"rms": self.rms, "noise": self.noise, "typical": self.typical, "resolution": self.resolution}
+        return {"unit": self.unit, **numbers, "clear": self.clear}
+
+
+@dataclass(frozen=True)
+class _Equation:
+    """An equation that may lack something: of which state, and by how much its rate grows for one unit of it."""
+
+    name: str
+    unit: str
+    state: int
+    per_unit: float
+
+
+def missing(observer: Observer, units: Mapping[str, str]) -> tuple[Missing, ...]:
+    """Return what each equation of the plant lacks, with the finest resolution at which it stands out of the noise.
+
+    ``units`` of the record, by name. An equation that stands out keeps its freedom while the model is trusted more in
+    the others, so that its fault is not laid at their door. Where the motion is imposed, it is what the measured
+    force lacks.
+    """
+    plant = observer.model.plant
+    if plant.velocity not in observer.model.states:
+        return _beside_motion(observer, units) if plant.effort in observer.channels else ()
+    equations = _equations(observer, units.get(plant.effort, plant.force_unit))
+    trusts, clear, found = dict.fromkeys(observer.disturbed, TRUSTS[-1]), set[int](), list[Missing]()
+    for trust in reversed(TRUSTS):
+        trusts |= {e.state: trust for e in equations if e.state not in clear}
+        design = observer.design(trusts)
+        found = [_missing(observer, e, design) for e in equations]
+        clear |= {e.state for e, one in zip(equations, found, strict=True) if one.clear}
+        if len(clear) == len(equations):
+            break
+    return tuple(found)
+
+
+def _beside_motion(observer: Observer, units: Mapping[str, str]) -> tuple[Missing, ...]:
+    """Return what the computed force lacks beside the measured one; samples that are missing lack nothing."""
+    name = observer.model.plant.effort
+    j = observer.channels.index(name)
+    shown = [tracker.outputs(x)[:, j] for tracker, x in zip(observer.trackers, observer.rough, strict=True)]
+    values = tuple(np.nan_to_num(s.y[:, j] - y) for s, y in zip(observer.stretches, shown, strict=True))
+    noise, rms = observer.noise[j].sigma, float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
+    typical = float(np.sqrt(np.nanmean(np.concatenate([s.y[:, j] for s in observer.stretches]) ** 2)))
+    unit = units.get(name, observer.model.units[name])
+    return (Missing(name, unit, values, noise, observer.step, typical, rms > max(CLEAR * noise, WORTH * typical)),)
+
+
+def _equations(observer: Observer, force_unit: str) -> list[_Equation]:
+    model, plant = observer.model, observer.model.plant
+    forces, inputs, found = per_force(model), _per_input(model), []
+    for i in observer.disturbed:
+        if model.states[i] == plant.velocity and forces[i] != 0:
+            name = "force" if force_unit == "N" else "torque"
+            found.append(_Equation(name, force_unit, i, float(forces[i])))
+        elif inputs[i] != 0 and plant.velocity in model.states:
+            found.append(_Equation(model.inputs[0], plant.input_unit, i, float(inputs[i])))
+    return found
+
+
+def _missing(observer: Observer, equation: _Equation, design: Design) -> Missing:
+    row = design.spread[equation.state] / equation.per_unit
+    noise, gain, resolution = _response(observer, equation, design)
+    values = []
+    for run in observer.runs(design):
+        r = np.zeros_like(run.state)
+        _backwards(design.back, design.weigh, np.nan_to_num(run.innovation), r)
+        values.append(r @ row / gain)
+    rms = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
+    typical = float(observer.typical[equation.state] / abs(equation.per_unit))
+    clear = rms > max(CLEAR * noise / gain, WORTH * typical)
+    return Missing(equation.name, equation.unit, tuple(values), noise / gain, resolution, typical, clear)
+
+
+def _response(observer: Observer, equation: _Equation, d: Design) -> tuple[float, float, float]:
+    """Return the standard deviation that the measurement noise gives to what is missing, the share of a constant
+    that is seen, and the resolution in s.
+
+    All from frequency responses: e = [I - C (zI - A (I - K C))^-1 A K] noise + C (zI - A (I - K C))^-1 disturbance,
+    missing = spread (I/z - back)^-1 weigh e.
+    """
+    omega = np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
+    z = np.exp(1j * omega)[:, None, None]
+    eye = np.eye(len(d.A))
+    to_state = np.linalg.inv(z * eye - d.A @ (eye - d.K @ d.C))
+    smoothing = np.linalg.solve(eye / z - d.back, np.broadcast_to(d.weigh, (FREQUENCIES, *d.weigh.shape)))
+    out = (d.spread[equation.state] / equation.per_unit) @ smoothing
+    from_noise = out - np.einsum("fj,fjk->fk", out, d.C @ to_state @ d.A @ d.K)
+    spectra = [n.sigma**2 * (1 - n.rho**2) / np.abs(1 - n.rho / z[:, 0, 0]) ** 2 for n in observer.noise]
+    noise = float(np.sqrt(np.mean(np.sum(np.abs(from_noise) ** 2 * np.stack(spectra, axis=1), axis=1))))
+    held = d.step[:, equation.state] * equation.per_unit
+    seen = np.abs(np.einsum("fj,fj->f", out, (d.C @ to_state) @ held))
+    if not np.isfinite(seen).all():
+        source = observer.stretches[0].source
+        raise InputError(f"{source}: samples {observer.step:.3g} s apart are too few for the model's fastest motion")
+    passed = omega[seen >= 0.5 * seen.max()].max()
+    return noise, max(float(seen[0]), 1e-6), float(np.pi * observer.step / passed)
+
+
+@compiled
+def _backwards(back, weigh, e, out):  # type: ignore[no-untyped-def]
+    """Fill out (T, n) with r_k, from the last sample on: r_(k-1) = weigh e_k + back r_k."""
+    n, ny = weigh.shape
+    r, new = np.zeros(n), np.zeros(n)
+    for k in range(e.shape[0] - 1, -1, -1):
+        out[k] = r
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += back[i, j] * r[j]
+            for c in range(ny):
+                total += weigh[i, c] * e[k, c]
+            new[i] = total
+        r[:] = new
+
+
+def per_force(model: Model) -> Array:
+    """Return the change of every state's rate (n,) for a unit force on the mass: 1/m in the velocity's row."""
+    probed = model.with_effect("constant_load", key="probe")
+    t = probed.trace
+    return _slope(t, "p", t.parameters.index("probe.F0"), probed.p, 0.0)
+
+
+def _per_input(model: Model) -> Array:
+    """Return the change of every state's rate (n,) for a unit of the first input, where nothing stands in its way."""
+    return _slope(model.trace, "u", 0, model.p, 1.0)
+
+
+@symbolic
+def _slope(t: Trace, what: str, i: int, p: Array, sign: float) -> Array:
+    """Return dF (n,) per unit of a parameter ("p") or an input ("u"), at rest with every sign at ``sign``."""
+    slope = ca.densify(ca.jacobian(t.f, getattr(t, what)[i]))
+    symbols = [t.x, t.u, t.p, *(s.symbol for s in t.surfaces)]
+    values = [np.zeros(t.x.numel()), np.zeros(t.u.numel()), p, *([sign] * len(t.surfaces))]
+    return np.asarray(ca.Function("slope", symbols, [slope])(*values)).ravel()
+
+
+__all__ = ["Missing", "missing", "per_force"]

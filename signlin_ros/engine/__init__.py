@@ -1,0 +1,1 @@
+"""Tapes, machine code and compiled loops beneath simulation, linear models and fits: internal."""

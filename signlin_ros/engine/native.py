@@ -1,0 +1,434 @@
+"""Machine code for tapes: a recorded function becomes native code in milliseconds, without a compiler.
+
+`signlin_ros.engine.tape.Tape` is a straight line of scalar operations. `native` writes it as LLVM intermediate code
+and lets the LLVM that comes with Numba translate it; compiled kernels call the result through its address (`call`,
+`call_within`). A kernel is thus compiled once per machine and serves every model, at the speed of code written for
+that model. What was translated is kept on disk and, as the addresses stay in use, in memory until the process ends.
+"""
+
+# Numba and llvmlite carry no types.
+# mypy: allow-untyped-defs, allow-untyped-calls, disable-error-code="misc"
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import secrets
+import struct
+import threading
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import llvmlite.binding as llvm
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.core.errors import TypingError
+from numba.extending import intrinsic
+
+from signlin_ros.engine.tape import Tape
+
+_PLAIN = {ca.OP_ADD: "fadd", ca.OP_SUB: "fsub", ca.OP_MUL: "fmul", ca.OP_DIV: "fdiv"}
+_COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
+_INTRINSIC = {
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_SQRT: "sqrt",
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_FLOOR: "floor",
+    ca.OP_CEIL: "ceil",
+    ca.OP_FABS: "fabs",
+    ca.OP_POW: "pow",
+    ca.OP_CONSTPOW: "pow",
+    ca.OP_COPYSIGN: "copysign",
+}
+_LIBRARY = {
+    ca.OP_TAN: "tan",
+    ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos",
+    ca.OP_ATAN: "atan",
+    ca.OP_ATAN2: "atan2",
+    ca.OP_SINH: "sinh",
+    ca.OP_COSH: "cosh",
+    ca.OP_TANH: "tanh",
+    ca.OP_ASINH: "asinh",
+    ca.OP_ACOSH: "acosh",
+    ca.OP_ATANH: "atanh",
+    ca.OP_FMOD: "fmod",
+    ca.OP_LOG1P: "log1p",
+    ca.OP_EXPM1: "expm1",
+    ca.OP_HYPOT: "hypot",
+}
+_TWO = {ca.OP_POW, ca.OP_CONSTPOW, ca.OP_COPYSIGN, ca.OP_ATAN2, ca.OP_FMOD, ca.OP_HYPOT}
+
+
+def _literal(value: float) -> str:
+    return f"0x{struct.unpack('>Q', struct.pack('>d', value))[0]:016X}"
+
+
+class Lines:
+    """Lines of a function in LLVM's language, each result with a name of its own."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.count = 0
+
+    def new(self, text: str) -> str:
+        """Write one instruction; returns the name of its result."""
+        self.count += 1
+        self.lines.append(f"  %v{self.count} = {text}")
+        return f"%v{self.count}"
+
+    def place(self, pointer: str, index: int) -> str:
+        """Write where a number stands."""
+        return self.new(f"getelementptr double, double* {pointer}, i64 {index}")
+
+    def number(self, pointer: str, index: int) -> str:
+        """Write that a number is read."""
+        return self.new(f"load double, double* {self.place(pointer, index)}")
+
+
+class Writer(Lines):
+    """Writes tapes as the body of a function, of two pointers by default."""
+
+    def __init__(self, tape: Tape) -> None:
+        super().__init__()
+        self.tape = tape
+        self.declared: set[str] = set()
+        self.slots: dict[int, str] = {tape.n_in + i: _literal(float(v)) for i, v in enumerate(tape.constants)}
+
+    def _call(self, name: str, *arguments: str) -> str:
+        kinds = ", ".join(["double"] * len(arguments))
+        self.declared.add(f"declare double @{name}({kinds})")
+        return self.new(f"call double @{name}({', '.join(f'double {a}' for a in arguments)})")
+
+    def _flag(self, kind: str, a: str, b: str) -> str:
+        return self.new(f"fcmp {kind} double {a}, {b}")
+
+    def _number(self, flag: str) -> str:
+        return self.new(f"uitofp i1 {flag} to double")
+
+    def _choice(self, kind: str, a: str, b: str, yes: str, no: str) -> str:
+        return self.new(f"select i1 {self._flag(kind, a, b)}, double {yes}, double {no}")
+
+    def _truth(self, op: int, a: str, b: str) -> str:
+        zero = _literal(0.0)
+        first = self._flag("une", a, zero)
+        if op == ca.OP_NOT:
+            return self._number(self._flag("oeq", a, zero))
+        if op == ca.OP_IF_ELSE_ZERO:
+            return self.new(f"select i1 {first}, double {b}, double {zero}")
+        word = "and" if op == ca.OP_AND else "or"
+        return self._number(self.new(f"{word} i1 {first}, {self._flag('une', b, zero)}"))
+
+    def value(self, op: int, a: str, b: str) -> str:
+        """Write one operation; returns the name of its result."""
+        if op in _PLAIN:
+            return self.new(f"{_PLAIN[op]} double {a}, {b}")
+        if op in _COMPARE:
+            return self._number(self._flag(_COMPARE[op], a, b))
+        if op in _INTRINSIC:
+            return self._call(f"llvm.{_INTRINSIC[op]}.f64", *((a, b) if op in _TWO else (a,)))
+        if op in _LIBRARY:
+            return self._call(_LIBRARY[op], *((a, b) if op in _TWO else (a,)))
+        return self._rest(op, a, b)
+
+    def _rest(self, op: int, a: str, b: str) -> str:
+        if op == ca.OP_ASSIGN:
+            return a
+        if op == ca.OP_NEG:
+            return self.new(f"fneg double {a}")
+        if op in (ca.OP_SQ, ca.OP_TWICE):
+            return self.new(f"{'fmul' if op == ca.OP_SQ else 'fadd'} double {a}, {a}")
+        if op == ca.OP_INV:
+            return self.new(f"fdiv double {_literal(1.0)}, {a}")
+        if op in (ca.OP_FMIN, ca.OP_FMAX):  # like NumPy, nan if either is
+            return self._choice("olt" if op == ca.OP_FMIN else "ogt", a, b, a, self._choice("uno", a, a, a, b))
+        if op == ca.OP_SIGN:  # 0 and nan remain what they are
+            one, minus, zero = _literal(1.0), _literal(-1.0), _literal(0.0)
+            return self._choice("ogt", a, zero, one, self._choice("olt", a, zero, minus, a))
+        if op in (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO):
+            return self._truth(op, a, b)
+        raise NotImplementedError(f"CasADi operation {op}")
+
+    def _slot(self, index: int) -> str:
+        if index not in self.slots:
+            self.slots[index] = self.number("%in", index)
+        return self.slots[index]
+
+    def results(self, inputs: Mapping[int, str], wanted: Sequence[int]) -> list[str]:
+        """Write what it takes to know the outputs ``wanted`` where some inputs have values of their own; returns them.
+
+        What does not depend on those inputs is written once.
+        """
+        tape, base = self.tape, self.tape.n_in + self.tape.constants.size
+        own = dict(inputs)
+        needed, stack = set[int](), [int(tape.picks[i]) for i in wanted]
+        while stack:
+            slot = stack.pop()
+            if slot >= base and slot not in needed:
+                needed.add(slot)
+                stack += [int(tape.a[slot - base]), int(tape.b[slot - base])]
+        for slot in sorted(needed - self.slots.keys()):
+            k = slot - base
+            a, b = int(tape.a[k]), int(tape.b[k])
+            value = self.value(int(tape.op[k]), own.get(a) or self._slot(a), own.get(b) or self._slot(b))
+            (own if a in own or b in own else self.slots)[slot] = value
+        return [own.get(slot) or self._slot(slot) for slot in (int(tape.picks[i]) for i in wanted)]
+
+    def text(self, name: str, outputs: int, known: Collection[int] = ()) -> str:
+        """Return the function ``name`` that stores the first ``outputs`` results, but for zeros that are ``known``."""
+        zero = _literal(0.0)
+        for i, value in enumerate(self.results({}, range(outputs))):
+            if value == zero and i in known:
+                continue
+            self.lines.append(f"  store double {value}, double* {self.place('%out', i)}")
+        body = "\n".join(self.lines)
+        return f"define void @{name}(double* noalias %in, double* noalias %out) {{\nentry:\n{body}\n  ret void\n}}\n"
+
+
+MOST_FILES = 40_000
+"""Files of machine code, of some 4 kB, from which on the older half is removed."""
+
+
+class _Cache:
+    """Keeps machine code on disk, by the text that it came from and the processor that it is for.
+
+    A folder that cannot be read or written only costs time; so does a file that is not whole, which LLVM would not
+    survive: a file begins with the digest of the code in it. After the first that a process saves, the older half is
+    removed where there are more than ``most``.
+    """
+
+    def __init__(self, folder: Path, most: int = MOST_FILES) -> None:
+        self.folder, self.most, self.pruned = folder, most, False
+
+    def _path(self, module: Any) -> Path:
+        return self.folder / f"{module.name}.code"
+
+    def save(self, module: Any, code: bytes) -> None:
+        """Store what was compiled, all at once: other processes may do the same."""
+        part = self.folder / f"{module.name}.{secrets.token_hex(8)}"
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            part.write_bytes(hashlib.sha256(code).digest() + code)
+            part.replace(self._path(module))
+            if not self.pruned:
+                self.pruned = True
+                self._prune()
+        except OSError:
+            with contextlib.suppress(OSError):
+                part.unlink()
+
+    def _prune(self) -> None:
+        """Remove the oldest half of the files where there are too many."""
+        paths = list(self.folder.iterdir())
+        if len(paths) <= self.most:
+            return
+        ages = []
+        for path in paths:
+            with contextlib.suppress(OSError):  # another process may do the same
+                ages.append((path.stat().st_mtime, path))
+        for _, path in sorted(ages)[: len(paths) // 2]:
+            with contextlib.suppress(OSError):
+                path.unlink()
+
+    def load(self, module: Any) -> bytes | None:
+        """Return what was compiled earlier, if anything."""
+        try:
+            content = self._path(module).read_bytes()
+        except OSError:
+            return None
+        digest, code = content[:_DIGEST], content[_DIGEST:]
+        return code if hashlib.sha256(code).digest() == digest else None
+
+
+_DIGEST = hashlib.sha256().digest_size
+
+
+def _cache_folder() -> Path | None:
+    """Return where machine code is kept; None without a home."""
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    try:
+        return Path(base or Path.home() / ".cache") / "signlin_ros" / "native"
+    except RuntimeError:
+        return None
+
+
+@functools.cache
+def _engine() -> tuple[Any, str]:
+    """Return LLVM's engine with its cache, and what identifies the target."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_default_triple()
+    features = llvm.get_host_cpu_features().flatten()
+    machine = target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=2)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    engine.finalize_object()  # the empty module that it begins with is not for the cache
+    folder = _cache_folder()
+    if folder is not None:
+        cache = _Cache(folder)
+        engine.set_object_cache(cache.save, cache.load)
+        _keep.append(cache)
+    _keep.append(machine)
+    return engine, f"{llvm.get_host_cpu_name()} {features} {llvm.llvm_version_info} {numba.__version__}"
+
+
+_keep: list[Any] = []
+"""What must live as long as the machine code."""
+_lock = threading.Lock()
+"""LLVM's engine takes one module at a time, and none twice."""
+_addresses: dict[str, tuple[int, ...]] = {}
+
+
+def translated(text: str, names: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the addresses of the functions ``@tape_<name>`` of a text in LLVM's language; from any thread."""
+    with _lock:
+        engine, target = _engine()
+        digest = hashlib.sha256(f"{target}\n{text}".encode()).hexdigest()[:32]
+        if digest not in _addresses:
+            module = llvm.parse_assembly(text.replace("@tape_", f"@t{digest}_"))
+            module.name = digest
+            engine.add_module(module)
+            engine.finalize_object()
+            _addresses[digest] = tuple(int(engine.get_function_address(f"t{digest}_{name}")) for name in names)
+        return _addresses[digest]
+
+
+def native(tape: Tape, known: Collection[int] = ()) -> tuple[int, int]:
+    """Return the addresses of two functions of (inputs, results): the whole tape, and only its head.
+
+    ``known``: results that are not written where they are 0 whatever the inputs; who calls has them at 0.
+    """
+    ends = {"all": tape.n_out, "head": tape.n_head}
+    if ends["head"] == ends["all"]:
+        del ends["head"]
+    parts = []
+    declared: set[str] = set()
+    for name, outputs in ends.items():
+        writer = Writer(tape)
+        parts.append(writer.text(f"tape_{name}", outputs, known))
+        declared |= writer.declared
+    addresses = translated("\n".join([*sorted(declared), *parts]), tuple(ends))
+    return addresses[0], addresses[-1]
+
+
+_POINTER = ir.DoubleType().as_pointer()
+_FUNCTION = ir.FunctionType(ir.VoidType(), [_POINTER, _POINTER])
+_AMONG = ir.FunctionType(ir.VoidType(), [_POINTER] * 4)
+
+
+def _check(*arrays: Any) -> None:
+    for array in arrays:
+        if not (isinstance(array, types.Array) and array.dtype == types.float64 and array.layout == "C"):
+            raise TypingError(f"native code works on contiguous arrays of float64; found {array}")
+
+
+def _data(context: Any, builder: Any, kind: Any, array: Any) -> Any:
+    """Write the pointer to an array's first number."""
+    return builder.bitcast(context.make_array(kind)(context, builder, array).data, _POINTER)
+
+
+def _call(typing_context: Any, address: Any, inputs: Any, results: Any) -> Any:
+    _check(inputs, results)
+    signature = types.void(types.intp, inputs, results)
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        target = builder.inttoptr(arguments[0], _FUNCTION.as_pointer())
+        builder.call(target, [_data(context, builder, sig.args[i], arguments[i]) for i in (1, 2)])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def _call_within(typing_context: Any, address: Any, work: Any, first_input: Any, first_result: Any) -> Any:
+    _check(work)
+    signature = types.void(types.intp, work, types.intp, types.intp)
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        target = builder.inttoptr(arguments[0], _FUNCTION.as_pointer())
+        data = _data(context, builder, sig.args[1], arguments[1])
+        builder.call(target, [builder.gep(data, [arguments[i]]) for i in (2, 3)])
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def _call_among(typing_context: Any, address: Any, first: Any, last: Any, at: Any, S: Any, step: Any) -> Any:
+    _check(first, last, S, step)
+    signature = types.void(types.intp, first, last, types.intp, S, step)
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        target = builder.inttoptr(arguments[0], _AMONG.as_pointer())
+        data = {i: _data(context, builder, sig.args[i], arguments[i]) for i in (1, 2, 4, 5)}
+        data[2] = builder.gep(data[2], [arguments[3]])
+        builder.call(target, list(data.values()))
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+def _copy(typing_context: Any, source: Any, at: Any, to: Any) -> Any:
+    _check(source, to)
+    signature = types.void(source, types.intp, to)
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        place = context.make_array(sig.args[2])(context, builder, arguments[2])
+        data = builder.gep(_data(context, builder, sig.args[0], arguments[0]), [arguments[1]])
+        cgutils.raw_memcpy(builder, builder.bitcast(place.data, _POINTER), data, place.nitems, 8)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+call: Any = intrinsic(_call)
+"""``call(address, inputs, results)`` calls native code, from a compiled function, with two arrays of float64."""
+call_among: Any = intrinsic(_call_among)
+"""``call_among(address, a, b, i, c, d)``: the same with four arrays, of which the second counts from ``b[i]`` on."""
+copied: Any = intrinsic(_copy)
+"""``copied(a, i, b)`` fills all of the array b with what stands in a from ``a[i]`` on."""
+call_within: Any = intrinsic(_call_within)
+"""``call_within(address, work, i, k)``: the same with inputs from ``work[i]`` on and results from ``work[k]`` on."""
+
+
+# Caches know nothing of these options: after a change, delete them.
+_OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
+compiled: Any = numba.njit(**_OPTIONS)
+"""Compiled once per machine: a function that makes the arrays in which others work."""
+_UNCOUNTED: dict[str, Any] = {**_OPTIONS, "_nrt": False}
+inner: Any = numba.njit(**_UNCOUNTED)
+"""The same for what works in arrays that it is given: references to them are not counted, which would cost more than
+what small functions do. They make no arrays, nor assign to slices.
+"""
+inlined: Any = numba.njit(inline="always", **_UNCOUNTED)
+"""The same, written out wherever it is called: to hand over a dozen arrays may take as long as what is done to them."""
+
+
+def caller(address: int) -> Callable[[np.ndarray, np.ndarray], None]:
+    """Return a Python function that fills ``results`` from ``inputs``; for tests."""
+    return lambda inputs, results: _call_once(address, inputs, results)
+
+
+@compiled
+def _call_once(address, inputs, results):
+    call(address, inputs, results)
+
+
+__all__ = [
+    "call",
+    "call_among",
+    "call_within",
+    "caller",
+    "compiled",
+    "copied",
+    "inlined",
+    "inner",
+    "native",
+    "translated",
+]

@@ -1,0 +1,206 @@
+"""A model as it is fitted: its free parameters as coordinates, with what is known of them beforehand."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.effects import find_effect
+from signlin_ros.effects.base import Effect
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.follow.equations import Equations, equations
+from signlin_ros.model import Model
+from signlin_ros.par import Par, declared_name
+
+Array = NDArray[np.float64]
+KNOWN_EFFECT = 0.2
+"""Relative standard deviation of the prior on the parameters of effects that the model already has."""
+GAIN = 0.7
+"""Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
+WANDER = 0.05
+"""Part of an excursion and of the velocity (RMS) by which a load that floats may wander in a second, to begin with."""
+NEAR = 3.0
+"""Largest change of the logarithm of a floating load's inertia: one much larger stands still, and is a spring."""
+SHAPE = 3.0
+"""Standard deviation of the prior on the logarithm of a new effect's positive parameters."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A free parameter as the search sees it: its logarithm, or itself divided by ``unit``."""
+
+    name: str
+    log: bool
+    unit: float
+    low: float
+    high: float
+    prior: float
+    spread: float
+
+    def value(self, theta: float) -> float:
+        """Return the parameter for a coordinate."""
+        return float(np.exp(theta) * self.unit) if self.log else theta * self.unit
+
+    def theta(self, value: float) -> float:
+        """Return the coordinate for a parameter."""
+        return float(np.log(max(value, 1e-300) / self.unit)) if self.log else value / self.unit
+
+    def slope(self, theta: float) -> float:
+        """Return d parameter / d coordinate."""
+        return self.value(theta) if self.log else self.unit
+
+
+def nothing(k: Coordinate, effect: type[Effect]) -> float:
+    """Return the coordinate of an effect's parameter at which it does nothing."""
+    name = k.name.rpartition(".")[2]
+    return k.theta(effect.neutral[name]) if name in effect.neutral else 0.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model to be fitted: its free parameters as coordinates, its values elsewhere.
+
+    ``starts``: where its records were found to start, see `signlin_ros.fitting.start`.
+    ``alert``: whether an extended Kalman filter follows it where its motion is sensitive; ``wander``: by which part of
+    the velocity (RMS) that of a floating load may wander in a second, as the filter takes it.
+    """
+
+    model: Model
+    equations: Equations
+    coordinates: tuple[Coordinate, ...]
+    values: dict[str, float]
+    label: tuple[str, ...] = ()
+    alert: bool = True
+    wander: float = WANDER
+    starts: dict[tuple[Any, ...], Any] = field(default_factory=dict, compare=False, repr=False)
+
+    @functools.cached_property
+    def angular(self) -> bool:
+        """Whether a force depends on the angle from turn to turn, and so on where exactly a record starts."""
+        return any(find_effect(use.type, "effects").angular for use in self.model.effects.values())
+
+    @property
+    def filtered(self) -> bool:
+        """Whether an extended Kalman filter follows it."""
+        return self.alert and (self.angular or bool(self.floating))
+
+    @functools.cached_property
+    def floating(self) -> frozenset[str]:
+        """The own states that an observer must correct."""
+        keys = [k for k, use in self.model.effects.items() if find_effect(use.type, "effects").floating]
+        return frozenset(n for n in self.model.states if n.partition(".")[0] in keys)
+
+    def p(self, theta: Array) -> Array:
+        """Return all parameters in the order of the equations."""
+        values = dict(self.values)
+        for c, x in zip(self.coordinates, theta, strict=True):
+            values[c.name] = c.value(float(x))
+        return np.array([values[name] for name in self.equations.parameters])
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """The least and the largest coordinates."""
+        return np.array([k.low for k in self.coordinates]), np.array([k.high for k in self.coordinates])
+
+    def start(self, known: Mapping[str, float] | None = None) -> Array:
+        """Return the coordinates of the values that the candidate starts from, or of those that are ``known``."""
+        values = {**self.values, **(known or {})}
+        return np.array([c.theta(values[c.name]) for c in self.coordinates])
+
+
+def base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
+    """Return the base parameters that may move: those that are neither frozen nor exactly 0, with their priors."""
+    result = []
+    for name, par in model.plant.pars().items():
+        nominal = problem.base.parameters[name]
+        spread = model.tolerance_of(name)
+        if nominal == 0.0 or par.structural or name not in model.trace.parameters or not spread:
+            continue
+        result.append(_coordinate(name, par, nominal, spread))
+    for key, use in problem.base.effects.items():
+        effect = find_effect(use.type, "effects")
+        pars = effect.pars()
+        for name, value in use.parameters.items():
+            full, whole = f"{key}.{name}", declared_name(name) in effect.whole_orders
+            if value != 0.0 and full in model.trace.parameters and not whole:
+                result.append(_coordinate(full, pars[name], value, KNOWN_EFFECT))
+    return result
+
+
+def _coordinate(name: str, par: Par, nominal: float, spread: float) -> Coordinate:
+    if nominal > 0 and par.low >= 0:
+        return Coordinate(name, True, nominal, -20.0, 20.0, 0.0, spread)
+    return Coordinate(
+        name, False, abs(nominal), par.low / abs(nominal), par.high / abs(nominal), np.sign(nominal), spread
+    )
+
+
+def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordinate]:
+    """Return the parameters of a new effect that a fit moves; positive ones by their logarithm."""
+    use = model.effects[key]
+    effect = find_effect(use.type, "effects")
+    pars = effect.pars()
+    result = []
+    for name, value in use.parameters.items():
+        par, full = pars[name], f"{key}.{name}"
+        if declared_name(name) in effect.held or par.structural or full not in model.trace.parameters:
+            continue
+        if name in effect.periodic[:1] and problem.turns:
+            continue  # a whole number
+        if par.positive or (effect.floating and par.low >= 0.0 and value > 0.0):
+            reach = NEAR if par.positive and effect.floating else 12.0
+            result.append(Coordinate(full, True, value, -reach, reach, 0.0, SHAPE))
+        else:
+            unit = 1.0 if name in effect.periodic[:1] else problem.scale.of(par.unit)  # an order comes from a scan
+            low, high = effect.within.get(name, (par.low, par.high))
+            result.append(Coordinate(full, False, unit, low / unit, high / unit, 0.0, np.inf))
+    return result
+
+
+def candidate(
+    problem: Problem, model: Model, added: tuple[str, ...], sensors: dict[str, float] | None = None
+) -> Candidate:
+    """Return a model as a candidate: base parameters, the effects ``added`` and the ``sensors`` are free.
+
+    ``sensors``: names such as ``sensor_offset.speed`` with their starting values.
+    """
+    coordinates = base_coordinates(problem, model)
+    for key in added:
+        coordinates += effect_coordinates(problem, model, key)
+    for name in sensors or {}:
+        coordinates.append(_sensor_coordinate(problem, name))
+    free = tuple(c.name for c in coordinates)
+    eq = equations(model.structure, problem.channels, free)
+    values = {name: model.value(name) for name in model.trace.parameters}
+    known = {**_known_sensors(problem), **(sensors or {})}
+    for name in eq.parameters[len(values) :]:
+        values[name] = known.get(name, 1.0 if name.startswith("sensor_gain") else 0.0)
+    return Candidate(model, eq, tuple(coordinates), values, added + tuple(sensors or ()))
+
+
+def _known_sensors(problem: Problem) -> dict[str, float]:
+    """Return what the base model says of its sensors."""
+    found = {}
+    for channel in problem.channels:
+        sensor = problem.base.sensors.get(channel)
+        if sensor:
+            values = {"gain": sensor.gain, "offset": sensor.offset, "delay": sensor.delay}
+            found.update({f"sensor_{what}.{channel}": value for what, value in values.items()})
+    return found
+
+
+def _sensor_coordinate(problem: Problem, name: str) -> Coordinate:
+    if name.startswith("sensor_gain"):
+        return Coordinate(name, True, 1.0, -GAIN, GAIN, 0.0, GAIN / 2)
+    if name.startswith("sensor_delay"):
+        return Coordinate(name, False, problem.scale.step, 0.0, 1.0 / problem.scale.step, 0.0, np.inf)
+    unit = float(problem.noise[problem.channels.index(name.partition(".")[2])])
+    return Coordinate(name, False, unit, -1e9, 1e9, 0.0, np.inf)
+
+
+__all__ = ["Candidate", "Coordinate", "candidate", "nothing"]

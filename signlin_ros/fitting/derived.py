@@ -1,0 +1,103 @@
+"""Is a recorded velocity a measurement of its own, or was it computed from the recorded position?
+
+Drives log both, but most have an encoder only: the velocity is its difference, averaged or filtered. Its noise is then
+the position's, and whoever takes both for independent finds errors that go together, which no model leaves by chance. A
+velocity of a sensor of its own cannot be foretold from the position to better than its own noise.
+
+What was filtered at a higher rate than it was logged at cannot be foretold so well; but what is wrong with it goes on
+from sample to sample, as no sensor's noise does, and no model leaves nothing but noise in it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.model import Model
+from signlin_ros.noise import noise_level
+from signlin_ros.records import ModelData
+
+Array = NDArray[np.float64]
+
+REACH = 8
+"""Differences of the position before and after a sample that its velocity may be a combination of."""
+OWN = 2
+"""Velocities before a sample that a recursive filter may use."""
+ENOUGH = 10
+"""Samples for each coefficient, at least."""
+FORETOLD = 0.1
+"""Part of the velocity's noise, and of what its neighbours foretell, beneath which it is foretold by the position."""
+WIDE, MOST = 60, 20_000
+"""Differences of the position before and after a sample that a filter may have gone through, and samples looked at."""
+NEARLY, FINE, SMOOTH, APART = 0.02, 0.05, 0.5, 2.5
+"""A velocity was filtered if wide combinations of differences leave less than this share of it, if noise of the
+position makes less than that share of a single difference, if of what is left no more is white noise than that, and if
+it leads elsewhere than the position by more than so many times what noise in both would."""
+
+
+def without_derived(model: Model, records: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the channels without the velocity, if it was computed from the position in every record."""
+    position, velocity = model.plant.position, model.plant.velocity
+    both = position in channels and velocity in channels
+    signals = [(r.t, r.measured[position], r.measured[velocity]) for r in records] if both else []
+    if not signals or not (all(_is_derived(*s) for s in signals) or all(_is_filtered(*s) for s in signals)):
+        return channels
+    return tuple(name for name in channels if name != velocity)
+
+
+def _is_derived(t: Array, q: Array, v: Array) -> bool:
+    """Tell whether a velocity v (T,) is a linear combination of differences of the position q (T,) nearby, and of what
+    it was just before; NaN is a missing sample.
+    """
+    rows = np.arange(REACH, t.size - REACH)
+    if rows.size < ENOUGH * (2 * REACH + OWN):
+        return False
+    slopes = np.diff(q) / np.diff(t)
+    near = np.column_stack([slopes[rows + k] for k in range(-REACH, REACH)])
+    own = np.column_stack([v[rows - k] for k in range(1, OWN + 1)])
+    there = np.isfinite(near).all(axis=1) & np.isfinite(own).all(axis=1) & np.isfinite(v[rows])
+    near, own, target = near[there], own[there], v[rows][there]
+    if target.size < ENOUGH * (2 * REACH + OWN):
+        return False
+    left, without = (_left(basis, target) for basis in (np.hstack([near, own]), own))
+    return left < FORETOLD * min(without, noise_level(t, v).sigma)
+
+
+def _is_filtered(t: Array, q: Array, v: Array) -> bool:
+    """Tell whether a velocity v (T,) is a combination of many differences of a fine position q (T,), but for a rest
+    that goes on from sample to sample, and has lost what the position moved by.
+    """
+    there = np.isfinite(q) & np.isfinite(v)
+    t, q, v = t[there][:MOST], q[there][:MOST], v[there][:MOST]
+    reach = min(WIDE, t.size // 40)
+    if reach < REACH or not _is_fine(t, q, v):
+        return False
+    apart = np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t)) - q[1:]
+    walk = noise_level(t, v).sigma * np.sqrt(np.median(np.diff(t)) * (t[-1] - t[0]) / 6)
+    if np.std(apart) < APART * np.hypot(noise_level(t, q).sigma, walk):
+        return False
+    slopes, rows = np.diff(q) / np.diff(t), np.arange(reach, t.size - 1 - reach)
+    near = np.lib.stride_tricks.sliding_window_view(slopes, 2 * reach)[: rows.size]
+    rest = _rest(near, v[rows])
+    return float(np.std(rest)) < NEARLY * np.std(v) and noise_level(t[rows], rest).sigma < SMOOTH * float(np.std(rest))
+
+
+def _is_fine(t: Array, q: Array, v: Array) -> bool:
+    """Tell whether a position q (T,) is so fine that its noise makes little of a difference; v (T,): its velocity."""
+    return bool(np.sqrt(2) * noise_level(t, q).sigma <= FINE * np.nanstd(v) * np.median(np.diff(t)))
+
+
+def _left(basis: Array, target: Array) -> float:
+    """Return the RMS of what a linear combination of columns leaves of a target (T,)."""
+    return float(np.sqrt(np.mean(_rest(basis, target) ** 2)))
+
+
+def _rest(basis: Array, target: Array) -> Array:
+    """Return what a linear combination of columns (T, k) and a constant leaves of a target (T,)."""
+    columns = np.hstack([basis, np.ones((target.size, 1))])
+    return np.asarray(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0])
+
+
+__all__ = ["without_derived"]

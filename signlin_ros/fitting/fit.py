@@ -1,0 +1,217 @@
+"""Output error fit, corrected by an observer: base parameters with priors, effects from their starts.
+
+The objective is -2 log likelihood of the innovations with an unknown variance for each channel,
+sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method with analytic sensitivities
+[Ljung, System Identification, 1999, ch. 7 and 10; Nocedal and Wright, Numerical Optimization, 2006, ch. 10].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from signlin_ros.effects import find_effect
+from signlin_ros.fitting.candidate import Candidate
+from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.model import Model
+
+Array = NDArray[np.float64]
+ENOUGH = 0.02
+"""A fit ends where a step lowers -2 log likelihood by less than this,"""
+FAR = 1e-3
+"""or by less than this share of its distance from that of pure noise: a wrong model need not be fitted to the end."""
+STUCK = 1e9
+"""Damping from which on a step is none."""
+ENDLESS = 1e100
+"""Curvature of the objective from which on sensitivities have run away: such a model counts as one that diverges."""
+
+
+@dataclass(frozen=True)
+class Filter:
+    """Prewhitening of the innovations of every channel: v_k = e_k - rho e_(k-1) + theta v_(k-1), rho and theta (ny).
+
+    theta is that of AR(1) noise with white noise beside it; empty where none has any.
+    """
+
+    rho: Array
+    theta: Array = field(default_factory=lambda: np.zeros(0))
+
+    def apply(self, values: Array) -> Array:
+        """Return the filtered innovations or derivatives (T, ny, ...); the first sample is kept."""
+        if not self.rho.any():
+            return values
+        rho = self.rho.reshape(1, -1, *([1] * (values.ndim - 2)))
+        result = values.copy()
+        result[1:] -= rho * values[:-1]
+        for c in np.flatnonzero(self.theta):
+            known = np.isfinite(result[:, c])
+            averaged = lfilter([1.0], [1.0, -self.theta[c]], np.where(known, result[:, c], 0.0), axis=0)
+            result[:, c] = np.where(known, averaged, np.nan)
+        return np.asarray(result)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted candidate: coordinates, objective, innovations of every record, half the objective's curvature and slope
+    there.
+    """
+
+    candidate: Candidate
+    theta: Array
+    cost: float
+    count: Array
+    innovations: tuple[Array, ...]
+    hessian: Array
+    gains: Gains
+    filter: Filter
+    gradient: Array
+
+    def parameters(self) -> dict[str, float]:
+        """Return the free parameters by name."""
+        return {c.name: c.value(float(x)) for c, x in zip(self.candidate.coordinates, self.theta, strict=True)}
+
+    def fitted(self) -> Model:
+        """Return the candidate's model with the fitted values; what its sensors add is not part of it."""
+        model = self.candidate.model
+        declared = {n.split(".", 1)[1]: par for n, par in model.par_declarations().items()}
+        plain = {n: v for n, v in self.parameters().items() if not n.startswith("sensor_")}
+        return model.with_parameters({n: declared[n].nearest(v) for n, v in plain.items()})
+
+
+def tidied(f: Fit) -> Fit:
+    """Return a fit whose added periodic forces have positive amplitudes and phases within half a turn."""
+    theta, signs = f.theta.copy(), np.ones(f.theta.size)
+    at = {k.name: i for i, k in enumerate(f.candidate.coordinates)}
+    for key in f.candidate.label:
+        use = f.candidate.model.effects.get(key)
+        turning = find_effect(use.type, "effects").turning if use else ()
+        if not turning or any(f"{key}.{name}" not in at for name in turning):
+            continue
+        amplitude, phase = (at[f"{key}.{name}"] for name in turning)
+        unit = f.candidate.coordinates[phase].unit
+        if theta[amplitude] < 0:
+            theta[amplitude], signs[amplitude] = -theta[amplitude], -1.0
+            theta[phase] += np.pi / unit
+        theta[phase] -= 2 * np.pi / unit * np.round(theta[phase] * unit / (2 * np.pi))
+    return replace(f, theta=theta, hessian=f.hessian * np.outer(signs, signs), gradient=f.gradient * signs)
+
+
+def _normal(
+    problem: Problem, c: Candidate, theta: Array, found: tuple[list[Array], list[Array], list[Array]], filter: Filter
+) -> tuple[float, Array, Array, Array]:
+    """Return cost, number of samples (ny), gradient and Gauss-Newton Hessian."""
+    ny, count = c.equations.sizes[2], theta.size
+    rss, number = np.zeros(ny), np.zeros(ny)
+    squares, products = np.zeros((ny, count, count)), np.zeros((ny, count))
+    for E, D in zip(found[0], found[1], strict=True):
+        e, d = filter.apply(E), filter.apply(D)[:, :, :count]
+        there = np.isfinite(e)
+        if not there.all():
+            e, d = np.where(there, e, 0.0), np.where(there[: len(d), :, None], d, 0.0)
+        for k in range(ny):
+            number[k] += np.count_nonzero(there[:, k])
+            rss[k] += e[:, k] @ e[:, k]
+            if d.shape[0]:
+                squares[k] += d[:, k].T @ d[:, k]
+                products[k] += e[:, k] @ d[:, k]
+    floor = (1e-9 * problem.noise) ** 2 * np.maximum(number, 1)
+    rss = np.maximum(rss, floor)
+    prior = np.array([(x - k.prior) / k.spread for k, x in zip(c.coordinates, theta, strict=True)])
+    inverse = np.array([1.0 / k.spread for k in c.coordinates])
+    cost = float(np.sum(number * np.log(rss / np.maximum(number, 1))) + np.sum(prior**2))
+    weights = number / rss
+    slopes = np.array([k.slope(float(x)) for k, x in zip(c.coordinates, theta, strict=True)])
+    gradient = slopes * (weights @ products) + prior * inverse
+    hessian = np.outer(slopes, slopes) * np.tensordot(weights, squares, 1) + np.diag(inverse**2)
+    return cost, number, gradient, hessian
+
+
+def likelihood(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> float:
+    """Return the objective of `fit` at one point, infinite where the model diverges."""
+    found = follow_records(problem, c, theta, gains, False)
+    if found is None:
+        return np.inf
+    cost = _normal(problem, c, theta, found, Filter(np.zeros(c.equations.sizes[2])))[0]
+    return cost if np.isfinite(cost) else np.inf
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def fit(
+    problem: Problem,
+    c: Candidate,
+    gains: Gains,
+    theta: Array | None = None,
+    steps: int = 10,
+    filter: Filter | None = None,
+    far: float = FAR,
+) -> Fit | None:
+    """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
+    low, high = c.bounds
+    first = evaluated(problem, c, np.clip(c.start() if theta is None else theta, low, high), gains, filter)
+    return None if first is None else further(problem, first, steps, far)
+
+
+def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains, filter: Filter | None) -> Fit | None:
+    """Return a candidate at one point, as if it were fitted; None if it diverges there."""
+    whiten = filter or Filter(np.zeros(c.equations.sizes[2]))
+    found = follow_records(problem, c, x, gains, True)
+    if found is None:
+        return None
+    cost, number, gradient, hessian = _normal(problem, c, x, found, whiten)
+    if not (np.isfinite(cost) and np.abs(hessian).max(initial=0.0) < ENDLESS):
+        return None
+    return Fit(c, x, cost, number, tuple(found[0]), hessian, gains, whiten, gradient)
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def further(problem: Problem, f: Fit, steps: int, far: float = FAR) -> Fit:
+    """Go on with a fit for some steps of Levenberg and Marquardt's method."""
+    low, high = f.candidate.bounds
+    damping = 1e-3
+    for _ in range(steps):
+        new = _step(f.theta, f.gradient, f.hessian, damping, low, high)
+        shift = new - f.theta
+        gained = -2 * f.gradient @ shift - shift @ f.hessian @ shift
+        if float(gained) < ENOUGH:
+            break
+        trial = evaluated(problem, f.candidate, new, f.gains, f.filter)
+        if trial is None or not trial.cost < f.cost:
+            damping *= 16
+            if damping > STUCK:
+                break
+            continue
+        gain, f = f.cost - trial.cost, trial
+        damping = max(damping / 8, 1e-9)
+        if gain < ENOUGH + far * max(f.cost - float(np.sum(f.count * np.log(problem.noise**2))), 0.0):
+            break
+    return f
+
+
+def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array, high: Array) -> Array:
+    """Return the damped Gauss-Newton step, projected on the bounds; what leaves them is taken out and solved anew."""
+    active = np.zeros(x.size, dtype=bool)
+    new = x.copy()
+    for _ in range(x.size + 1):
+        free = np.flatnonzero(~active)
+        if not free.size:
+            return np.asarray(new)
+        rows = hessian[free]
+        diagonal = rows[np.arange(free.size), free]
+        matrix = rows[:, free]
+        matrix[np.diag_indices(free.size)] += damping * diagonal + 1e-12 * max(diagonal.max(), 1e-300)
+        right = gradient[free] + rows[:, active] @ (new - x)[active]
+        new[free] = x[free] - np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
+        outside = (new < low) | (new > high)
+        new = np.clip(new, low, high)
+        if not outside.any():
+            return np.asarray(new)
+        active |= outside
+    return np.asarray(new)
+
+
+__all__ = ["Filter", "Fit", "evaluated", "fit", "further", "likelihood", "tidied"]

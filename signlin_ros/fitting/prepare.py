@@ -1,0 +1,116 @@
+"""Records made ready: what is fitted to, what is held out, and informative stretches of what is long."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.errors import RecordError
+from signlin_ros.fitting.derived import without_derived
+from signlin_ros.fitting.problem import LEAD, Problem, prepare, stretch_of
+from signlin_ros.follow.data import measured_channels
+from signlin_ros.follow.segments import (
+    LEAST_SAMPLES,
+    Segment,
+    check_moving,
+    constant_inputs,
+    moves,
+    pieces,
+    segment,
+    with_measured_position,
+)
+from signlin_ros.follow.tracking import Tracker
+from signlin_ros.model import Model
+from signlin_ros.noise import sensor_noise
+from signlin_ros.records import ModelData
+
+Array = NDArray[np.float64]
+
+MOST, PARTS = 20_000, 10
+"""Samples that are fitted to at most, in so many stretches: more only make standard errors smaller than the model is
+true."""
+
+
+def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
+    """Return the first two thirds of every record, and the last third."""
+    cut = [len(d) * 2 // 3 for d in data]
+    return [d.part(0, c) for d, c in zip(data, cut, strict=True)], [d.part(c) for d, c in zip(data, cut, strict=True)]
+
+
+def prepared(model: Model, data: Sequence[ModelData], unseen: Sequence[ModelData] | None) -> tuple[Problem, Problem]:
+    """Return the problem of the records that are fitted to and that of unseen ones; they share channels and gains.
+
+    Raises `RecordError` where nothing is measured or moves, or where too little could be held out.
+    """
+    first, second = (list(data), list(unseen)) if unseen else held_out(data)
+    model = with_measured_position(model, [*first, *second])
+    channels = measured_channels(model, [*first, *second])
+    check_moving([*data, *(unseen or ())], channels)
+    if not unseen:
+        _check_held_out(data, second, channels)
+    (known, notes), (left, more) = _cut(first, channels), _cut(second, channels)
+    own, position = without_derived(model, [*known, *left], channels), model.plant.position
+    notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
+    notes += constant_inputs(model, [*data, *(unseen or ())])
+    problem = replace(prepare(model, known, own), notes=notes)
+    segments = tuple(segment(problem.base, problem.channels, part) for part in left)
+    unseen_noise, noise = (sensor_noise([(s.t, s.y) for s in one]) for one in (segments, problem.segments))
+    return replace(problem, noise=noise), replace(problem, segments=segments, noise=unseen_noise, notes=more)
+
+
+def _check_held_out(data: Sequence[ModelData], last: Sequence[ModelData], channels: tuple[str, ...]) -> None:
+    for whole, part in zip(data, last, strict=True):
+        if len(part) < LEAST_SAMPLES:
+            needed = f"at least {3 * LEAST_SAMPLES} are needed, or {LEAST_SAMPLES} and a validation record"
+            raise RecordError(f"{whole.source}: {len(whole)} samples, of which the last third is held out; {needed}")
+    if not any(moves(part, channels) for part in last):
+        why = "nothing moves in the last third, which is held out; give a validation record"
+        raise RecordError(f"{data[0].source}: {why}")
+
+
+def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[ModelData], tuple[str, ...]]:
+    """Return the pieces of records without gaps, and the notes on what is left out of them."""
+    for d in data:
+        if len(d) < LEAST_SAMPLES:
+            raise RecordError(f"{d.source}: {len(d)} samples; at least {LEAST_SAMPLES} are needed")
+    found = [pieces(d, channels) for d in data]
+    return [part for parts, _ in found for part in parts], tuple(note for _, notes in found for note in notes)
+
+
+def stretched(problem: Problem, most: int = MOST) -> Problem:
+    """Return a problem on stretches of its records where they are long: half of these spread evenly, half where the
+    model as given is most wrong (a stop that is hit once in a while).
+    """
+    if problem.samples <= most:
+        return problem
+    size = most // PARTS
+    places = [(s, first) for s in problem.segments for first in range(0, max(s.t.size - size, 0) + 1, size)]
+    wrong = np.argsort([-_wrong(problem, s, slice(first, first + size)) for s, first in places])
+    even = np.linspace(0, len(places) - 1, PARTS // 2).astype(int).tolist()
+    chosen = dict.fromkeys([*even, *wrong.tolist()])
+    kept = sorted(list(chosen)[:PARTS])
+    return replace(
+        problem, segments=tuple(_after_a_lead(problem, s, first, size) for s, first in (places[i] for i in kept))
+    )
+
+
+def _after_a_lead(problem: Problem, s: Segment, first: int, size: int) -> Segment:
+    """Return a stretch with what came before it, where effects take up what they remember."""
+    before = stretch_of(problem, s, slice(max(first - LEAD, 0), first + 1)) if first else None
+    return replace(stretch_of(problem, s, slice(first, first + size)), inner=first > 0, before=before)
+
+
+def _wrong(problem: Problem, s: Segment, part: slice) -> float:
+    """Return how wrong the model as given is on a part of a record: what an observer leaves, in units of the noise."""
+    piece, model, middle = stretch_of(problem, s, part), problem.base, problem.levels[1]
+    scale = np.array([problem.x_scale[n] for n in model.states])
+    x0 = np.array([piece.start.get(name, 0.0) for name in model.states])
+    run = Tracker(model, piece.t, piece.u, piece.y, problem.channels, scale, piece.early)
+    left = run.run(x0, middle.rows(model.states)).innovation / problem.noise
+    return float(np.nanmean(left**2)) if np.isfinite(left).any() else 0.0
+
+
+__all__ = ["held_out", "prepared", "stretched"]

@@ -1,0 +1,230 @@
+"""Where a search for a periodic force starts: peaks of the spectrum of the missing force over position.
+
+The acceleration that the base model does not explain is taken from the measured velocity (or position) by a
+Savitzky-Golay derivative, and from what an observer corrects; it is binned over position, and its discrete Fourier
+transform shows the orders N of -A sin(N q + phi) [Savitzky and Golay 1964, doi:10.1021/ac60214a047].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve, savgol_filter
+
+from signlin_ros.comparison.missing import per_force
+from signlin_ros.compiled import exact_tape
+from signlin_ros.fitting.candidate import candidate
+from signlin_ros.fitting.fit import fit
+from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.gains import Gains, linear_base, stepped
+from signlin_ros.fitting.problem import Problem, first_look
+from signlin_ros.follow.data import travelled
+from signlin_ros.follow.equations import equations, neutral_sensors
+from signlin_ros.follow.segments import Segment
+from signlin_ros.model import Model
+
+Array = NDArray[np.float64]
+
+FASTEST = 4.0
+"""Largest N v dt that is looked for, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
+
+SLOWEST, APART = 4.0, 6.0
+"""Least order, and least distance of two orders, times the way: less than a wave, and about a line's width."""
+STEPS = 6.0
+"""Steps of an encoder that a period must have: finer waves are its own."""
+
+SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
+"""Smallest N v dt of a fast one, for how many time constants of the observer it leaves a trace, and what that must take
+from the squares, in means of these: noise takes less at any of a thousand orders."""
+
+
+def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
+    """Return position (T,), velocity (T,) and unexplained acceleration (T,), all records one after the other."""
+    looks = first_look(model, problem.segments, problem.channels, problem.levels[0])
+    eq = equations(model.structure, problem.channels, ())
+    names, plant = model.states, model.plant
+    positions, velocities, residuals = [], [], []
+    for s, X in zip(problem.segments, looks, strict=True):
+        velocity, acceleration = _motion(problem, model, s, X)
+        if plant.position in problem.channels:
+            q = _filled(s.y[:, problem.channels.index(plant.position)])
+        elif plant.position in names:
+            q = X[:, names.index(plant.position)]
+        else:
+            q = travelled(s.t, velocity)
+        columns = [X[:, i] for i in range(len(names))]
+        columns[names.index(plant.velocity)] = velocity
+        sensors = neutral_sensors(len(problem.channels))
+        F = eq.keep.batch([*columns, *s.u.T, *model.p, *sensors, np.sign(velocity)])
+        positions.append(q)
+        velocities.append(velocity)
+        residuals.append(acceleration - F[names.index(plant.velocity)])
+    return np.concatenate(positions), np.concatenate(velocities), np.concatenate(residuals)
+
+
+def _missing_force(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
+    """Return position, velocity and the force that the model lacks, each (T,), where the motion is imposed."""
+    looks = first_look(model, problem.segments, problem.channels, problem.levels[0])
+    plant, tape = model.plant, exact_tape(model.structure)
+    at, output = model.states.index(plant.position), problem.channels.index(plant.effort)
+    rows = []
+    for s, X in zip(problem.segments, looks, strict=True):
+        v = s.u[:, model.inputs.index(plant.velocity)]
+        modelled = tape.batch([*X.T, *s.u.T, *model.p, *([np.sign(v)] * len(model.trace.surfaces))])[-1]
+        rows.append((X[:, at], v, modelled - _filled(s.y[:, output])))
+    q, v, force = map(np.concatenate, zip(*rows, strict=True))
+    return q, v, force
+
+
+def _matched(problem: Problem, model: Model, highest: float, count: int) -> list[tuple[float, float, float]]:
+    """Return (N, A / inertia, phi) of fast periodic forces: those that turn by about a radian and more in a sample.
+
+    An observer is too slow for them, but it leaves a trace of each: what it leaves is filtered with its own response to
+    a force that acts between two samples (a matched filter), and the amplitudes are those whose response fits best.
+    Positions are those of a high and of a lower gain: the ones are noisier, the others off by what the model lacks.
+    """
+    c, (high, lower) = candidate(problem, model, ()), problem.levels[:2]
+    base = fit(problem, c, lower, None, 4)
+    runs = [follow_records(problem, c, c.start() if base is None else base.theta, one, False) for one in (high, lower)]
+    seen, starts = response(problem, model, high), []
+    for run in runs:
+        if runs[0] is None or run is None:
+            break
+        left = [np.nan_to_num(e / problem.noise) for e in runs[0][0]]
+        places = [halfway(model, s.t, X) for X, s in zip(run[2], problem.segments, strict=True)]
+        whole = [backwards(e[1:], seen) for e in left]
+        q, rest = np.concatenate(places), np.concatenate([e[1:].ravel() for e in left])
+        for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, SLOWEST / FASTEST * highest):
+            waves = [np.exp(1j * order * one)[:, None] for one in places]
+            trace = np.concatenate([fftconvolve(w, seen, axes=0)[: len(w)].ravel() for w in waves])
+            basis = np.column_stack([trace.imag, trace.real])
+            sine, cosine = np.linalg.lstsq(basis, rest, rcond=None)[0]
+            if np.sum((basis @ (sine, cosine)) ** 2) > SEEN * np.mean(rest**2):
+                starts.append((order, float(np.hypot(sine, cosine)), float(np.arctan2(-cosine, -sine))))
+    return starts
+
+
+def backwards(left: Array, seen: Array) -> Array:
+    """Return what is left (T, ny) at the ends of steps, filtered backwards with a response (M, ny), at their starts."""
+    return np.asarray(fftconvolve(left, seen[::-1], axes=0).sum(axis=1)[len(seen) - 1 :][: len(left)])
+
+
+def halfway(model: Model, t: Array, X: Array) -> Array:
+    """Return the position (T - 1,) between every two samples of states (T, n)."""
+    plant, names = model.plant, model.states
+    known = plant.position in names
+    q = X[:, names.index(plant.position)] if known else travelled(t, X[:, names.index(plant.velocity)])
+    return np.asarray((q[1:] + q[:-1]) / 2)
+
+
+def response(problem: Problem, model: Model, gains: Gains) -> Array:
+    """Return what an observer of the bare plant leaves (M, ny), in units of the noise, in the samples after one between
+    which a unit of acceleration was missing.
+    """
+    states, A, _, C = linear_base(model, problem.channels)
+    push = np.zeros((len(states), 1))
+    push[states.index(model.plant.velocity)] = 1.0
+    dt = problem.scale.step
+    free, x = stepped(A, push, dt)
+    onward = free @ (np.eye(len(states)) - gains.rows(states)[-1] @ C)
+    while x.shape[1] <= TRACE * gains.tau / dt:  # twice as many powers each time
+        x, onward = np.hstack([x, onward @ x]), onward @ onward
+    return np.asarray((C @ x).T / problem.noise)
+
+
+def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, Array, Array]:
+    """Return position, velocity and the acceleration by which an observer corrects the base model, each (T,).
+
+    What it corrects at a sample was missing since the one before: positions are those in between.
+    """
+    c, plant = candidate(problem, model, ()), model.plant
+    found = follow_records(problem, c, c.start(), gains, False)
+    if found is None:
+        return np.zeros(2), np.zeros(2), np.zeros(2)
+    at = model.states.index(plant.velocity)
+    row = gains.rows(model.states)[-1, at] / problem.scale.step
+    q = [halfway(model, s.t, X) for X, s in zip(found[2], problem.segments, strict=True)]
+    v = np.concatenate([X[1:, at] for X in found[2]])
+    return np.concatenate(q), v, np.concatenate([np.nan_to_num(e[1:]) @ row for e in found[0]])
+
+
+def _filled(values: Array) -> Array:
+    there = np.isfinite(values)
+    index = np.arange(values.size)
+    return values if there.all() else np.interp(index, index[there], values[there])
+
+
+def _motion(problem: Problem, model: Model, s: Segment, X: Array) -> tuple[Array, Array]:
+    """Return velocity and acceleration (T,) from what is measured."""
+    dt, plant = problem.scale.step, model.plant
+    if plant.velocity in problem.channels:
+        v = _filled(s.y[:, problem.channels.index(plant.velocity)])
+        return savgol_filter(v, 5, 2), savgol_filter(v, 5, 2, deriv=1, delta=dt)
+    if plant.position in problem.channels:
+        q = _filled(s.y[:, problem.channels.index(plant.position)])
+        return savgol_filter(q, 9, 3, deriv=1, delta=dt), savgol_filter(q, 9, 3, deriv=2, delta=dt)
+    v = X[:, model.states.index(plant.velocity)]
+    return v, np.gradient(v, s.t)
+
+
+def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tuple[float, float, float]]:
+    """Return the most promising (N, A, phi) of a force -A sin(N q + phi)."""
+    if model.plant.motion_is_imposed():
+        q, v, force = _missing_force(problem, model)
+        fastest = FASTEST / (problem.scale.velocity * problem.scale.step)
+        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, min(fastest, finest(problem)), count)]
+    inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
+    highest = min(FASTEST / (problem.scale.velocity * problem.scale.step), finest(problem))
+    starts: list[tuple[float, float, float]] = []
+    q, v, a = _missing_acceleration(problem, model)
+    for order in _orders(q, v, a, highest, count):
+        near = (0.0,) if starts else (0.0, -1.5 / np.ptp(q), 1.5 / np.ptp(q))
+        starts += [_start(q, a, order + shift, inertia) for shift in near]
+    for gains in problem.levels[:2]:
+        q, v, a = _corrections(problem, model, gains)
+        for order in _orders(q, v, a, highest, count - 1):
+            N, A, phase = _start(q, a, order, inertia)
+            starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
+    fast = _matched(problem, model, highest, count // 2)
+    return starts + [(N, A * inertia, phase) for N, A, phase in fast]
+
+
+def finest(problem: Problem) -> float:
+    """Return the largest order that the steps in which a position is shown can tell; inf where none is measured so."""
+    place = problem.base.plant.position
+    step = float(problem.quanta[problem.channels.index(place)]) if place in problem.channels else 0.0
+    return 2 * np.pi / (STEPS * step) if step > 0.0 else np.inf
+
+
+def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lowest: float = 0.2) -> list[float]:
+    """Return the orders of the highest peaks of the spectrum of a (T,) over q (T,)."""
+    features = np.column_stack([np.ones_like(v), v, np.sign(v), v * np.abs(v)])
+    a = a - features @ np.linalg.lstsq(features, a, rcond=None)[0]
+    return peaks(q, np.clip(a, *np.quantile(a, [0.005, 0.995])), highest, count, lowest)
+
+
+def peaks(q: Array, a: Array, highest: float, count: int, lowest: float) -> list[float]:
+    """Return the orders, from ``lowest`` to ``highest``, of the highest peaks of the spectrum of a (T,) over q (T,)."""
+    span = float(np.ptp(q))
+    if not span > 0:
+        return []
+    bins = int(min(2**18, max(256, 4 * span * highest / (2 * np.pi))))
+    place = np.minimum(((q - q.min()) / span * bins).astype(int), bins - 1)
+    size = 2 ** int(np.ceil(np.log2(4 * bins)))
+    spectrum = np.fft.rfft(np.bincount(place, weights=a, minlength=bins), size)
+    orders = 2 * np.pi * np.arange(spectrum.size) * bins / (span * size)
+    power = np.where((orders > SLOWEST / span) & (orders > lowest) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
+    found: list[float] = []
+    while len(found) < count and power.max() > 0:
+        found.append(float(orders[int(np.argmax(power))]))
+        power[np.abs(orders - found[-1]) < APART / span] = 0.0
+    return found
+
+
+def _start(q: Array, a: Array, order: float, inertia: float) -> tuple[float, float, float]:
+    waves = np.column_stack([np.sin(order * q), np.cos(order * q)])
+    s, c = np.linalg.lstsq(waves, a, rcond=None)[0]
+    return order, float(inertia * np.hypot(s, c)), float(np.arctan2(-c, -s))
+
+
+__all__ = ["backwards", "finest", "halfway", "peaks", "periodic_starts", "response"]

@@ -1,0 +1,1 @@
+"""A record followed by a model that an observer corrects: compiled, with all derivatives."""
