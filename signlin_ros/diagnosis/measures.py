@@ -108,6 +108,18 @@ def within(f: Fitted, times: float) -> bool:
     return bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < times * f.noise))
 
 
+def at_its_noise(motion: Motion, f: Fitted, criteria: Criteria) -> bool:
+    """Tell whether a model leaves noise, coloured maybe, and over the horizon errs by about as much, of known and of
+    unseen data: what is missing gathers over the horizon, the noise of a sensor does not.
+    """
+    floats = any(find_effect(name, "effects").floating for name in f.effects)
+    if not f.clean or floats:
+        return False
+    own = criteria.near * np.maximum([one.over_noise for one in f.left], 1.0)
+    pairs = ((f.known_squares, motion.problem.noise), (f.unseen_squares, motion.unseen.noise))
+    return all(bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) < own * noise)) for squares, noise in pairs)
+
+
 def noise_percent(force: Testimony) -> float:
     """Return what the sensors' noise leaves of a force, in per cent of the effort (RMS)."""
     unseen = force.search.r.unseen
@@ -217,6 +229,7 @@ def with_laws(force: Testimony, fit: Fit) -> Model:
 __all__ = [
     "HALF",
     "acting",
+    "at_its_noise",
     "changes_effort",
     "comparable",
     "force_falls",

@@ -40,6 +40,11 @@ class Fit:
     sensors: float = 0.1
     known: tuple[float, ...] = ()
     tested: bool = True
+    residual: float = 0.0
+
+    @property
+    def left(self) -> list[Any]:
+        return [SimpleNamespace(over_noise=self.residual) for _ in self.rms]
 
     @property
     def known_squares(self) -> np.ndarray:
@@ -274,6 +279,19 @@ def test_where_the_force_does_not_tell_the_motion_must(rms, known, verdict, monk
     squares = Fit(final.effects, (known,), 1.0).unseen_squares
     monkeypatch.setattr(Fit, "known_squares", property(lambda f: squares if f is final else f.unseen_squares))
     found = judged(final)
+    assert found.verdict == verdict, found.unexplained
+
+
+@pytest.mark.parametrize(
+    ("effect", "residual", "unseen", "verdict"),
+    [("sensor_gain", 20.0, 3.5, "missing"), ("sensor_gain", 20.0, 4.5, "unexplained"),
+     ("sensor_gain", 5.0, 3.5, "unexplained"), ("backlash", 20.0, 3.5, "unexplained")],
+    ids=["its noise", "worse unseen", "gathers over the horizon", "floats"],
+)  # fmt: skip
+def test_the_noise_of_a_sensor_does_not_gather_over_the_horizon(effect, residual, unseen, verdict):
+    """Coloured noise is four to six times what neighbouring samples tell of it."""
+    final = Fit((effect,), (unseen,), 1.0, white=True, known=(3.5,), residual=residual)
+    found = judged(final, Fit((), (6.0,), 10.0))
     assert found.verdict == verdict, found.unexplained
 
 
