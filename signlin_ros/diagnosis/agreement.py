@@ -7,6 +7,7 @@ witness confirms by simulation, tells richer laws of a family from simpler ones,
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -91,7 +92,7 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     left: dict[int, Array] = {}
     tried: list[Fitted] = []
     final, conflict, found = _stood_for(motion, force, criteria, depth, tried, left)
-    final = _as_one(motion, final, criteria, tried)
+    final = _simplest(motion, force, final, criteria, tried, left)
     proposed, final = force.effects if force else (), written(motion, force, final, criteria)
     return Agreed(motion, force, motion.base, final, conflict, tuple(tried), proposed, found, left)
 
@@ -243,8 +244,35 @@ def _both(force: Testimony, base: Fitted, second: Fitted, left: dict[int, Array]
     return f"{told} that they make is not the one that was measured{other}"
 
 
-def _as_one(motion: Motion, final: Fitted, criteria: Criteria, tried: list[Fitted]) -> Fitted:
-    """Return a model with one effect in place of two that it is about the same as, where that is as good."""
+def _simplest(
+    motion: Motion,
+    force: Testimony | None,
+    final: Fitted,
+    criteria: Criteria,
+    tried: list[Fitted],
+    left: dict[int, Array],
+) -> Fitted:
+    """Return the model with the fewest effects that is as good: each of several must be missed where it is left out,
+    and one effect takes the place of two that it is about the same as.
+    """
+    if len(final.effects) < 2:
+        return final
+    rest = [tuple(n for n in final.effects if n != name) for name in final.effects]
+    options = [*_as_one(motion, final), *(f for f in tried if len(f.effects) < len(final.effects))]
+    for names in rest:
+        with contextlib.suppress(SignlinError):
+            options.append(motion.fitted(names, final.model))
+    tried += [f for f in options if f not in tried]
+    good = [f for f in options if not motion.refused(motion.base, f) and motion.as_good(final, f)]
+    good = [f for f in good if not force_raises(force, final, f, criteria, left)]
+    return min(good, key=lambda f: (len(f.effects), f.size, f.level), default=final)
+
+
+def _as_one(motion: Motion, final: Fitted) -> list[Fitted]:
+    """Return models with one effect in place of two that it is about the same as, from their values and from its own
+    starts.
+    """
+    found: list[Fitted] = []
     for pair in combinations(final.effects, 2):
         uses = {use.type: use.parameters for use in final.model.effects.values()}
         others = {name: uses.get(name, {}) for name in pair}
@@ -252,18 +280,15 @@ def _as_one(motion: Motion, final: Fitted, criteria: Criteria, tried: list[Fitte
             values = effect.instead(others) if all(others.values()) and name not in final.effects else {}
             if not values:
                 continue
-            model = final.model
+            model, kept = final.model, tuple(n for n in final.effects if n not in pair)
             for key in [k for k, use in model.effects.items() if use.type in pair]:
                 model = model.without_effect(key)
-            try:
+            with contextlib.suppress(SignlinError):
                 model = model.with_effect(name, free_key(model, name), **completed(motion.problem, effect, values))
-                one = motion.fitted((*(n for n in final.effects if n not in pair), name), model)
-            except SignlinError:
-                continue
-            tried.append(one)
-            if not one.vague(criteria) and one in motion.alike(motion.base, [final, one]):
-                return one
-    return final
+                found.append(motion.fitted((*kept, name), model))
+            with contextlib.suppress(SignlinError):
+                found += motion.extensions(motion.fitted(kept, final.model), [name])
+    return [f for f in found if len(f.effects) < len(final.effects)]
 
 
 def _beyond(

@@ -92,8 +92,6 @@ class Effect(HasPars):
     """Parameters that no record tells from the others, and what a fit holds them at (None: at the start)."""
     within: ClassVar[Mapping[str, tuple[float, float]]] = {}
     """Bounds that a fit keeps to, where a model file may go beyond."""
-    graded: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Structural parameters that may have any value between two, as a power; a fit holds them, and tries others."""
     angular: ClassVar[bool] = False
     """Whether its force is periodic in the position, so that it matters where exactly a record starts."""
     rugged: ClassVar[bool] = False
@@ -146,6 +144,11 @@ class Effect(HasPars):
     @classmethod
     def after(cls, simple: str, p: Mapping[str, float]) -> list[dict[str, float]]:
         """Return more points to start from, given the parameters that a simpler effect was fitted with."""
+        return []
+
+    @classmethod
+    def nearby(cls, p: Mapping[str, float]) -> list[dict[str, float]]:
+        """Return points that a fit which ended with these parameters goes on from too: other minima are often there."""
         return []
 
     @classmethod

@@ -15,6 +15,10 @@ STIFF = 10.0
 """Ratio of gamma to beta, either way, beyond which a loop has no width to speak of."""
 
 
+POWERS = (1.0, 2.0, 3.0)
+"""Powers that are tried."""
+
+
 class BoucWenHysteresis(Effect):
     """A spring with hysteresis.
 
@@ -41,11 +45,10 @@ class BoucWenHysteresis(Effect):
     neutral = {"alpha": 1.0}
     telling = ("alpha",)
     held = {"lambda": 1.0, "D": None}
-    graded = {"n": (1.0, 3.0)}
     within = {"beta": (0.0, 1e6)}  # a loop takes energy, and does not give any
     start = tuple(
         {"alpha": 0.5, "D": 0.3, "beta": beta, "gamma": 0.6 * beta, "n": n, "k": 1.0}
-        for n in (1.0, 2.0, 3.0)
+        for n in POWERS
         for beta in (0.1, 0.5)
     )
 
@@ -64,6 +67,15 @@ class BoucWenHysteresis(Effect):
         return [
             {**loop, "n": n, "alpha": alpha, "k": p["sigma"] / (1 - alpha)} for n in (1.0, 2.0) for alpha in (0.1, 0.6)
         ]
+
+    @classmethod
+    def nearby(cls, p: Mapping[str, float]) -> list[dict[str, float]]:
+        """Return loops that yield as far, with the same shares of beta and gamma, but more or less sharply."""
+        size = p["beta"] + p["gamma"]
+        if size <= 0:
+            return []
+        return [{**p, "n": n, **{k: p[k] * size ** (n / p["n"] - 1) for k in ("beta", "gamma")}}
+                for n in POWERS if n != p["n"]]  # fmt: skip
 
     @classmethod
     def instead(cls, others: Mapping[str, Mapping[str, float]]) -> dict[str, float]:

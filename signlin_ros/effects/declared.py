@@ -17,7 +17,7 @@ from signlin_ros.scale import Scale
 
 LAWS = ("force", "input", "delay", "spring", "torque_constant", "resistance")
 """Methods of which an effect that does anything defines one."""
-LISTS, MAPPINGS = ("essential", "breakaway", "turning", "periodic", "whole_orders"), ("held", "within", "graded")
+LISTS, MAPPINGS = ("essential", "breakaway", "turning", "periodic", "whole_orders"), ("held", "within")
 """Attributes that name parameters."""
 SLIPS = (AttributeError, IndexError, KeyError, NameError, TypeError)
 """What a slip of the pen in a method raises; anything else may come of the numbers that it is tried with."""

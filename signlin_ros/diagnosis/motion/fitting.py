@@ -70,7 +70,9 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
             break
         fits.append(lower)
     scored = [Found(f, windowed(problem, c, f.theta, f.gains), fits[-1]) for f in fits]
-    return min(scored, key=lambda one: level(one.known, problem.noise))
+    found = min(scored, key=lambda one: level(one.known, problem.noise))
+    slow = solved(problem, c, found.low.gains, found.fit.theta, 0)  # on the way down a fit may lose what it had
+    return replace(found, low=slow) if slow and slow.cost < found.low.cost else found
 
 
 def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:

@@ -28,9 +28,9 @@ from signlin_ros.follow.segments import Segment
 
 Array = NDArray[np.float64]
 
-FOLDS, BLOCK, LEAST, LENGTHS = 8, 0.25, 50, 2.0
-"""Parts that are left out in turn, made of blocks of so many s, samples, and lengths of the observer's response, at
-least: else what a wandering state leaves would be predicted by what it left just before."""
+FOLDS, FEWEST, BLOCK, LEAST, LENGTHS = 8, 5, 0.25, 50, 2.0
+"""Parts that are left out in turn, and at least so many, made of blocks of so many s, samples, and lengths of the
+observer's response, at least: else what a wandering state leaves would be predicted by what it left just before."""
 MOST, ENOUGH, RIDGE = 30_000, 10, 1e-5
 """Samples that are looked at; samples for each function, below which nothing is said; ridge of the regression."""
 SLOW = (0.1, 0.03)
@@ -92,12 +92,14 @@ def dependence(problem: Problem, f: Fit) -> Array:
     seen, gains, block = None, f.gains, max(int(BLOCK / problem.scale.step), LEAST)
     if problem.base.plant.velocity in f.candidate.model.states:
         looks = ((response(problem, f.fitted(), one), one) for one in problem.levels[::-1])
-        sizes = ((max(block, ceil(LENGTHS * _length(r))), r, one) for r, one in looks)
-        block, seen, gains = next((s for s in sizes if 2 * FOLDS * s[0] <= problem.samples), (0, None, gains))
+        sizes = [(max(block, ceil(LENGTHS * _length(r))), r, one) for r, one in looks]
+        usual = [s for s in sizes if 2 * FOLDS * s[0] <= problem.samples]
+        quick = [s for s in sizes[-1:] if FEWEST * s[0] <= problem.samples]
+        block, seen, gains = next(iter([*usual, *quick]), (0, None, gains))
     found = _regressors(problem, f, gains, seen, block) if block else None
     if found is None or found[1].size < ENOUGH * found[0].shape[2]:
         return none + np.nan
-    return _predicted(found[0], found[1], found[2] % FOLDS)
+    return _predicted(found[0], found[1], found[2] % min(FOLDS, int(found[2].max()) + 1))
 
 
 def _regressors(
@@ -167,11 +169,12 @@ def _as_left(functions: Array, seen: Array | None, samples: int, channels: int) 
 
 def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
     """Return which share (ny) of the squares of y (T, ny) a regression on Z (T, ny, k) predicts in folds left out."""
-    parts = [(Z[fold == i].reshape(-1, Z.shape[2]), y[fold == i].ravel()) for i in range(FOLDS)]
+    folds = int(fold.max()) + 1
+    parts = [(Z[fold == i].reshape(-1, Z.shape[2]), y[fold == i].ravel()) for i in range(folds)]
     grams, sides = np.array([z.T @ z for z, _ in parts]), np.array([z.T @ e for z, e in parts])
     scale = np.sqrt(np.maximum(np.diag(grams.sum(axis=0)), 1e-300))
     left = np.zeros(y.shape[1])
-    for i in range(FOLDS):
+    for i in range(folds):
         rest = (grams.sum(axis=0) - grams[i]) / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
         beta = np.linalg.solve(rest, (sides.sum(axis=0) - sides[i]) / scale) / scale
         left += np.sum((y[fold == i] - Z[fold == i] @ beta) ** 2, axis=0)

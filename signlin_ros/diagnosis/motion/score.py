@@ -30,6 +30,8 @@ LOST = 1e6
 """Error of a model that diverges, in variances of the noise."""
 FEWEST = 3
 """Blocks from which a standard error is told."""
+PLAIN = float(np.log(4.0))
+"""Fall of the logarithm of a squared error from which on a block says all that it can: to half the error."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +54,15 @@ def gain(before: Array, after: Array, noise: Array) -> Gain:
     """Compare two models by their mean squared errors (blocks, channels); ``noise`` (channels) of the sensors.
 
     Certainties are means over blocks of the logarithm by which the error falls, over their standard errors: where a
-    motion dies down, the first blocks would else decide alone. Noise is added, below which no error matters.
+    motion dies down, the first blocks would else decide alone. Noise is added, below which no error matters. To half
+    the error counts as much as to a tenth [Huber, Robust Statistics, 1981, ch. 3]: else what falls everywhere, by more
+    where there was more, would be in doubt.
     """
     there = np.isfinite(before) & np.isfinite(after)
     a, b = np.where(there, before, 0.0), np.where(there, after, 0.0)
     count = np.maximum(there.sum(axis=0), 1)
     first, second = a.sum(axis=0) / count, b.sum(axis=0) / count
-    falls = np.log((a + noise**2) / (b + noise**2))
+    falls = np.clip(np.log((a + noise**2) / (b + noise**2)), -PLAIN, PLAIN)
     beyond = np.maximum(first - noise**2, 0.01 * first)
     share = float(np.max((first - second) / np.maximum(beyond, 1e-300)))
     each = np.array([_certainty(falls[there[:, c], c]) for c in range(falls.shape[1])])
@@ -66,11 +70,12 @@ def gain(before: Array, after: Array, noise: Array) -> Gain:
 
 
 def _certainty(falls: Array) -> float:
-    """Return the mean of falls (blocks) over its standard error, which is larger where neighbours go together; 0 where
-    there is nothing to tell it from.
+    """Return the mean of falls (blocks) over its standard error, which is larger where neighbours go together; one more
+    block, which tells nothing, is a doubt where all say the same.
     """
     if falls.size < FEWEST:
         return 0.0
+    falls = np.append(falls, 0.0)
     apart = falls - falls.mean()
     square = float(apart @ apart)
     r = min(max(float(apart[1:] @ apart[:-1]) / max(square, 1e-300), 0.0), 0.9)

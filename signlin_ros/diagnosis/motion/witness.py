@@ -228,8 +228,11 @@ class Motion:
         """
         tried = (solved(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, NEXT))
         fits = [(windowed(self.short, c, f.theta, f.gains), f) for f in tried if f]
-        options = [Found(f, known, found.low if found else f) for known, f in fits]
-        return min(options, key=lambda one: self._level(one.known), default=None)
+        known, f = min(fits, key=lambda one: self._level(one[0]), default=(None, None))
+        if known is None or f is None or (found and self._level(found.known) <= self._level(known)):
+            return None
+        low = solved(self.short, c, self.problem.levels[-1], f.theta, NEXT)
+        return Found(f, known, min((one for one in (low, found and found.low) if one), key=lambda g: g.cost, default=f))
 
     def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
         """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
@@ -264,7 +267,26 @@ class Motion:
         c, known = f.candidate, before.fit.parameters()
         mixed = c.start({**f.parameters(), **known})
         found = settled(self.short, c, [f.theta, mixed], self.check)
-        return self._around(found) if found else None
+        return self._around(self._nearby(found)) if found else None
+
+    def _nearby(self, found: Found) -> Found:
+        """Return a fit, or a better one that its last effect leads to from near where it arrived."""
+        f, middle = found.fit, self.problem.levels[1]
+        key = f.candidate.label[-1]
+        use = f.fitted().effects.get(key)
+        near = EFFECTS[use.type].nearby(use.parameters) if use else []
+        if not use or not near:
+            return found
+        parts, trial = Parts.of(f).without(key), Trial(use.type, ())
+        candidates = [extended(self.problem, parts, trial, completed(self.problem, EFFECTS[use.type], p)) for p in near]
+        plain = {n: v for n, v in f.parameters().items() if not n.startswith(f"{key}.")}
+        fits = self.each(lambda c: solved(self.short, c, middle, c.start(plain), NEXT), candidates)
+        here = solved(self.short, f.candidate, middle, f.theta, NEXT)
+        best = min((one for one in fits if one), key=lambda one: one.cost, default=None)
+        if best is None or (here and best.cost > here.cost - 1.0):
+            return found
+        again = settled(self.short, best.candidate, [best.theta], self.check)
+        return min([found, *([again] if again else [])], key=lambda one: self._level(one.known))
 
     def _around(self, found: Found) -> Fitted:
         """Keep a fit, and fit those that lack one of its effects from where it arrived."""
@@ -430,7 +452,7 @@ class Motion:
         """
         good = [one for one in options if not self.refused(before, one)]
         best = min(good, key=lambda one: one.level, default=None)
-        near = [one for one in good if best and self._as_good(best, one)]
+        near = [one for one in good if best and self.as_good(best, one)]
         near += [
             one
             for one in good
@@ -443,10 +465,10 @@ class Motion:
         parameter that is not known.
         """
         vague = [f for f in options if f.vague(self.criteria) == self.refused(before, f) != ""]
-        better = [f for f in vague if self.gain(taken, f).certainty > self.criteria.tie and not self._as_good(f, taken)]
+        better = [f for f in vague if self.gain(taken, f).certainty > self.criteria.tie and not self.as_good(f, taken)]
         return [f for f in (*self.alike(before, options), *better) if f is not taken]
 
-    def _as_good(self, best: Fitted, other: Fitted) -> bool:
+    def as_good(self, best: Fitted, other: Fitted) -> bool:
         """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
         g = self.gain(other, best)
         alike = bool((g.ratios > 1.0 - self.criteria.alike).all())
