@@ -1,6 +1,6 @@
 """The live demo: a model watched, improved and used while the machine runs, as processes over ROS 2.
 
-    python -m signlin_ros.demo_live --output out
+    python -m signlin_ros.demo.live --output out
 
 A motor with Coulomb friction and cogging; a linearizer with a model that has neither; a monitor that shows how wrong
 A_k and B_k are. After some time the monitor's ``~/diagnose`` is called, then ``~/apply``: the linearizer takes what
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros import plotting
-from signlin_ros.demo import DemoError, prefix
+from signlin_ros.demo.processes import DemoError, prefix
 from signlin_ros.errors import MissingExtraError, SignlinError
 from signlin_ros.model import Model
 from signlin_ros.warming import warm_up
