@@ -19,7 +19,7 @@ from signlin_ros.engine.native import native
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import InputError, SimulationError, choices, suggest
 from signlin_ros.model import Model
-from signlin_ros.trace import Structure, trace
+from signlin_ros.recording.trace import Structure, trace
 
 Array = NDArray[np.float64]
 KINDS = ("exact", "smooth", "piecewise")

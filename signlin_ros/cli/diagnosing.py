@@ -97,7 +97,7 @@ def _learned(
     from signlin_ros.checks.finding import to_json
     from signlin_ros.follow.data import load_sides
     from signlin_ros.guard import check_files, check_sides
-    from signlin_ros.learned import add_learned
+    from signlin_ros.learning.missing import add_learned
     from signlin_ros.model import SUFFIXES, Model
 
     original = Model.load(model)

@@ -19,7 +19,7 @@ from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import InputError
 from signlin_ros.follow.observer import TRUSTS, Design, Observer
 from signlin_ros.model import Model
-from signlin_ros.trace import Trace
+from signlin_ros.recording.trace import Trace
 
 Array = NDArray[np.float64]
 

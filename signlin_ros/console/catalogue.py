@@ -14,7 +14,7 @@ from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
 from signlin_ros.par import HasPars, Par
 from signlin_ros.plants import PLANTS, Plant, find_plant
-from signlin_ros.trace import resolve_unit
+from signlin_ros.recording.trace import resolve_unit
 
 _SOURCE = re.compile(r"(?:\n|\s{3})\s*\[([^\[\]]+)\]")
 """A citation in a docstring: in brackets, on a line of its own or after three blanks."""

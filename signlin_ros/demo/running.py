@@ -6,7 +6,6 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -15,9 +14,6 @@ from signlin_ros.demo.showing import draw, table
 from signlin_ros.demo.worth import Rivals, on_grid, windows
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
-
-if TYPE_CHECKING:
-    pass
 
 
 def run(output: Path, seconds: float, say: Callable[[str], None]) -> str:

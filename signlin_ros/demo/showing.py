@@ -4,16 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from signlin_ros import plotting
 from signlin_ros.demo.worth import Array, Record, Window, largest_difference, rms, typical
 from signlin_ros.model import Model
-
-if TYPE_CHECKING:
-    pass
 
 COLUMNS = {"published": "published", "no friction": "no friction", "jacobian": "Jacobian", "exact": "exact model"}
 

@@ -23,8 +23,8 @@ from signlin_ros.model.reading import fields_of
 from signlin_ros.model.uses import EffectUse, effect_class, has_spring, is_sensor, nominal, own_name, slot
 from signlin_ros.par import Par, Pars, declared_name, gathered, place_of
 from signlin_ros.plants import Plant
+from signlin_ros.recording.trace import EffectSlot, Structure, Trace, delay_of, resolve_unit, trace
 from signlin_ros.sensors import Sensor
-from signlin_ros.trace import EffectSlot, Structure, Trace, delay_of, resolve_unit, trace
 
 
 @dataclass(frozen=True)

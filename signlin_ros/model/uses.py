@@ -10,7 +10,7 @@ from signlin_ros.effects import Effect, SensorEffect, find_effect
 from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.par import Par, Pars, as_law_sees, check_values, gathered, nominal_values
 from signlin_ros.plants import Plant
-from signlin_ros.trace import EffectSlot, resolve_unit
+from signlin_ros.recording.trace import EffectSlot, resolve_unit
 
 
 @dataclass(frozen=True)

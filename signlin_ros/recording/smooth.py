@@ -9,8 +9,8 @@ import casadi as ca
 
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.terms import Change, Groups, TermSplitter
+from signlin_ros.recording.trace import Structure, Trace, trace
 from signlin_ros.sign import sign_j_change, sign_j_expression
-from signlin_ros.trace import Structure, Trace, trace
 
 
 @dataclass(frozen=True)

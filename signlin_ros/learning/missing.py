@@ -1,4 +1,4 @@
-"""The curve that a model's records would teach it: inverse dynamics, then `signlin_ros.learning`, then the effect."""
+"""What a model lacks, learned from its records: inverse dynamics, then `signlin_ros.learning.curve`, then the effect."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from signlin_ros.effects.learned_force import OVER
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import held_out
 from signlin_ros.follow.data import as_list
-from signlin_ros.learning import Learned, learn
+from signlin_ros.learning.curve import Learned, learn
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -39,7 +39,7 @@ def learn_missing(
     Parameters
     ----------
     over : ``speed``, ``position``, ``load``, or two of them: ``speed, load``.
-    shape : one of `signlin_ros.learning.SHAPES`.
+    shape : one of `signlin_ros.learning.curve.SHAPES`.
     cutoff : of the low-pass in Hz; by default a tenth of the sampling rate, or less.
 
     Raises

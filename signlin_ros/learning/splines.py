@@ -1,5 +1,5 @@
-"""Curves and surfaces with given knots, fitted to binned samples, and where knots help: what `signlin_ros.learning`
-weighs against each other.
+"""Curves and surfaces with given knots, fitted to binned samples, and where knots help: what
+`signlin_ros.learning.curve` weighs against each other.
 """
 
 from __future__ import annotations

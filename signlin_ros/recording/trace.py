@@ -13,13 +13,13 @@ from typing import Any
 
 import casadi as ca
 
-from signlin_ros.asking import asked
 from signlin_ros.effects import Effect
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
 from signlin_ros.par import POWERS, Namespace, as_law_sees
 from signlin_ros.plants import Plant
+from signlin_ros.recording.asking import asked
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from signlin_ros.effects.learned_force import OVER
 from signlin_ros.errors import InputError, choices
-from signlin_ros.splines import REFINED, Bins, Knots, Plan, Samples, binned, curve, fitted, grown, shown
+from signlin_ros.learning.splines import REFINED, Bins, Knots, Plan, Samples, binned, curve, fitted, grown, shown
 
 Array = NDArray[np.float64]
 
