@@ -1,4 +1,4 @@
-"""What a model lacks, learned from its records: inverse dynamics, then `signlin_ros.learning.curve`, then the effect."""
+"""What a model lacks, learned from its records: inverse dynamics, `signlin_ros.learning.curve`, then the effect."""
 
 from __future__ import annotations
 

@@ -9,11 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import MissingExtraError, RecordError
-
-from .clean import Table
-from .header import Heading, heading
-from .notes import Note
-from .table import Rows
+from signlin_ros.records.clean import Table
+from signlin_ros.records.header import Heading, heading
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Rows
 
 Array = npt.NDArray[np.float64]
 Column = tuple[str, str, npt.NDArray[np.generic]]

@@ -1,7 +1,8 @@
 """Large tables of plain numbers, alike from the first line to the last: read at once, no line looked at by itself.
 
 The first and the last lines tell the layout; that all between are laid out alike the parser sees (pyarrow where it is
-installed, else NumPy). Whatever it does not take is left to `signlin_ros.records.csv`, which also says what is wrong.
+installed, else NumPy). Whatever it does not take is left to `signlin_ros.records.formats.csv`, which also says what
+is wrong.
 """
 
 from __future__ import annotations
@@ -15,9 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
-
-from .layout import Layout, layout
-from .table import Rows
+from signlin_ros.records.formats.layout import Layout, layout
+from signlin_ros.records.table import Rows
 
 Array = npt.NDArray[np.float64]
 

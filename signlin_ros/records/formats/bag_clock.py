@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
-from .notes import Note
+from signlin_ros.records.notes import Note
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

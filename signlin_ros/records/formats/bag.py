@@ -19,15 +19,14 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
-
-from .align import align, looks_held, named
-from .bag_clock import BACK, clocks, restarts, seconds
-from .bag_topics import Arrays, Fields, Joints, Numbers, Part, Topic
-from .clean import renamed
-from .grammar import words
-from .header import TIME_KEYS
-from .notes import Note
-from .table import Record, Series
+from signlin_ros.records.align import align, looks_held, named
+from signlin_ros.records.clean import renamed
+from signlin_ros.records.formats.bag_clock import BACK, clocks, restarts, seconds
+from signlin_ros.records.formats.bag_topics import Arrays, Fields, Joints, Numbers, Part, Topic
+from signlin_ros.records.grammar import words
+from signlin_ros.records.header import TIME_KEYS
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Record, Series
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]

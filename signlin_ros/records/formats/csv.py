@@ -18,14 +18,22 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
-
-from .clean import Keep, Table
-from .header import Heading, heading
-from .layout import MISSING, Layout, by_number, is_number, labelled, layout, opened, shortened
-from .notes import Note
-from .regular import regular
-from .stamps import directions, times_of_day
-from .table import Rows
+from signlin_ros.records.clean import Keep, Table
+from signlin_ros.records.formats.layout import (
+    MISSING,
+    Layout,
+    by_number,
+    is_number,
+    labelled,
+    layout,
+    opened,
+    shortened,
+)
+from signlin_ros.records.formats.regular import regular
+from signlin_ros.records.formats.stamps import directions, times_of_day
+from signlin_ros.records.header import Heading, heading
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Rows
 
 Array = npt.NDArray[np.float64]
 
@@ -60,8 +68,8 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
     """Read the columns of a CSV file.
 
     Separator: comma, semicolon, tab or blanks (with all but the first, decimal commas are understood, column by
-    column). Lines that start with ``#``, ``%`` or ``//`` and blank lines are skipped; see `signlin_ros.records.layout`
-    for what may stand before the table. `keep` says what to do with a column that does not read:
+    column). Lines that start with ``#``, ``%`` or ``//`` and blank lines are skipped; see
+    `signlin_ros.records.formats.layout` for what may stand before the table. `keep` says what to do with a column that does not read:
     refuse the file (True), leave the column out if all of it is text (None), leave it out in any case (False).
     `asked`: the columns that matter, as they are called; by their numbers they are there below a broken header too.
 

@@ -18,10 +18,9 @@ import numpy.typing as npt
 
 from signlin_ros import units
 from signlin_ros.errors import RecordError
-
-from .grammar import words
-from .header import heading
-from .notes import Note
+from signlin_ros.records.grammar import words
+from signlin_ros.records.header import heading
+from signlin_ros.records.notes import Note
 
 Integers = npt.NDArray[np.int64]
 

@@ -15,12 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import MissingExtraError, RecordError
-
-from .clean import Table
-from .grammar import words
-from .header import TIME_KEYS, Heading, clock, heading
-from .notes import Note
-from .table import Rows, listing
+from signlin_ros.records.clean import Table
+from signlin_ros.records.grammar import words
+from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Rows, listing
 
 Array = npt.NDArray[np.float64]
 
