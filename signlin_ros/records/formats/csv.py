@@ -69,8 +69,9 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
 
     Separator: comma, semicolon, tab or blanks (with all but the first, decimal commas are understood, column by
     column). Lines that start with ``#``, ``%`` or ``//`` and blank lines are skipped; see
-    `signlin_ros.records.formats.layout` for what may stand before the table. `keep` says what to do with a column that does not read:
-    refuse the file (True), leave the column out if all of it is text (None), leave it out in any case (False).
+    `signlin_ros.records.formats.layout` for what may stand before the table. `keep` says what to do with a column that
+    does not read: refuse the file (True), leave the column out if all of it is text (None), leave it out in any case
+    (False).
     `asked`: the columns that matter, as they are called; by their numbers they are there below a broken header too.
 
     Raises
