@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.engine.native import compiled
+from signlin_ros.engine.compiling import compiled
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import InputError
 from signlin_ros.follow.observer import TRUSTS, Design, Observer

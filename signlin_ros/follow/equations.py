@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.engine.native import caller, native, translated
+from signlin_ros.engine.compiling import caller
+from signlin_ros.engine.native import native, translated
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
 from signlin_ros.errors import ModelError
