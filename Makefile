@@ -77,7 +77,7 @@ workbench: install  ## the local page, with a sample record
 	$(BIN)/signlin workbench --sample
 
 demo-live: install  ## a model watched, diagnosed and improved while the machine runs: a figure over time
-	$(BIN)/python -m signlin_ros.demo_live --output $(OUT)
+	$(BIN)/python -m signlin_ros.demo.live --output $(OUT)
 
 soak: install    ## the faults of the fault harness for an hour: lost, late, repeated, corrupted messages, restarts
 	SIGNLIN_SOAK=3600 $(BIN)/python -m pytest -q tests/ros/test_faults.py

@@ -22,7 +22,7 @@ import numpy as np
 from measure import Report
 from ros_latency import BARE, MOST_SHARE, NANO, PERIOD, RATE, Tap, cpu, environment, pause
 
-from signlin_ros.demo_live import NAMESPACE, Processes
+from signlin_ros.demo.live import NAMESPACE, Processes
 from signlin_ros.model import Model
 from signlin_ros.warming import warm_up
 

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from signlin_ros.demo_live import NAMESPACE, Processes
+from signlin_ros.demo.live import NAMESPACE, Processes
 from signlin_ros.model import Model
 
 NANO = 1_000_000_000

@@ -22,11 +22,21 @@ else:
 
 ROOT = Path(__file__).resolve().parent.parent
 BANDS = {
-    "ROS 2": ("demo_live", "sim_nodes", "demo", "nodes"),
-    "what a user calls": ("cli", "cli_live", "workbench", "guard", "learned", "control", "report", "figures"),
+    "ROS 2": ("sim_nodes", "demo", "nodes"),
+    "what a user calls": (
+        "cli",
+        "workbench",
+        "guard",
+        "learning",
+        "control",
+        "report",
+        "figures",
+        "plotting",
+        "console",
+    ),
     "measurements and models": ("diagnosis", "fitting", "comparison", "predict", "checks", "warming", "records"),
     "models": ("linearize", "simulate", "model", "plants", "effects", "par", "sign"),
-    "engine": ("follow", "compiled", "smooth", "trace", "asking", "mathops", "engine"),
+    "engine": ("follow", "compiled", "recording", "mathops", "engine"),
 }
 """Names of colours in the picture, and modules that have each; others take the colour of the one before."""
 COLOURS = ("#c6dbef", "#fdd0a2", "#c7e9c0", "#dadaeb", "#d9d9d9")

@@ -13,9 +13,9 @@ from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
+from signlin_ros.recording.smooth import SmoothForm, smooth_form
+from signlin_ros.recording.trace import Structure, Trace, trace
 from signlin_ros.sign import valid_expression
-from signlin_ros.smooth import SmoothForm, smooth_form
-from signlin_ros.trace import Structure, Trace, trace
 
 TINY = 1e-290
 """Coordinates below this are 0 to the linearization: their products leave the range of normal numbers."""

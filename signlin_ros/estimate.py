@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from signlin_ros.engine import kernels
+from signlin_ros.engine.slopes import causal_slopes, slope_at_end
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.simulate import Stepper
@@ -47,14 +47,14 @@ class CausalDerivative:
         if count < 2:
             return 0.0
         data = np.array(self._samples).T.copy()
-        return float(kernels.slope_at_end(data[0], data[1], min(self.degree, count - 1)))
+        return float(slope_at_end(data[0], data[1], min(self.degree, count - 1)))
 
     def all(self, t: ArrayLike, values: ArrayLike) -> Array:
         """Return the derivative (T,) at every time of a whole record, each from the past alone; NaN values skipped."""
         times, samples = np.asarray(t, dtype=float), np.asarray(values, dtype=float)
         good = np.isfinite(samples)
         slopes = np.zeros(int(good.sum()))
-        kernels.causal_slopes(times[good], samples[good], self.window, self.degree, self.least, slopes)
+        causal_slopes(times[good], samples[good], self.window, self.degree, self.least, slopes)
         latest = np.maximum.accumulate(np.where(good, np.cumsum(good) - 1, -1))
         return np.where(latest >= 0, slopes[latest], 0.0) if slopes.size else np.zeros(times.size)
 

@@ -14,20 +14,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from signlin_ros.compiled import exact_tape, linear_tape, scales, smooth_tape, weights
-from signlin_ros.engine import kernels
+from signlin_ros.engine.exact import exact_plan, run_exact
 from signlin_ros.engine.native import native
+from signlin_ros.engine.parts import CHATTER, DIVERGED, OK, TOO_STIFF
+from signlin_ros.engine.piecewise import run_piecewise
+from signlin_ros.engine.smooth import flow_many, run_smooth, smooth_plan
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import InputError, SimulationError, choices, suggest
 from signlin_ros.model import Model
-from signlin_ros.trace import Structure, trace
+from signlin_ros.recording.trace import Structure, trace
 
 Array = NDArray[np.float64]
 KINDS = ("exact", "smooth", "piecewise")
 _EVENT_NAMES = ("crossed", "stuck", "slips")
 _WHY = {
-    kernels.DIVERGED: "it diverges",
-    kernels.TOO_STIFF: "it needs too many steps (too stiff)",
-    kernels.CHATTER: "it crosses switching surfaces without end in no time",
+    DIVERGED: "it diverges",
+    TOO_STIFF: "it needs too many steps (too stiff)",
+    CHATTER: "it crosses switching surfaces without end in no time",
 }
 
 
@@ -84,7 +87,7 @@ def simulate(
     breaks[0] = times[0]
     run = {"exact": _run_exact, "smooth": _run_smooth, "piecewise": _run_piecewise}[kind]
     status, when, events = run(model, times, breaks, inputs, start, rtol, X, Y)
-    if status != kernels.OK:
+    if status != OK:
         raise SimulationError(f"{model.source}: the {kind} simulation stops at t = {when:.6g} s: {_WHY[status]}")
     y = Y if extra else X
     return Trajectory(times, inputs, X, y, model.states, model.inputs, model.outputs, events)
@@ -127,7 +130,7 @@ def _exact_plan(structure: Structure) -> tuple[np.void, NDArray[np.int64]]:
     switch_of = [switches.index(i) if i in switches else -1 for i in range(len(t.surfaces))]
     links = np.array([coordinate, switch_of], dtype=np.int64).reshape(2, -1)
     sizes = (t.x.numel(), t.u.numel(), t.p.numel(), len(t.surfaces), len(switches), t.y.numel())
-    return kernels.exact_plan(native(exact_tape(structure)), *sizes), links
+    return exact_plan(native(exact_tape(structure)), *sizes), links
 
 
 def exact_plan_of(model: Model) -> tuple[np.void, NDArray[np.int64]]:
@@ -140,7 +143,7 @@ def exact_plan_of(model: Model) -> tuple[np.void, NDArray[np.int64]]:
 def _smooth_plan(structure: Structure, order: int) -> np.void:
     t = trace(structure)
     sizes = (t.x.numel(), t.u.numel(), t.p.numel() + len(t.surfaces), t.y.numel())
-    return kernels.smooth_plan(native(smooth_tape(structure, order)), *sizes)
+    return smooth_plan(native(smooth_tape(structure, order)), *sizes)
 
 
 @functools.lru_cache(maxsize=256)
@@ -150,7 +153,7 @@ def _piecewise_plan(structure: Structure, order: int, method: str) -> np.void:
     sizes = (n, t.u.numel(), t.p.numel() + len(t.surfaces) + n, t.y.numel())
     tape, rows = linear_tape(structure, order, method)
     rest = tape.n_out - rows["c"].stop
-    return kernels.smooth_plan(native(smooth_tape(structure, order)), *sizes, native(tape)[0], rest)
+    return smooth_plan(native(smooth_tape(structure, order)), *sizes, native(tape)[0], rest)
 
 
 def _run_exact(
@@ -158,7 +161,7 @@ def _run_exact(
 ) -> tuple[int, float, tuple[tuple[float, str, str], ...]]:
     plan, links = _exact_plan(model.structure)
     events = np.zeros((10_000 if plan["q"] else 0, 3))
-    status, when, count = kernels.run_exact(plan, links, times, breaks, inputs, x0, model.p, rtol, X, Y, events)
+    status, when, count = run_exact(plan, links, times, breaks, inputs, x0, model.p, rtol, X, Y, events)
     names = [s.name for s in model.trace.surfaces]
     found = tuple((float(e[0]), names[int(e[1])], _EVENT_NAMES[int(e[2])]) for e in events[:count])
     return status, when, found
@@ -172,7 +175,7 @@ def _run_smooth(
     model: Model, times: Array, breaks: Array, inputs: Array, x0: Array, rtol: float, X: Array, Y: Array
 ) -> tuple[int, float, tuple[()]]:
     plan = _smooth_plan(model.structure, model.sign_order)
-    status, when = kernels.run_smooth(plan, times, breaks, inputs, x0, _smooth_constants(model), rtol, X, Y)
+    status, when = run_smooth(plan, times, breaks, inputs, x0, _smooth_constants(model), rtol, X, Y)
     return status, when, ()
 
 
@@ -185,7 +188,7 @@ def _run_piecewise(
     updates = _snapped(times[0] + period * np.arange(count), times)
     half = period / 2 if model.operating_point == "midpoint" else 0.0
     constants = np.concatenate([_smooth_constants(model), weights(model)])
-    status, when = kernels.run_piecewise(plan, times, breaks, inputs, x0, constants, updates, half, X, Y)
+    status, when = run_piecewise(plan, times, breaks, inputs, x0, constants, updates, half, X, Y)
     return status, when, ()
 
 
@@ -211,7 +214,7 @@ class SmoothFlow:
     def many(self, x: Array, u: Array) -> Array:
         """Return the states (T, n) reached from x (T, n) under u (T, m); NaN where the run diverges."""
         points = x.copy()
-        kernels.flow_many(self._plan, points, np.ascontiguousarray(u), self._constants, self._span, self._rtol)
+        flow_many(self._plan, points, np.ascontiguousarray(u), self._constants, self._span, self._rtol)
         return np.asarray(points)
 
 
@@ -251,7 +254,7 @@ class Stepper:
         Y = np.empty((2, len(self.model.outputs) if self.model.outputs != self.model.states else 0))
         arguments = (self.model, np.array([0.0, dt]), breaks, inputs, self.x, self.rtol, X, Y)
         status, when, _ = self._run(*arguments)
-        if status != kernels.OK:
+        if status != OK:
             raise SimulationError(f"{self.model.source}: the simulation stops {when:.3g} s into a step: {_WHY[status]}")
         self._t += dt
         self.x, self._y = X[1], Y[1]

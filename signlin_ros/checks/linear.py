@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.model import Model
-from signlin_ros.trace import Structure, trace
+from signlin_ros.recording.trace import Structure, trace
 
 Array = NDArray[np.float64]
 

@@ -14,12 +14,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.engine.native import compiled
+from signlin_ros.engine.compiling import compiled
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import InputError
 from signlin_ros.follow.observer import TRUSTS, Design, Observer
 from signlin_ros.model import Model
-from signlin_ros.trace import Trace
+from signlin_ros.recording.trace import Trace
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from signlin_ros.control.drive import Drive, resting
 from signlin_ros.control.reference import Profile
-from signlin_ros.engine.kernels import SWITCH, prepared
-from signlin_ros.engine.native import call_within, compiled, inner
+from signlin_ros.engine.compiling import call_within, compiled, inner
+from signlin_ros.engine.parts import prepared
+from signlin_ros.engine.surfaces import SWITCH
 
 Array = NDArray[np.float64]
 LONGEST_STEP = 2e-3

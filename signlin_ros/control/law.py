@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.engine.native import compiled, inner
+from signlin_ros.engine.compiling import compiled, inner
 
 Array = NDArray[np.float64]
 POSITION, PERIOD, LIMIT, TOLERANCE, TURNING, WIDTH, ADDED, BY_STATE = range(8)

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from signlin_ros.control.drive import Drive, resting
 from signlin_ros.control.law import Law, step
 from signlin_ros.control.reference import Profile
-from signlin_ros.engine import kernels
-from signlin_ros.engine.native import compiled, inner
+from signlin_ros.engine.compiling import compiled, inner
+from signlin_ros.engine.exact import begin, march
+from signlin_ros.engine.parts import OK, hold, prepared, put
+from signlin_ros.engine.surfaces import SIGNED
 
 Array = NDArray[np.float64]
 
@@ -26,14 +28,14 @@ Array = NDArray[np.float64]
 @inner
 def _act(at, links, w, t, h, start, part, period, held, value, rtol, events):
     """March over one period from ``start``: the input changes to ``value`` after its part; returns (status, t, h)."""
-    status = kernels.OK
+    status = OK
     if part > 0.0:
-        status, t, h, _ = kernels.march(at, links, w, t, start + part, h, rtol, events, 0)
-    if status == kernels.OK:
+        status, t, h, _ = march(at, links, w, t, start + part, h, rtol, events, 0)
+    if status == OK:
         held[0] = value
-        kernels.hold(at, w, held)
-        kernels.begin(at, links, w, False)
-        status, t, h, _ = kernels.march(at, links, w, t, start + period, h, rtol, events, 0)
+        hold(at, w, held)
+        begin(at, links, w, False)
+        status, t, h, _ = march(at, links, w, t, start + period, h, rtol, events, 0)
     return status, t, h
 
 
@@ -44,18 +46,18 @@ def follow(at, links, slots, p, x0, delay, references, feed, noise, law, memory,
     An input acts ``delay`` seconds after its sample. Returns (status, samples done).
     """
     grid, gains, tables, settings = law
-    w = kernels.prepared(at, p)
-    kernels.put(at, w, x0)
+    w = prepared(at, p)
+    put(at, w, x0)
     for j in range(at.q):
-        w[at.s + j], w[at.mode + j] = 1.0, kernels.SIGNED
+        w[at.s + j], w[at.mode + j] = 1.0, SIGNED
     period = settings[1]
     behind = int(np.floor(delay / period + 1e-9))
     part = delay - behind * period if delay - behind * period > 1e-9 * period else 0.0
     waiting, held, measured = np.zeros(behind + 1), np.zeros(at.m), np.zeros(2)
     events = np.zeros((0, 3))
-    t, h, status = 0.0, np.inf, kernels.OK
-    kernels.hold(at, w, held)
-    kernels.begin(at, links, w, True)
+    t, h, status = 0.0, np.inf, OK
+    hold(at, w, held)
+    begin(at, links, w, True)
     for k in range(references.shape[0]):
         for i in range(2):
             X[k, i] = w[at.x + slots[i]] if slots[i] >= 0 else 0.0
@@ -64,9 +66,9 @@ def follow(at, links, slots, p, x0, delay, references, feed, noise, law, memory,
             waiting[i] = waiting[i + 1]
         U[k] = waiting[behind] = step(grid, gains, tables, settings, memory, references[k], measured, feed[k])
         status, t, h = _act(at, links, w, t, h, k * period, part, period, held, waiting[0], rtol, events)
-        if status != kernels.OK:
+        if status != OK:
             return status, k
-    return kernels.OK, references.shape[0]
+    return OK, references.shape[0]
 
 
 @dataclass(frozen=True)
@@ -165,4 +167,4 @@ class Bench:
         start = resting(self.plant, self.profile.start)
         plant = (*self.plant.plan, self.plant.slots, model.p, start, self.lead)
         status, _ = follow(*plant, self.reference, feed, noise, law.parts, law.memory, rtol, X, U)
-        return Run(t, self.reference, X, U, law.position, status == kernels.OK)
+        return Run(t, self.reference, X, U, law.position, status == OK)

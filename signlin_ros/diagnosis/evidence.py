@@ -15,7 +15,7 @@ from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.diagnosis.told import Findings
 from signlin_ros.diagnosis.words import belongs
 from signlin_ros.effects import find_effect
-from signlin_ros.trace import resolve_unit
+from signlin_ros.recording.trace import resolve_unit
 
 Array = NDArray[np.float64]
 

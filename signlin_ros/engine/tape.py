@@ -1,8 +1,8 @@
 """A CasADi function as a flat list of instructions, and what each instruction means.
 
 `Tape.batch` runs it on blocks of points with NumPy, by the table of operations in here; `signlin_ros.engine.native`
-turns it into machine code for compiled kernels (`signlin_ros.engine.kernels`). Instructions are read from CasADi's
-virtual machine, see ``Function.instruction_id``.
+turns it into machine code for compiled kernels (`signlin_ros.engine.exact` and others). Instructions are read from
+CasADi's virtual machine, see ``Function.instruction_id``.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from signlin_ros.follow.equations import equations, neutral_sensors
-from signlin_ros.follow.loop import kalman_gains
+from signlin_ros.follow.kalman import kalman_gains
 from signlin_ros.follow.segments import Segment, twin
 from signlin_ros.model import Model
 

@@ -26,9 +26,9 @@ from signlin_ros.follow.tracking import Tracker
 from signlin_ros.model import Model
 from signlin_ros.noise import moving, noise_level, white_noise
 from signlin_ros.plants.dc_motor import quasi_static_current
+from signlin_ros.recording.trace import rotary_unit
 from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
-from signlin_ros.trace import rotary_unit
 
 Array = NDArray[np.float64]
 LOST = 3.0

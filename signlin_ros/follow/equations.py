@@ -10,13 +10,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.engine.native import caller, native, translated
+from signlin_ros.engine.compiling import caller
+from signlin_ros.engine.native import native, translated
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
 from signlin_ros.errors import ModelError
 from signlin_ros.follow.steps import DECLARED, carrier, corrected, pace, padded, runge_kutta, seen
 from signlin_ros.mathops import Surface
-from signlin_ros.trace import Structure, Trace, trace
+from signlin_ros.recording.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]
 Pattern = NDArray[np.bool_]

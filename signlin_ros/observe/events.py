@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from signlin_ros.engine.native import call, compiled, inner
+from signlin_ros.engine.compiling import call, compiled, inner
 
 INPUT, QUERY = -1, -2
 """Kinds of events that measure nothing: an input begins to act; only time goes on. Others are numbers of channels."""

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
 from signlin_ros.plants import Plant
-from signlin_ros.trace import Structure, Trace, trace
+from signlin_ros.recording.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]
 

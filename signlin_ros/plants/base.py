@@ -9,7 +9,7 @@ from signlin_ros.par import HasPars
 
 
 class Acting(Protocol):
-    """The effects of a model, as a plant's equations see them (`signlin_ros.trace`)."""
+    """The effects of a model, as a plant's equations see them (`signlin_ros.recording.trace`)."""
 
     def force(self, drive: Any, elastic: Any) -> Any:
         """Return the summed force of all effects, given the driving force and the plant's own spring force."""

@@ -9,11 +9,11 @@ Nothing is repaired silently: `Record.notes` and `ModelData.notes` say what was 
 repaired is refused with the row named (`clean` has the table of faults).
 """
 
-from .files import read_for_model, read_record, read_records, read_runs
-from .mapping import ModelData
-from .notes import Note
-from .table import Record, Rows, Series, Signal
-from .write import SUFFIXES, write_record
+from signlin_ros.records.files import read_for_model, read_record, read_records, read_runs
+from signlin_ros.records.mapping import ModelData
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Record, Rows, Series, Signal
+from signlin_ros.records.write import SUFFIXES, write_record
 
 __all__ = [
     "SUFFIXES",

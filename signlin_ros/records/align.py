@@ -15,10 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
-
-from .clean import spacing
-from .notes import Note
-from .table import Series, Signal
+from signlin_ros.records.clean import spacing
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Series, Signal
 
 Array = npt.NDArray[np.float64]
 

@@ -25,14 +25,13 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
-
-from .grammar import is_formula, split_unit, words
-from .header import TIME_KEYS, Heading, clock, heading
-from .notes import Note
-from .runs import runs_of
-from .sparse import sparse
-from .table import Record, Rows, Signal
-from .times import Times, times_of
+from signlin_ros.records.grammar import is_formula, split_unit, words
+from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading
+from signlin_ros.records.notes import Note
+from signlin_ros.records.runs import runs_of
+from signlin_ros.records.sparse import sparse
+from signlin_ros.records.table import Record, Rows, Signal
+from signlin_ros.records.times import Times, times_of
 
 Array = npt.NDArray[np.float64]
 

@@ -11,11 +11,10 @@ import numpy.typing as npt
 
 from signlin_ros import units
 from signlin_ros.errors import RecordError
-
-from .grammar import is_formula, split_unit
-from .header import heading
-from .notes import Note
-from .table import Record, Signal
+from signlin_ros.records.grammar import is_formula, split_unit
+from signlin_ros.records.header import heading
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Record, Signal
 
 if TYPE_CHECKING:
     from signlin_ros.model import Model

@@ -11,12 +11,11 @@ from typing import TYPE_CHECKING
 from signlin_ros.apart import of_record
 from signlin_ros.errors import RecordError, suggest
 from signlin_ros.files import BAGS, PACKED, TABLES, TEXT
-
-from .clean import keeper, records_of
-from .header import TIME_KEYS
-from .mapping import ALIASES, ModelData
-from .notes import Note
-from .table import Record
+from signlin_ros.records.clean import keeper, records_of
+from signlin_ros.records.header import TIME_KEYS
+from signlin_ros.records.mapping import ALIASES, ModelData
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Record
 
 if TYPE_CHECKING:
     from signlin_ros.model import Model
@@ -58,7 +57,7 @@ def read_records(
     _check_there(file, source)
     try:
         if file.is_dir() or file.suffix.lower() in BAGS:
-            from . import bag
+            from signlin_ros.records.formats import bag
 
             return bag.read(file, source, signals, wanted or (), base)
         return _read_file(file, source, signals, wanted)
@@ -151,14 +150,14 @@ def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list
     keep = keeper(signals, wanted)
     suffix = file.suffix.lower()
     if suffix == ".mat":
-        from . import mat
+        from signlin_ros.records.formats import mat
 
         return records_of(mat.read_table(file, source, signals), signals, keep)
     if suffix in TABLES:
-        from .tables import read_table
+        from signlin_ros.records.formats.tables import read_table
 
         return records_of(read_table(file, source), signals, keep)
-    from . import csv
+    from signlin_ros.records.formats import csv
 
     asked = [*signals.values(), *(wanted or ())]
     return records_of(csv.read_table(file, source, keep, asked), signals, keep)

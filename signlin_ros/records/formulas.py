@@ -10,12 +10,11 @@ import numpy.typing as npt
 
 from signlin_ros import units
 from signlin_ros.errors import RecordError
-
-from .align import align, looks_held
-from .grammar import Node, is_formula, parse, split_unit
-from .header import heading
-from .notes import Note
-from .table import Record, Series, Signal
+from signlin_ros.records.align import align, looks_held
+from signlin_ros.records.grammar import Node, is_formula, parse, split_unit
+from signlin_ros.records.header import heading
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Record, Series, Signal
 
 Array = npt.NDArray[np.float64]
 

@@ -300,7 +300,7 @@ class _Parser:
         return ""
 
     def unknown(self, word: str = "") -> RecordError:
-        from .table import listing, nearest
+        from signlin_ros.records.table import listing, nearest
 
         match = _WORD.match(self.text, self.at)
         word = word or (match[0] if match else self.text[self.at : self.at + 10])

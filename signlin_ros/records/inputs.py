@@ -10,9 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
-
-from .notes import Note
-from .table import Record, Signal, frozen
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Record, Signal, frozen
 
 if TYPE_CHECKING:
     from signlin_ros.model import Model

@@ -12,15 +12,14 @@ import numpy.typing as npt
 
 from signlin_ros import units
 from signlin_ros.errors import ModelError, RecordError
-
-from .align import align, named
-from .converted import converted
-from .formulas import constant, made, sole
-from .header import TIME_KEYS
-from .inputs import with_inputs
-from .notes import Note, as_notes
-from .slope import held_slope, slope
-from .table import Record, Signal, frozen
+from signlin_ros.records.align import align, named
+from signlin_ros.records.converted import converted
+from signlin_ros.records.formulas import constant, made, sole
+from signlin_ros.records.header import TIME_KEYS
+from signlin_ros.records.inputs import with_inputs
+from signlin_ros.records.notes import Note, as_notes
+from signlin_ros.records.slope import held_slope, slope
+from signlin_ros.records.table import Record, Signal, frozen
 
 if TYPE_CHECKING:
     from signlin_ros.model import Model

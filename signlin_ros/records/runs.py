@@ -8,9 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
-
-from .notes import Note
-from .table import Rows
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Rows
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

@@ -8,8 +8,8 @@ from itertools import combinations
 import numpy as np
 import numpy.typing as npt
 
-from .notes import Note, as_notes
-from .table import Record, Series
+from signlin_ros.records.notes import Note, as_notes
+from signlin_ros.records.table import Record, Series
 
 Array = npt.NDArray[np.float64]
 

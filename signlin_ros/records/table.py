@@ -10,14 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError, suggest
-
-from .header import heading, tidy
-from .notes import Note, as_notes
+from signlin_ros.records.header import heading, tidy
+from signlin_ros.records.notes import Note, as_notes
 
 if TYPE_CHECKING:
     from signlin_ros.model import Model
-
-    from .mapping import ModelData
+    from signlin_ros.records.mapping import ModelData
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -205,7 +203,7 @@ class Record:
         """Inputs and measurements in the model's names, order and units: see
         `signlin_ros.records.mapping.for_model`.
         """
-        from .mapping import for_model
+        from signlin_ros.records.mapping import for_model
 
         return for_model(self, model, signals, require=require, base=base)
 

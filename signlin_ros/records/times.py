@@ -15,14 +15,13 @@ import numpy.typing as npt
 
 from signlin_ros import units
 from signlin_ros.errors import RecordError
-
-from . import grammar
-from .header import TIME_KEYS, Heading, clock, pair
-from .notes import Note
-from .table import listing, nearest
+from signlin_ros.records import grammar
+from signlin_ros.records.header import TIME_KEYS, Heading, clock, pair
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import listing, nearest
 
 if TYPE_CHECKING:
-    from .clean import Table
+    from signlin_ros.records.clean import Table
 
 Array = npt.NDArray[np.float64]
 

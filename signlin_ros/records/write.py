@@ -17,10 +17,9 @@ import numpy.typing as npt
 from signlin_ros import units
 from signlin_ros.errors import RecordError
 from signlin_ros.files import refusal, replacing
-
-from .bag import TIME_TOPIC
-from .header import heading
-from .table import Record
+from signlin_ros.records.formats.bag import TIME_TOPIC
+from signlin_ros.records.header import heading
+from signlin_ros.records.table import Record
 
 if TYPE_CHECKING:
     from signlin_ros.model import Model

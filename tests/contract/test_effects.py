@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import sympy
 
-from signlin_ros import catalogue
 from signlin_ros.compiled import exact_tape, scales, smooth_function
+from signlin_ros.console import catalogue
 from signlin_ros.effects import EFFECTS, SensorEffect
 from signlin_ros.effects.base import Effect, Shown
 from signlin_ros.effects.declared import check_declared

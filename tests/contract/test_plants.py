@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from signlin_ros import catalogue
+from signlin_ros.console import catalogue
 from signlin_ros.errors import ModelError
 from signlin_ros.linearize import METHODS, linearize
 from signlin_ros.model import Model

@@ -166,7 +166,7 @@ def test_an_interrupt_leaves_no_file(record, tmp_path, monkeypatch, capsys):
         if share > 0.0:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("signlin_ros.cli._stage", interrupted)
+    monkeypatch.setattr("signlin_ros.cli.diagnosing._stage", interrupted)
     new, report = tmp_path / "new.yaml", tmp_path / "report.html"
     data = (record / "model.yaml", record / "estimation.csv")
     assert main(["refine", *map(str, data), "-o", str(new), "--report", str(report)]) == 130

@@ -11,7 +11,7 @@ import signlin_ros
 from signlin_ros.cli import main
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.errors import InputError
-from signlin_ros.learned import learn_missing, with_learned
+from signlin_ros.learning.missing import learn_missing, with_learned
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

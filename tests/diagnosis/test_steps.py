@@ -6,7 +6,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from signlin_ros.engine.native import call_among, compiled, translated
+from signlin_ros.engine.compiling import call_among, compiled
+from signlin_ros.engine.native import translated
 from signlin_ros.engine.tape import Tape
 from signlin_ros.follow.equations import equations
 from signlin_ros.follow.steps import DECLARED, carrier, corrected, pace, padded, runge_kutta, seen

@@ -99,7 +99,7 @@ def test_the_demo_runs(tmp_path: Path) -> None:
 
 def test_a_missing_installation_is_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
-    monkeypatch.setattr(demo.sysconfig, "get_path", lambda _: str(tmp_path))
+    monkeypatch.setattr(demo.processes.sysconfig, "get_path", lambda _: str(tmp_path))
     monkeypatch.setenv("AMENT_PREFIX_PATH", "")
     with pytest.raises(demo.DemoError, match="install"):
         demo.prefix()

@@ -5,7 +5,7 @@ import pytest
 
 from signlin_ros.compiled import exact_tape
 from signlin_ros.errors import InputError
-from signlin_ros.learning import learn
+from signlin_ros.learning.curve import learn
 from signlin_ros.model import Model
 
 COUNT = 20_000

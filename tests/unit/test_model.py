@@ -632,7 +632,7 @@ def test_a_bad_entry_point_is_named(load, monkeypatch, catalogue):
         ("signlin_ros.cli", "casadi numpy numba scipy yaml rclpy matplotlib sympy rosbags"),
         ("signlin_ros.effects signlin_ros.plants", "casadi numpy numba rclpy matplotlib sympy"),
         (
-            "signlin_ros.linearize signlin_ros.simulate signlin_ros.records signlin_ros.catalogue signlin_ros.console",
+            "signlin_ros.linearize signlin_ros.simulate signlin_ros.records signlin_ros.console.catalogue",
             "rclpy matplotlib sympy std_msgs",
         ),
     ],

@@ -12,7 +12,8 @@ import pytest
 from numba import njit
 from numba.core.errors import TypingError
 
-from signlin_ros.engine.native import _Cache, call, call_within, caller, native
+from signlin_ros.engine.compiling import call, call_within, caller
+from signlin_ros.engine.native import _Cache, native
 from signlin_ros.engine.tape import OPERATIONS, Tape
 
 RANDOM = np.random.default_rng(7)
@@ -33,7 +34,8 @@ SPECIAL = [(np.nan, 1.0), (1.0, np.nan), (np.nan, np.nan), (np.inf, 1.0), (-np.i
 IN_A_PROCESS = """
 import sys
 import numpy as np
-from signlin_ros.engine.native import caller, native
+from signlin_ros.engine.compiling import caller
+from signlin_ros.engine.native import native
 from signlin_ros.engine.tape import Tape
 import casadi as ca
 x = ca.SX.sym("x")
@@ -236,3 +238,16 @@ def test_the_oldest_code_is_removed_where_there_is_too_much(tmp_path):
     assert len(list(tmp_path.iterdir())) == 13  # once in a process
     assert cache.load(Module("new")) == b"code"
     assert cache.load(Module("old0")) is None
+
+
+def test_a_part_that_changes_in_another_file_is_compiled_afresh(tmp_path):
+    part = "from signlin_ros.engine.compiling import inner\n\n@inner\ndef part(x):\n    return x + {}.0\n"
+    whole = "from signlin_ros.engine.compiling import compiled\nfrom part import part\n\n@compiled\n"
+    (tmp_path / "whole.py").write_text(whole + "def whole(x):\n    return part(x)\n")
+    said = "from whole import whole; print(whole(1.0), sum(whole.stats.cache_hits.values()))"
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path]), "NUMBA_CACHE_DIR": str(tmp_path)}
+    for added, found in ((1, ["2.0", "0"]), (1, ["2.0", "1"]), (22, ["23.0", "0"])):
+        (tmp_path / "part.py").write_text(part.format(added))
+        command = [sys.executable, "-B", "-c", said]
+        done = subprocess.run(command, env=env, capture_output=True, text=True, check=True)
+        assert done.stdout.split() == found

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from signlin_ros.errors import RecordError
-from signlin_ros.records import Record, read_record, regular
+from signlin_ros.records import Record, read_record
+from signlin_ros.records.formats import regular
 
 Read = Callable[..., Record]
 

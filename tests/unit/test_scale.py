@@ -6,8 +6,8 @@ import pytest
 
 from signlin_ros.plants.dc_motor import DcMotor
 from signlin_ros.plants.mass_spring_damper import MassSpringDamper
+from signlin_ros.recording.trace import resolve_unit, rotary_unit
 from signlin_ros.scale import Scale
-from signlin_ros.trace import resolve_unit, rotary_unit
 
 SCALE = Scale(force=2.0, travel=3.0, velocity=5.0, acceleration=7.0, current=0.5, input=11.0, step=0.01, duration=16.0)
 

@@ -39,8 +39,8 @@ from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
+from signlin_ros.recording.trace import Structure, Trace, trace
 from signlin_ros.scale import Scale
-from signlin_ros.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]
 Shape = tuple[tuple[str, float], ...]

@@ -24,8 +24,8 @@ from signlin_ros.follow.tracking import driven, filled
 from signlin_ros.model import Model
 from signlin_ros.noise import quantum_of
 from signlin_ros.plants import Plant
+from signlin_ros.recording.trace import Structure, Trace, trace
 from signlin_ros.records import ModelData
-from signlin_ros.trace import Structure, Trace, trace
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from signlin_ros.fitting.fit import Fit, tidied
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
-from signlin_ros.trace import resolve_unit
+from signlin_ros.recording.trace import resolve_unit
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,394 @@
+"""A model: plant, effects, numbers and options. YAML in and out; immutable."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import ArrayLike, NDArray
+
+from signlin_ros.effects import SensorEffect, find_effect
+from signlin_ros.errors import InputError, ModelError, choices, suggest
+from signlin_ros.files import write_text
+from signlin_ros.markup import html_table
+from signlin_ros.model.files import Dumper, Loader, find_model_file, parameters_of, relative
+from signlin_ros.model.names import check_axis, check_names
+from signlin_ros.model.options import HOLDS, OPTIONS, TOLERANCE
+from signlin_ros.model.reading import fields_of
+from signlin_ros.model.uses import EffectUse, effect_class, has_spring, is_sensor, nominal, own_name, slot
+from signlin_ros.par import Par, Pars, declared_name, gathered, place_of
+from signlin_ros.plants import Plant
+from signlin_ros.recording.trace import EffectSlot, Structure, Trace, delay_of, resolve_unit, trace
+from signlin_ros.sensors import Sensor
+
+
+@dataclass(frozen=True)
+class Model:
+    """A plant with effects, numbers and options; every ``with_...`` method returns a new model.
+
+    Units are SI; `units` says which for each state, input and output, `par_declarations` for each parameter.
+    """
+
+    plant: type[Plant]
+    parameters: dict[str, float]
+    effects: dict[str, EffectUse] = field(default_factory=dict)
+    sign_order: int = 50
+    sign_scale: float = 1.0
+    operating_range: dict[str, float] = field(default_factory=dict)
+    linearization: str = ""
+    operating_point: str = "start"
+    input_hold: str | float = ""
+    update_period: float = 0.2
+    state_weights: dict[str, float] = field(default_factory=dict)
+    initial_state: dict[str, float] = field(default_factory=dict)
+    tolerance: float | dict[str, float] = TOLERANCE
+    frozen: tuple[str, ...] = ()
+    signals: dict[str, str] = field(default_factory=dict)
+    effect_files: tuple[str, ...] = ()
+    with_position: bool = False
+    with_load_torque: bool = False
+    axis: str = ""
+    gear: float = 1.0
+    node_options: dict[str, Any] = field(default_factory=dict)
+    source: str = field(default="model", compare=False)
+    folder: Path = field(default=Path(), compare=False)
+
+    # ---------------------------------------------------------------- reading
+
+    @classmethod
+    def load(cls, path: str | Path) -> Model:
+        """Read a model file, or a shipped model by its name (``dc_motor``); raise `ModelError` on any fault."""
+        file = find_model_file(path)
+        try:
+            content = yaml.load(file.read_text(encoding="utf-8"), Loader=Loader)
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
+            raise ModelError(f"{file}: not a YAML file: {' '.join(str(error).split())}") from error
+        except OSError as error:
+            raise ModelError(f"{file}: {error.strerror}") from error
+        except ModelError as error:
+            raise ModelError(f"{file}: {error}") from error
+        return cls.from_dict(parameters_of(content, str(file)), source=str(file), folder=file.parent)
+
+    @classmethod
+    def from_yaml(cls, text: str, source: str = "model", folder: Path = Path()) -> Model:
+        """Read the text of a model file; ``folder`` is what effect files are relative to."""
+        try:
+            content = yaml.load(text, Loader=Loader)
+        except yaml.YAMLError as error:
+            raise ModelError(f"{source}: not a YAML file: {' '.join(str(error).split())}") from error
+        return cls.from_dict(parameters_of(content, source), source, folder)
+
+    @classmethod
+    def from_dict(cls, mapping: Mapping[str, Any], source: str = "model", folder: Path = Path()) -> Model:
+        """Build a model from what stands below ``ros__parameters``; raise `ModelError` naming source and key."""
+        try:
+            model = Model(**fields_of(mapping, source, folder))
+            check_axis(model)
+            check_names(model)
+        except ModelError as error:
+            raise ModelError(f"{source}: {error}") from error
+        return model
+
+    # ---------------------------------------------------------------- writing
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the mapping that `from_dict` reads; options at their defaults are left out."""
+        content: dict[str, Any] = {"plant": self.plant.name, "parameters": dict(self.parameters)}
+        if self.effects:
+            content["effects"] = {
+                key: {name: value for name, value in use.written().items() if name != "type" or value != key}
+                for key, use in self.effects.items()
+            }
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in OPTIONS and value != _default(item.name, self.plant):
+                content[item.name] = list(value) if isinstance(value, tuple) else value
+        return content | self.node_options
+
+    def to_yaml(self) -> str:
+        """Return the text of a ROS 2 parameter file that holds this model without loss."""
+        tree = {"/**": {"ros__parameters": self.to_dict()}}
+        return yaml.dump(tree, Dumper=Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None, width=110)
+
+    def save(self, path: str | Path) -> None:
+        """Write `to_yaml` to a file, whole or not at all; effect files are named relative to where it stands."""
+        try:
+            write_text(path, self.placed_in(Path(path).parent).to_yaml())
+        except OSError as error:
+            raise InputError(f"cannot write {path}: {error.strerror}") from error
+
+    # ---------------------------------------------------------------- changing
+
+    def with_effect(self, type: str, key: str | None = None, **parameters: Any) -> Model:
+        """Return a model with one more effect; parameters not given start at their nominal values.
+
+        A list is given as a list or by its elements (``**{"A[0]": 0.1}``).
+
+        The effect of a sensor is on the channels given, on all states and outputs if none is.
+        """
+        effect = find_effect(type, "effects")
+        key = key or type
+        if key in self.effects:
+            raise ModelError(f"effects.{key}: is in the model already; give the new one another key")
+        given = gathered({name.rstrip("_"): value for name, value in parameters.items()})
+        present = {name: unit for name, unit in self._channels.items() if name in (*self.states, *self.outputs)}
+        pars = {} if given and issubclass(effect, SensorEffect) else effect.pars_on(present)
+        pars = Pars({n: p for n, p in pars.items() if not (p.free_standing and self._has_spring)})
+        return self._changed(effects={**self._written, key: {"type": type, **nominal(pars, given), **given}})
+
+    def without_effect(self, key: str) -> Model:
+        """Return a model without one effect."""
+        if key not in self.effects:
+            raise ModelError(f"effects.{key}: is not in the model; there are: {choices(self.effects)}")
+        return self._changed(effects={k: use for k, use in self._written.items() if k != key})
+
+    @property
+    def _written(self) -> dict[str, dict[str, Any]]:
+        return {key: use.written() for key, use in self.effects.items()}
+
+    def with_parameters(self, values: Mapping[str, Any] | None = None, **more: Any) -> Model:
+        """Return a model with other numbers: ``{"J": 0.002, "coulomb_friction.mu": 0.03}``.
+
+        A list is given as a list, or an element of it (``"torque_ripple.A[0]"``).
+        """
+        content = self.to_dict()
+        for name, value in {**(values or {}), **more}.items():
+            key, inner = self._located(name)
+            if declared_name(inner) not in self._pars_of(key):
+                raise self._unknown(name)
+            table, place = content["effects"][key] if key else content["parameters"], place_of(inner)
+            if place is None:
+                table[inner] = value
+            elif inner in self.effects[key].parameters:
+                table[declared_name(inner)][place] = value
+            else:
+                raise self._unknown(name)
+        return Model.from_dict(content, self.source, self.folder)
+
+    def with_options(self, **options: Any) -> Model:
+        """Return a model with other options, e.g. ``sign_order=20``."""
+        return self._changed(**options)
+
+    def placed_in(self, folder: Path) -> Model:
+        """Return the model as a file in a folder has it: its effect files named relative to that folder."""
+        given = ((name, self.folder / name) for name in self.effect_files)
+        names = (n if Path(n).is_absolute() else relative(file, folder) for n, file in given)
+        return replace(self, effect_files=tuple(names), folder=folder)
+
+    def _changed(self, **entries: Any) -> Model:
+        return Model.from_dict({**self.to_dict(), **entries}, self.source, self.folder)
+
+    def _pars_of(self, key: str) -> Pars:
+        return effect_class(self.effects[key]).pars_on(self._channels) if key else self.plant.pars()
+
+    def _located(self, name: str) -> tuple[str, str]:
+        """Return the key of an effect of the model (empty: the plant) and a parameter from a dotted name."""
+        key, _, inner = name.removeprefix("parameters.").removeprefix("effects.").rpartition(".")
+        if key and key not in self.effects:
+            raise self._unknown(name)
+        inner = inner.rstrip("_")
+        sensor = bool(key) and is_sensor(self.effects[key])
+        return key, own_name(self.plant, inner, self._channels) if sensor else inner
+
+    def _unknown(self, name: str) -> ModelError:
+        known = [n.split(".", 1)[1] for n in self.par_declarations()]
+        return ModelError(f"{name}: unknown parameter; known: {choices(known)}{suggest(name, known)}")
+
+    # ---------------------------------------------------------------- looking
+
+    @property
+    def files(self) -> dict[Path, str]:
+        """What the model was read from, its own file and those of its effects, and what each is."""
+        own = {Path(self.source): f"the model {self.source}"}
+        return own | {self.folder / name: f"the effect file {name}" for name in self.effect_files}
+
+    @functools.cached_property
+    def structure(self) -> Structure:
+        """What decides the equations, without the numbers (hashable)."""
+        pars = self.plant.pars()
+        built_in = tuple(
+            EffectSlot(name, find_effect(name, "plant"), (), taken, built_in=True)
+            for name, taken in self.plant.built_in.items()
+        )
+        return Structure(
+            plant=self.plant,
+            plant_structural=tuple((n, self.parameters[n]) for n, par in pars.items() if par.structural),
+            zeros=tuple(n for n in self.plant.zero_matters if self.parameters[n] == 0.0),
+            slots=built_in + tuple(slot(key, use) for key, use in self.effects.items() if not is_sensor(use)),
+            with_position=self.with_position or "position" in self.signals or self._senses_position,
+            with_load_torque=self.with_load_torque,
+        )
+
+    @property
+    def trace(self) -> Trace:
+        """The equations with recorded signs."""
+        found: Trace | None = self.__dict__.get("_trace")
+        if found is None:  # no cached property: its lock would be held while another thread writes expressions
+            found = self.__dict__["_trace"] = trace(self.structure)
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: no expressions, which CasADi does not let go."""
+        return {name: value for name, value in self.__dict__.items() if name != "_trace"}
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states, in order."""
+        return self.trace.states
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, in order."""
+        return self.trace.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs: the states, or what the plant says."""
+        return self.trace.outputs
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of every state, input and output."""
+        return self.trace.units
+
+    @functools.cached_property
+    def sensors(self) -> dict[str, Sensor]:
+        """What measures each state and output: perfect but for what the sensor effects say of it."""
+        found = dict.fromkeys((*self.states, *self.outputs), Sensor())
+        for use in self.effects.values():
+            effect = effect_class(use)()
+            if isinstance(effect, SensorEffect):
+                for channel, value in use.parameters.items():
+                    found[channel] = effect.sensor(found[channel], value)
+        return found
+
+    def shown_states(self, x: ArrayLike) -> NDArray[np.float64]:
+        """Return what the sensors show of states (..., n), each in its own time (`Sensor.show`)."""
+        return self._by_sensor(Sensor.show, x)
+
+    def true_states(self, y: ArrayLike) -> NDArray[np.float64]:
+        """Return the states (..., n) behind what the sensors show, each in its own time (`Sensor.true`)."""
+        return self._by_sensor(Sensor.true, y)
+
+    def _by_sensor(self, how: Callable[[Sensor, Any], Any], values: ArrayLike) -> NDArray[np.float64]:
+        columns = np.moveaxis(np.asarray(values, dtype=float), -1, 0)
+        pairs = zip(self.states, columns, strict=True)
+        with np.errstate(over="ignore"):
+            return np.stack([how(self.sensors[name], column) for name, column in pairs], axis=-1)
+
+    @property
+    def _senses_position(self) -> bool:
+        sensed = (name for use in self.effects.values() if is_sensor(use) for name in use.parameters)
+        return self.plant.position_optional and self.plant.position in sensed
+
+    @property
+    def _channels(self) -> dict[str, str]:
+        return self.plant.channels(self.parameters)
+
+    @property
+    def _has_spring(self) -> bool:
+        return has_spring(self.plant, self.parameters)
+
+    @functools.cached_property
+    def p(self) -> NDArray[np.float64]:
+        """Values of the trace's parameters, in its order."""
+        return np.array([self.value(name) for name in self.trace.parameters])
+
+    @property
+    def is_rotary(self) -> bool | None:
+        """Whether the axis turns; None where neither the model nor its plant says (a record's units may)."""
+        axis = self.axis or ("rotary" if self.plant.position_unit == "rad" else "")
+        return axis == "rotary" if axis else None
+
+    def turns(self, units: Mapping[str, str]) -> bool:
+        """Tell whether the axis turns: as the model, its plant or the units of a record's signals say."""
+        unit = units.get(self.plant.position) or units.get(self.plant.velocity, "")
+        return unit.startswith("rad") if self.is_rotary is None else self.is_rotary
+
+    @property
+    def early(self) -> float:
+        """By how many steps a recorded input precedes its sample (`HOLDS`); 0 where the model does not say."""
+        return HOLDS.get(self.input_hold, 0.0) if isinstance(self.input_hold, str) else self.input_hold
+
+    @functools.cached_property
+    def delay(self) -> float:
+        """Delay of the input in s."""
+        return delay_of(self.trace, self.p)
+
+    def value(self, name: str) -> float:
+        """Return a parameter's value by dotted name: ``J`` or ``parameters.J``, ``coulomb_friction.mu``."""
+        key, inner = self._located(name)
+        table = self.effects[key].parameters if key else self.parameters
+        if inner not in table:
+            raise self._unknown(name)
+        return table[inner]
+
+    def tolerance_of(self, name: str) -> float:
+        """Return how far a base parameter may be off, relative to its value: 0 where no fit may move it."""
+        if name in self.frozen:
+            return 0.0
+        stated = self.tolerance
+        return float(stated.get(name, TOLERANCE) if isinstance(stated, dict) else stated)
+
+    def par_declarations(self) -> dict[str, Par]:
+        """Return every parameter's declaration by ROS name (``effects.coulomb_friction.mu``), units resolved."""
+        found = {f"parameters.{name}": par for name, par in self.plant.pars().items()}
+        for key, use in self.effects.items():
+            pars = self._pars_of(key)
+            found |= {f"effects.{key}.{name}": pars[name] for name in use.parameters}
+        return {name: replace(par, unit=resolve_unit(par.unit, self.plant)) for name, par in found.items()}
+
+    def _repr_html_(self) -> str:
+        pars = {name.split(".", 1)[1]: par for name, par in self.par_declarations().items()}
+        rows = [[name, f"{self.value(name):.6g}", par.unit, par.doc] for name, par in pars.items()]
+        return html_table(["parameter", "value", "unit", ""], rows, f"{self.plant.name} ({self.source})")
+
+    def canonical(self, name: str) -> str:
+        """Return the plant's own name for a state, input or output, resolving position, velocity and effort."""
+        known = (*self.states, *self.inputs, *self.outputs)
+        plain = own_name(self.plant, name, known)
+        if plain not in known:
+            hint = suggest(name, known)
+            if plain == self.plant.position:
+                hint = f"; with_position: true makes the {plain} a state"
+            elif plain in self.plant.sometimes:
+                hint = f"; {self.plant.sometimes[plain]}"
+            raise ModelError(f"{name!r} is no state, input or output; there are: {choices(known)}{hint}")
+        return plain
+
+    def state_vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """Return x (n,) from values by name; states not named are 0."""
+        return self._vector(values, self.states, "state")
+
+    def input_vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
+        """Return u (m,) from values by name; inputs not named are 0."""
+        return self._vector(values, self.inputs, "input")
+
+    def _vector(self, values: Mapping[str, float], names: tuple[str, ...], what: str) -> NDArray[np.float64]:
+        out = np.zeros(len(names))
+        for name, value in values.items():
+            plain = self.canonical(name)
+            if plain not in names:
+                raise ModelError(f"{name!r} is no {what}; the {what}s are: {', '.join(names)}")
+            out[names.index(plain)] = value
+        return out
+
+    @property
+    def x0(self) -> NDArray[np.float64]:
+        """The initial state (n,)."""
+        return self.state_vector(self.initial_state)
+
+
+def _default(name: str, plant: type[Plant]) -> Any:
+    if name == "linearization":
+        return plant.linearization
+    item = next(f for f in fields(Model) if f.name == name)
+    return item.default_factory() if callable(item.default_factory) else item.default
+
+
+__all__ = ["Model"]

@@ -1,0 +1,327 @@
+"""How a text file is laid out: what separates its cells, where its table begins, which line names the columns.
+
+Before the table there may be a preamble of any lines, and between the names and the numbers a row of units. A file
+whose first line is numbers has no names: its columns are called ``c1``, ``c2``, ... A header that returns begins a new
+run.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from signlin_ros import units
+from signlin_ros.errors import RecordError
+from signlin_ros.records.grammar import words
+from signlin_ros.records.header import heading
+from signlin_ros.records.notes import Note
+
+Integers = npt.NDArray[np.int64]
+
+SEPARATORS = ("\t", ";", ",", "|", " ")
+"""A blank stands for any run of white space."""
+MISSING = frozenset(
+    {"", "nan", "na", "n/a", "#n/a", "#na", "null", "none", "-", "--", "?", "-nan", "nan(ind)", "-nan(ind)"}
+)
+"""What a cell without a value holds, in small letters."""
+LOOKED_AT = 200
+"""So many lines at the end and as many from the start tell the layout."""
+_COMMENT = re.compile(r"\s*(?:#|//|%(?!time\b))")
+_BY_NUMBER = re.compile(r"c\d+")
+_TIMELIKE = re.compile(
+    r"(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]?)?\s*(?:\d{1,2}:\d\d(?::\d\d)?(?:[.,]\d*)?)?"
+    r"\s*(?:[APap][Mm]|Z|[-+]\d\d:?\d\d)?"
+)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A file split up: header cells, the lines of data and their numbers in the file (from 1).
+
+    ``separator``: between cells; ``named``: whether the file names its columns; ``unit_row``: the cells of a row of
+    units; ``runs``: the rows at which a new run begins, because the header returned.
+    """
+
+    source: str
+    header: list[str]
+    body: list[str]
+    numbers: Integers
+    separator: str
+    named: bool = True
+    unit_row: tuple[str, ...] = ()
+    runs: tuple[int, ...] = ()
+    notes: tuple[Note, ...] = field(default=())
+
+
+def layout(text: str, source: str) -> Layout:
+    """Find the table in a text; raise `RecordError` where there is none."""
+    ended = text.endswith("\n")
+    lines = text.split("\n")
+    while lines and not lines[-1].strip():
+        lines.pop()
+    if not lines:
+        raise RecordError(f"{source}: the file is empty")
+    kept = _rows_of_text(text, lines)
+    if not kept:
+        raise RecordError(f"{source}: nothing but comments: no header and no rows")
+    separator, width = _separator([lines[i] for i in kept])
+    first = _first_row(lines, kept, separator, width)
+    if first is None:
+        raise _no_rows(source, lines[kept[0]], kept, separator)
+    names, unit_row, notes = _names(lines, kept, first, separator, width, source)
+    if names is not None and len(names) < 2 <= width:
+        raise RecordError(
+            f"{source}: the header has one column, {names[0]!r}; separate columns by comma, semicolon, tab or blanks"
+        )
+    body, numbers = _without_comments(lines, kept[first:], separator, width)
+    body, numbers = _without_empty(body, numbers, separator)
+    header_line = lines[kept[first - 1 - bool(unit_row)]] if names is not None and first else None
+    body, numbers, runs = _without_headers(body, numbers, header_line, lines[kept[first - 1]] if unit_row else None)
+    body, numbers, cut = _without_cut(body, numbers, separator, width, ended)
+    if not body:
+        raise RecordError(f"{source}: a header but no rows of data")
+    header = names if names is not None else [f"c{i + 1}" for i in range(width)]
+    header = _fitted(header, body, separator)
+    return Layout(source, header, body, numbers, separator, names is not None, unit_row, runs, (*notes, *cut))
+
+
+def _rows_of_text(text: str, lines: Sequence[str]) -> Sequence[int]:
+    """The places of the lines that are neither blank nor comments."""
+    if any(mark in text for mark in "#%") or "//" in text:
+        return [i for i, line in enumerate(lines) if line.strip() and not _COMMENT.match(line)]
+    if all(lines):
+        blank = {i for i, line in enumerate(lines) if line[0].isspace() and not line.strip()}
+        return [i for i in range(len(lines)) if i not in blank] if blank else range(len(lines))
+    return [i for i, line in enumerate(lines) if line.strip()]
+
+
+def cells(line: str, separator: str) -> list[str]:
+    """The cells of a line, stripped."""
+    if separator == " " and '"' not in line:
+        return line.split()
+    row = next(csv.reader([line.strip() if separator == " " else line], delimiter=separator, skipinitialspace=True), [])
+    return [cell.strip() for cell in row]
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell reads as a number, with a point or a comma."""
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def is_value(cell: str) -> bool:
+    """Whether a cell holds a number, a date or a time of day."""
+    return is_number(cell) or ((":" in cell or cell.count("-") == 2) and bool(_TIMELIKE.fullmatch(cell)))
+
+
+def _separator(lines: Sequence[str]) -> tuple[str, int]:
+    """The separator that splits most lines into equally many values, and how many cells those have."""
+    looked = lines if len(lines) <= 2 * LOOKED_AT else [*lines[:LOOKED_AT], *lines[-LOOKED_AT:]]
+    best, chosen = (-1.0, 0), (",", 1)
+    for mark in SEPARATORS:
+        rows = [cells(line, mark) for line in looked if opened(line, mark) is None]
+        rows = [row for row in rows if sum(map(is_value, row)) > len(row) / 4] or rows
+        width = Counter(_width(row) for row in rows).most_common(1)[0][0] if rows else 1
+        same = [row for row in rows if _width(row) == width]
+        there = [cell for row in same for cell in row if cell.lower() not in MISSING]
+        share = sum(map(is_value, there)) / max(len(there), 1)
+        score = (round(share * len(same) / max(len(rows), 1), 2), width) if width > 1 else (0.0, 0)
+        if score[0] > best[0] + 0.05 or (abs(score[0] - best[0]) <= 0.05 and score[1] > best[1]):
+            best, chosen = score, (mark, width)
+    return chosen
+
+
+def _width(row: Sequence[str]) -> int:
+    """How many cells a row has; an empty one after a last separator counts, since it may be a missing sample."""
+    return len(row)
+
+
+def opened(line: str, separator: str) -> int | None:
+    """The cell, from 0, of a line that opens a quote and does not close it; None where there is none."""
+    if line.count('"') % 2 == 0:
+        return None
+    found = re.search(rf'(?:^|{re.escape(separator)})\s*"', line)
+    return None if found is None else line[: found.start() + 1].count(separator)
+
+
+def _first_row(lines: Sequence[str], kept: Sequence[int], separator: str, width: int) -> int | None:
+    """The place in `kept` of the first row of values; None where no line is one."""
+    for k, i in enumerate(kept):
+        row = cells(lines[i], separator) if opened(lines[i], separator) is None else []
+        there = [cell for cell in row if cell.lower() not in MISSING]
+        values = sum(map(is_value, there))
+        if (
+            len(row) in (width, width + 1)
+            and values
+            and values >= len(there) / 3
+            and _not_a_preamble(lines, kept, k, separator, width)
+        ):
+            return k
+    return None
+
+
+def _not_a_preamble(lines: Sequence[str], kept: Sequence[int], k: int, separator: str, width: int) -> bool:
+    """Whether what follows a row of values is one more, or nothing."""
+    if k + 1 >= len(kept):
+        return True
+    row = cells(lines[kept[k + 1]], separator)
+    return any(map(is_value, row)) or len(row) != width or all(cell.lower() in MISSING for cell in row)
+
+
+def _names(
+    lines: Sequence[str], kept: Sequence[int], first: int, separator: str, width: int, source: str
+) -> tuple[list[str] | None, tuple[str, ...], list[Note]]:
+    """The names of the columns, None where the file has none; a row of units; what is said of both."""
+    above = [cells(lines[i], separator) for i in kept[:first]]
+    notes = []
+    unit_row: tuple[str, ...] = ()
+    if len(above) > 1 and _are_units(above[-1]) and len(above[-2]) >= len(above[-1]) - 1 and not _are_units(above[-2]):
+        unit_row = tuple(cell.strip("[]() ") for cell in above.pop())
+        notes.append(Note("the row below the header was taken for units", "format"))
+    if above:
+        if len(above) > 1:
+            lines_of = "1 line" if len(above) == 2 else f"{len(above) - 1} lines"
+            notes.append(Note(f"{lines_of} before the header are no part of the table", "format"))
+        return above[-1], unit_row, notes
+    comments = [line for line in lines[: kept[first]] if line.strip()]
+    found = _header_in_comment(comments, width, separator)
+    if found is not None:
+        return found, (), [Note("the header was found in a comment", "format")]
+    start = lines[kept[first]].strip()
+    called = f"no header: the columns are called c1 to c{width}; the first row is {shortened(start)!r}"
+    return None, (), [Note(called, "format")]
+
+
+def _are_units(row: Sequence[str]) -> bool:
+    """Whether a row holds units, brackets or nothing, and units at least."""
+    found = [cell.strip("[]() ") for cell in row]
+    known = [
+        cell for cell in found if cell and (units.parse(cell) is not None or cell in ("C", "degC", "counts", "ticks"))
+    ]
+    return bool(known) and all(cell in known or cell in ("", "-") for cell in found)
+
+
+def _header_in_comment(comments: Sequence[str], width: int, separator: str) -> list[str] | None:
+    """The last comment with as many cells as the rows (numpy.savetxt writes the header there)."""
+    for line in reversed(comments):
+        bare = line.strip().lstrip("#%/").strip()
+        for mark in dict.fromkeys((separator, *SEPARATORS)):
+            found = cells(bare, mark)
+            if len(found) == width and width > 1 and not any(map(is_number, found)):
+                return found
+    return None
+
+
+def _without_comments(
+    lines: Sequence[str], kept: Sequence[int], separator: str, width: int
+) -> tuple[list[str], Integers]:
+    """The lines of data and their numbers in the file; what follows a ``#`` behind a whole row is cut off."""
+    body = list(lines[kept[0] : kept[-1] + 1]) if len(kept) == kept[-1] - kept[0] + 1 else [lines[i] for i in kept]
+    if any("#" in line for line in body):
+        body = [_uncommented(line, separator, width) if "#" in line else line for line in body]
+    return body, np.array(kept, dtype=np.int64) + 1
+
+
+def _uncommented(line: str, separator: str, width: int) -> str:
+    head = re.split(r"(?<=\s)#|#(?=\s)", line, maxsplit=1)[0].rstrip()
+    last = head.rsplit(separator if separator != " " else None, 1)[-1].strip()
+    whole = len(cells(head, separator)) >= width and (is_value(last) or last.lower() in MISSING)
+    return head if whole else line
+
+
+def _without_empty(body: list[str], numbers: Integers, separator: str) -> tuple[list[str], Integers]:
+    """The lines that hold anything but separators: spreadsheets leave such lines at the end."""
+    if not any(line.startswith((separator, " ")) for line in (body[0], body[-1])) and separator != " ":
+        joined = "\n".join(body)
+        if f"\n{separator}" not in joined and "\n " not in joined:
+            return body, numbers
+    blank = f"{separator} "
+    kept = [i for i, line in enumerate(body) if line.strip(blank)]
+    return (body, numbers) if len(kept) == len(body) else ([body[i] for i in kept], numbers[kept])
+
+
+def _without_headers(
+    body: list[str], numbers: Integers, header: str | None, unit_row: str | None
+) -> tuple[list[str], Integers, tuple[int, ...]]:
+    """The rows without headers that stand among them, and the rows before which these stood."""
+    again = {line.strip() for line in (header, unit_row) if line is not None}
+    if not again or not any(mark in "\n".join(body) for mark in again):
+        return body, numbers, ()
+    there = np.array([line.strip() in again for line in body])
+    starts = np.unique(np.cumsum(~there)[there])
+    kept = np.flatnonzero(~there)
+    return [body[i] for i in kept], numbers[kept], tuple(int(i) for i in starts if 0 < i < kept.size)
+
+
+def _without_cut(
+    body: list[str], numbers: Integers, separator: str, width: int, ended: bool
+) -> tuple[list[str], Integers, list[Note]]:
+    """The rows without a last one that a crash cut off."""
+    if ended or len(body) < 3 or len(cells(body[-1], separator)) >= min(width, len(cells(body[-2], separator))):
+        return body, numbers, []
+    said = f"the last line ({numbers[-1]}) is cut off and left out: {shortened(body[-1])!r}"
+    return body[:-1], numbers[:-1], [Note(said, "truncated")]
+
+
+def _fitted(header: list[str], body: Sequence[str], separator: str) -> list[str]:
+    """The header without, or with, an empty cell at its end that the rows have not, or have."""
+    width = Counter(len(cells(line, separator)) for line in body[:LOOKED_AT]).most_common(1)[0][0]
+    while len(header) > max(width, 1) and not header[-1]:
+        header = header[:-1]
+    if len(header) == width - 1 and not any(
+        cells(line, separator)[width - 1 :] not in ([], [""]) for line in body[:LOOKED_AT]
+    ):
+        header = [*header, ""]
+    return header
+
+
+def by_number(shape: Layout, asked: Iterable[str]) -> Layout:
+    """The layout with ``c1``, ``c2``, ... for its names, where there are fewer of these than cells in the rows, so that
+    none is known to be right, and what is asked for is columns by such numbers, none by a name of the header.
+    """
+    specs = list(asked)
+    width = Counter(len(cells(line, shape.separator)) for line in shape.body[:LOOKED_AT]).most_common(1)[0][0]
+    numbers = any(_BY_NUMBER.fullmatch(word) for spec in specs for word in words(spec))
+    named = any(heading(cell).matches(spec) for cell in shape.header for spec in specs)
+    if len(shape.header) >= width or not numbers or named:
+        return shape
+    said = f"the header has {len(shape.header)} cells, the rows {width}: the columns are called c1 to c{width}"
+    header = [f"c{i + 1}" for i in range(width)]
+    return replace(shape, header=header, named=False, unit_row=(), notes=(*shape.notes, Note(said, "format")))
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """A text, or its beginning with dots."""
+    text = " ".join(text.split())
+    return text if len(text) <= most else f"{text[: most - 4]} ..."
+
+
+def _no_rows(source: str, first: str, kept: Sequence[int], separator: str) -> RecordError:
+    if len(kept) == 1:
+        names = cells(first, separator)
+        if len(names) < 2:
+            return RecordError(
+                f"{source}: the header has one column, {first.strip()!r}; "
+                "separate columns by comma, semicolon, tab or blanks"
+            )
+        return RecordError(f"{source}: a header but no rows of data")
+    place = f"line {kept[0] + 1} is {shortened(first)!r}"
+    return RecordError(f"{source}: no rows of numbers below a header; {place}")
+
+
+def labelled(shape: Layout) -> list[str]:
+    """The header with the row of units in it."""
+    if not shape.unit_row:
+        return shape.header
+    row = [*shape.unit_row, *[""] * len(shape.header)]
+    stated = zip(shape.header, row, strict=False)
+    return [f"{name} [{unit}]" if unit not in ("", "-") and not heading(name).unit else name for name, unit in stated]

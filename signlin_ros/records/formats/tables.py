@@ -1,0 +1,103 @@
+"""Parquet (pyarrow), MDF4 (asammdf) and TDMS (nptdms): columns with names and units, through their own readers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from signlin_ros.errors import MissingExtraError, RecordError
+from signlin_ros.records.clean import Table
+from signlin_ros.records.header import Heading, heading
+from signlin_ros.records.notes import Note
+from signlin_ros.records.table import Rows
+
+Array = npt.NDArray[np.float64]
+Column = tuple[str, str, npt.NDArray[np.generic]]
+"""Name, unit ("" where the file states none), and values (R,)."""
+
+
+def read_table(path: Path, source: str) -> Table:
+    """Read all columns of numbers; raise `RecordError` where the file is damaged, `MissingExtraError` where its reader
+    is not installed.
+    """
+    reader = {".parquet": _parquet, ".tdms": _tdms, ".mf4": _mdf, ".mdf": _mdf}[path.suffix.lower()]
+    try:
+        columns = list(reader(path))
+    except ImportError:
+        raise MissingExtraError(f"{source}: reading {path.suffix} files", "formats") from None
+    except (OSError, RecordError):
+        raise
+    except Exception as error:  # readers raise nearly anything on a damaged file
+        raise RecordError(f"{source}: not a readable {path.suffix} file ({error})") from error
+    return _table(source, columns)
+
+
+def _table(source: str, columns: Iterable[Column]) -> Table:
+    headings: list[Heading] = []
+    values: list[Array] = []
+    notes: list[Note] = []
+    exact = {}
+    for number, (name, unit, column) in enumerate(columns, 1):
+        head = heading(f"{name} [{unit}]" if unit and not heading(name).unit else name, number)
+        if column.dtype.kind == "M":
+            head = Heading(head.label, head.name, "ns", number=number)
+        found = column.astype("datetime64[ns]").astype(np.int64) if column.dtype.kind == "M" else column
+        if found.dtype.kind not in "fiub":
+            notes.append(Note(f"column {name!r} holds no numbers and is left out", "left_out", name))
+            continue
+        if found.dtype.kind in "iu" and found.size and np.abs(found.astype(np.float64)).max() >= 2.0**53:
+            exact[head.label] = found.astype(np.int64)
+        headings.append(head)
+        values.append(found.astype(np.float64))
+    sizes = {column.size for column in values}
+    if len(sizes) != 1 or not values:
+        listed = ", ".join(f"{head.label} ({column.size})" for head, column in zip(headings, values, strict=True))
+        raise RecordError(f"{source}: the columns of numbers must be equally long; it has {listed or 'none'}")
+    return Table(source, headings, values, Rows(np.arange(1, sizes.pop() + 1)), tuple(notes), exact=exact)
+
+
+def _parquet(path: Path) -> Iterable[Column]:
+    import pyarrow.parquet
+
+    table = pyarrow.parquet.read_table(path)
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        unit = (table.schema.field(name).metadata or {}).get(b"unit", b"").decode(errors="replace")
+        yield name, unit, column.to_numpy()
+
+
+def _mdf(path: Path) -> Iterable[Column]:
+    """All channels, at the stamps of the one with most samples: others are missing in between."""
+    import asammdf
+
+    with asammdf.MDF(path) as file:
+        signals = list(file.iter_channels(skip_master=True))
+    signals = [signal for signal in signals if signal.samples.ndim == 1 and signal.samples.dtype.kind in "fiub"]
+    if not signals:
+        return
+    t = np.unique(np.concatenate([signal.timestamps for signal in signals]))
+    yield "t", "s", t
+    yield from (_placed(s.name, s.unit or "", s.timestamps, s.samples, t) for s in signals)
+
+
+def _placed(name: str, unit: str, stamps: Array, samples: npt.NDArray[np.generic], t: Array) -> Column:
+    values = np.full(t.shape, np.nan)
+    values[np.searchsorted(t, stamps)] = samples
+    return name, unit, values
+
+
+def _tdms(path: Path) -> Iterable[Column]:
+    """All channels; the time of one whose properties hold a waveform's step is a column too."""
+    import nptdms
+
+    channels = [channel for group in nptdms.TdmsFile.read(path).groups() for channel in group.channels()]
+    channels = [channel for channel in channels if len(channel)]
+    names = [channel.name for channel in channels]
+    timed = next((channel for channel in channels if "wf_increment" in channel.properties), None)
+    if timed is not None and not any(heading(name).time for name in names):
+        yield "t", "s", timed.time_track()
+    for channel in channels:
+        whole = channel.name if names.count(channel.name) == 1 else f"{channel.group_name}.{channel.name}"
+        yield whole, str(channel.properties.get("unit_string", "")), np.asarray(channel[:])
