@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 
@@ -22,12 +22,14 @@ from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.measures import (
     HALF,
     acting,
+    at_its_noise,
     comparable,
     force_falls,
     force_left,
     force_raises,
     is_shown_to_leave_noise,
     leaves_much,
+    near_noise,
     not_seen,
     of_effort,
     percent,
@@ -93,6 +95,8 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     tried: list[Fitted] = []
     final, conflict, found = _stood_for(motion, force, criteria, depth, tried, left)
     final = _simplest(motion, force, final, criteria, tried, left)
+    whole = _alone(motion, force, final, criteria, tried, left)
+    final, conflict = (whole, "") if whole else (final, conflict)
     proposed, final = force.effects if force else (), written(motion, force, final, criteria)
     return Agreed(motion, force, motion.base, final, conflict, tuple(tried), proposed, found, left)
 
@@ -242,6 +246,38 @@ def _both(force: Testimony, base: Fitted, second: Fitted, left: dict[int, Array]
     told = f"by the force {laws} would leave {after:.3g} % {of_effort(force)}{before}, but the motion"
     other = f"; {_words(second)} would follow it better" if second.effects else ""
     return f"{told} that they make is not the one that was measured{other}"
+
+
+def _complete(motion: Motion, f: Fitted, criteria: Criteria) -> bool:
+    """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
+    near = near_noise(f, criteria) or at_its_noise(motion, f, criteria)
+    return near and is_shown_to_leave_noise(f, criteria) and not f.far(criteria)
+
+
+def _alone(
+    motion: Motion,
+    force: Testimony | None,
+    final: Fitted,
+    criteria: Criteria,
+    tried: list[Fitted],
+    left: dict[int, Array],
+) -> Fitted | None:
+    """Return the effect that by itself leaves nothing but noise, where what both witnesses arrived at leaves more, or
+    is several: of all that there are, it is the one that explains the motion. That a shape of it is not known to half
+    is then no doubt; that it takes more force away than another is not asked.
+    """
+    done = _complete(motion, final, criteria)
+    if done and len(final.effects) < 2:
+        return None
+    names = [n for n in EFFECTS if _tryable(motion, n)]
+    tried += [f for f in motion.extensions(motion.base, names) if f not in tried]
+    known = replace(criteria, known=np.inf)
+    whole = [f for f in tried if len(f.effects) == 1 and _complete(motion, f, criteria) and not f.vague(known)]
+    whole = [f for f in whole if motion.refused(motion.base, f) in ("", f.vague(criteria))]
+    whole = [f for f in whole if not force_raises(force, motion.base, f, criteria, left)]
+    whole = [f for f in whole if not done or motion.as_good(final, f)]
+    best = min(whole, key=lambda f: f.level, default=None)
+    return min((f for f in whole if best and motion.as_good(best, f)), key=lambda f: (f.size, f.level), default=None)
 
 
 def _simplest(
