@@ -27,6 +27,7 @@ from signlin_ros.diagnosis.measures import (
     force_falls,
     force_left,
     force_raises,
+    heard,
     is_shown_to_leave_noise,
     leaves_much,
     near_noise,
@@ -93,6 +94,7 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     """
     left: dict[int, Array] = {}
     tried: list[Fitted] = []
+    motion.heard = heard(force)
     final, conflict, found = _stood_for(motion, force, criteria, depth, tried, left)
     final = _simplest(motion, force, final, criteria, tried, left)
     whole = _alone(motion, force, final, criteria, tried, left)
@@ -269,7 +271,7 @@ def _alone(
     done = _complete(motion, final, criteria)
     if done and len(final.effects) < 2:
         return None
-    names = [n for n in EFFECTS if _tryable(motion, n)]
+    names = [n for n in EFFECTS if n not in motion.searched.get((), ()) and _tryable(motion, n)]
     tried += [f for f in motion.extensions(motion.base, names) if f not in tried]
     known = replace(criteria, known=np.inf)
     whole = [f for f in tried if len(f.effects) == 1 and _complete(motion, f, criteria) and not f.vague(known)]

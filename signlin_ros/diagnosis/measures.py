@@ -226,6 +226,18 @@ def with_laws(force: Testimony, fit: Fit) -> Model:
     return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
 
 
+def heard(force: Testimony | None) -> dict[str, dict[str, float]]:
+    """Return the values that the force witness found of every law by itself, if it does anything there."""
+    found: dict[str, dict[str, float]] = {}
+    if force is None:
+        return found
+    for fit in (f for names, f in force.search.models.items() if len(names) == 1):
+        for name, shape in fit.members:
+            levels = fit.theta[fit.spans[name]]
+            found |= {name: force.search.r.laws[name].parameters(shape, levels)} if np.any(levels) else {}
+    return found
+
+
 __all__ = [
     "HALF",
     "acting",
@@ -235,6 +247,7 @@ __all__ = [
     "force_falls",
     "force_left",
     "force_raises",
+    "heard",
     "is_shown_to_leave_noise",
     "leaves_much",
     "leaves_noise",

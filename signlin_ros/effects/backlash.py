@@ -54,6 +54,10 @@ class Backlash(CompliantLoad):
         return [{name: float(value) for name, value in one.items()} for one in found]
 
     @classmethod
+    def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
+        return {"compliant_load": {n: p[n] for n in ("k", "c", "J")}} if p["gap"] == 0.0 else {}
+
+    @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         """Refuse a play of nothing: an elastic coupling is another effect."""
         return p["gap"] > 0.0 and p["k"] > 0.0

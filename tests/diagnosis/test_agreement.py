@@ -74,6 +74,7 @@ class Motion:
     """A motion witness with a table of fits."""
 
     def __init__(self, base: Fit, given: Fit | None = None) -> None:
+        self.searched: dict[Any, Any] = {}
         self.base, self.given = base, given or Fit((), tuple(10.0 * r for r in base.rms), 10.0 * base.force)
         units = {"speed": "rad/s", "current": "A"}
         channels = ("speed", "current")[: len(base.rms)]
@@ -505,6 +506,37 @@ def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
     motion = with_limit(together=0.3, limit=limit)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
     assert agreement._together(motion, tried[0], ["input_saturation"], tried, 3) is None
+
+
+def alone(final: Fit, other: Fit, monkeypatch: Any, unknown: str = "") -> Fit | None:
+    """Return what is stood for instead of a model where a single effect was found beside it."""
+    motion = Refusing(BASE, {frozenset(other.effects): other})
+    monkeypatch.setattr(Refusing, "as_good", lambda self, best, f: f.rms[0] <= 1.01 * best.rms[0], raising=False)
+    monkeypatch.setattr(Fit, "vague", lambda f, c: unknown if f is other and c.known < 1.0 else "", raising=False)
+    monkeypatch.setattr(Fit, "size", property(lambda f: 1), raising=False)
+    monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
+    return agreement._alone(motion, None, final, DEFAULT, [], {})
+
+
+@pytest.mark.usefixtures("any_effect")
+@pytest.mark.parametrize("unknown", ["", "a shape is not known to better than half"])
+def test_what_alone_leaves_but_noise_explains_what_others_do_not(unknown, monkeypatch):
+    whole = Fit(("bouc_wen_hysteresis",), (NOISE,), 1.0, white=True)
+    part = Fit(("linear_stiffness",), (2.0,), 1.0)
+    assert alone(part, whole, monkeypatch, unknown) is whole
+    assert alone(part, replace(whole, white=False), monkeypatch, unknown) is None
+    assert alone(part, replace(whole, rms=(0.5,)), monkeypatch, unknown) is None
+    assert alone(part, replace(whole, tested=False), monkeypatch, unknown) is None
+    assert alone(part, replace(whole, away={"m": 6.0}), monkeypatch, unknown) is None
+
+
+@pytest.mark.usefixtures("any_effect")
+def test_one_effect_is_named_in_place_of_two_that_explain_no_more(monkeypatch):
+    one = Fit(("lugre_friction",), (NOISE,), 1.0, white=True)
+    two = Fit(("dahl_presliding", "viscous_friction"), (NOISE,), 1.0, white=True)
+    assert alone(two, one, monkeypatch) is one
+    assert alone(replace(two, rms=(0.8 * NOISE,)), one, monkeypatch) is None
+    assert alone(Fit(("dahl_presliding",), (NOISE,), 1.0, white=True), one, monkeypatch) is None
 
 
 @pytest.mark.parametrize(("current", "compared"), [(True, True), (False, False)])

@@ -22,7 +22,7 @@ from signlin_ros.fitting.problem import Problem
 Array = NDArray[np.float64]
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
 
-FEW, KEPT = 4, 2
+FEW, KEPT = 6, 2
 """Starts that are tried where an effect has many, and how many of all go on to the next gain."""
 FIRST, NEXT, LAST = 2, 4, 10
 """Steps of a fit from a start, at the middle gain, and to the end."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
-from signlin_ros.diagnosis.motion.fitting import NEXT, Found, bred, climbed, settled, solved, without
+from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, climbed, settled, solved, without
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain, level, windowed
 from signlin_ros.diagnosis.motion.search import search
@@ -46,6 +46,8 @@ class Motion:
     """Fits of a model, with effects added, to the known records, and their errors on the unseen ones.
 
     ``problem``, ``unseen``: the records, prepared; ``short``: what is fitted to, stretches where records are long.
+    ``heard``: values of effects that the force witness found, one by one. ``searched``: the effects that were tried on top
+    of some others.
     """
 
     def __init__(
@@ -64,6 +66,8 @@ class Motion:
         self._tell, self._cancelled = progress or (lambda what: None), cancelled or (lambda: False)
         self._seen = seen or (lambda f: None)
         self._best: dict[tuple[str, ...], Fitted] = {}
+        self.heard: dict[str, dict[str, float]] = {}
+        self.searched: dict[tuple[str, ...], set[str]] = {}
         self._base()
 
     @classmethod
@@ -255,7 +259,14 @@ class Motion:
             return trial if value is None else replace(trial, starts=({name: value},))
         return replace(trial, starts=(completed(self.problem, EFFECTS[trial.effect], uses[-1].parameters),))
 
-    def _climbed(self, before: Fit, trial: Trial, few: int = 4) -> Fit | None:
+    def _heard(self, trial: Trial) -> Trial:
+        """Return a trial that starts from what the force witness found of its effect, too."""
+        values = self.heard.get(trial.effect)
+        if not values:
+            return trial
+        return replace(trial, starts=(completed(self.problem, EFFECTS[trial.effect], values), *trial.starts))
+
+    def _climbed(self, before: Fit, trial: Trial, few: int = FEW) -> Fit | None:
         self.check()
         return climbed(self.short, before, rescanned(self.short, trial, before), few)
 
@@ -317,7 +328,8 @@ class Motion:
 
         ``rival``: a model that is as good already; only what comes near it is fitted out.
         """
-        options = [t for t in trials(self.problem, names) if t.effect not in of.effects]
+        options = [self._heard(t) for t in trials(self.problem, names) if t.effect not in of.effects]
+        self.searched.setdefault(of.effects, set()).update(t.effect for t in options)
         self.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
         fits = [f for f in self.each(lambda t: self._climbed(of.fit, t), options) if f]
         kept = self._promising(of, fits, rival)
