@@ -46,8 +46,8 @@ class Motion:
     """Fits of a model, with effects added, to the known records, and their errors on the unseen ones.
 
     ``problem``, ``unseen``: the records, prepared; ``short``: what is fitted to, stretches where records are long.
-    ``heard``: values of effects that the force witness found, one by one. ``searched``: the effects that were tried on top
-    of some others.
+    ``heard``: values of effects that the force witness found, one by one. ``searched``: the effects that were tried on
+    top of some others.
     """
 
     def __init__(
