@@ -271,8 +271,9 @@ def _alone(
     done = _complete(motion, final, criteria)
     if done and len(final.effects) < 2:
         return None
-    names = [n for n in EFFECTS if n not in motion.searched.get((), ()) and _tryable(motion, n)]
-    tried += [f for f in motion.extensions(motion.base, names) if f not in tried]
+    names = [n for n in (_as_little(force, final, criteria) if done else EFFECTS) if _tryable(motion, n)]
+    names = [n for n in names if n not in motion.searched.get((), ())]
+    tried += [f for f in (motion.extensions(motion.base, names) if names else ()) if f not in tried]
     known = replace(criteria, known=np.inf)
     whole = [f for f in tried if len(f.effects) == 1 and _complete(motion, f, criteria) and not f.vague(known)]
     whole = [f for f in whole if motion.refused(motion.base, f) in ("", f.vague(criteria))]
@@ -280,6 +281,16 @@ def _alone(
     whole = [f for f in whole if not done or motion.as_good(final, f)]
     best = min(whole, key=lambda f: f.level, default=None)
     return min((f for f in whole if best and motion.as_good(best, f)), key=lambda f: (f.size, f.level), default=None)
+
+
+def _as_little(force: Testimony | None, final: Fitted, criteria: Criteria) -> list[str]:
+    """Return the laws that by themselves leave as little of the force as a model with several effects."""
+    models = force.search.models if force else {}
+    together = models.get(frozenset(final.effects))
+    if together is None:
+        return []
+    most = (1 + criteria.alike) ** 2 * together.error
+    return [n for names, f in models.items() if len(names) == 1 and f.error <= most for n in names]
 
 
 def _simplest(
