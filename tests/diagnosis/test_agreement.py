@@ -508,6 +508,11 @@ def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
     assert agreement._together(motion, tried[0], ["input_saturation"], tried, 3) is None
 
 
+@pytest.fixture
+def everything_applies(monkeypatch):
+    monkeypatch.setattr(agreement, "_tryable", lambda motion, name: True)
+
+
 def alone(final: Fit, other: Fit, monkeypatch: Any, unknown: str = "") -> Fit | None:
     """Return what is stood for instead of a model where a single effect was found beside it."""
     motion = Refusing(BASE, {frozenset(other.effects): other})
@@ -530,7 +535,7 @@ def test_what_alone_leaves_but_noise_explains_what_others_do_not(unknown, monkey
     assert alone(part, replace(whole, away={"m": 6.0}), monkeypatch, unknown) is None
 
 
-@pytest.mark.usefixtures("any_effect")
+@pytest.mark.usefixtures("everything_applies")
 def test_one_effect_is_named_in_place_of_two_that_explain_no_more(monkeypatch):
     one = Fit(("lugre_friction",), (NOISE,), 1.0, white=True)
     two = Fit(("dahl_presliding", "viscous_friction"), (NOISE,), 1.0, white=True)
@@ -547,11 +552,6 @@ def test_a_limit_of_the_voltage_is_no_part_of_a_measured_current(current, compar
     assert comparable(force, one) is compared
     assert acting(force, one) == ({"coulomb_friction"} if current else set(one.effects))
     assert not comparable(force, Fit(("torque_constant_saturation",), (1.0,), 0.5))
-
-
-@pytest.fixture
-def everything_applies(monkeypatch):
-    monkeypatch.setattr(agreement, "_tryable", lambda motion, name: True)
 
 
 @pytest.mark.usefixtures("everything_applies")
