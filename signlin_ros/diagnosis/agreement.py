@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 
@@ -265,8 +265,8 @@ def _alone(
     left: dict[int, Array],
 ) -> Fitted | None:
     """Return the effect that by itself leaves nothing but noise, where what both witnesses arrived at leaves more, or
-    is several: of all that there are, it is the one that explains the motion. That a shape of it is not known to half
-    is then no doubt; that it takes more force away than another is not asked.
+    is several: of all that there are, it is the one that explains the motion. That it takes more force away than
+    another is not asked.
     """
     done = _complete(motion, final, criteria)
     if done and len(final.effects) < 2:
@@ -274,9 +274,8 @@ def _alone(
     names = [n for n in (_as_little(force, final, criteria) if done else EFFECTS) if _tryable(motion, n)]
     names = [n for n in names if n not in motion.searched.get((), ())]
     tried += [f for f in (motion.extensions(motion.base, names) if names else ()) if f not in tried]
-    known = replace(criteria, known=np.inf)
-    whole = [f for f in tried if len(f.effects) == 1 and _complete(motion, f, criteria) and not f.vague(known)]
-    whole = [f for f in whole if motion.refused(motion.base, f) in ("", f.vague(criteria))]
+    whole = [f for f in tried if len(f.effects) == 1 and _complete(motion, f, criteria)]
+    whole = [f for f in whole if not motion.refused(motion.base, f)]
     whole = [f for f in whole if not force_raises(force, motion.base, f, criteria, left)]
     whole = [f for f in whole if not done or motion.as_good(final, f)]
     best = min(whole, key=lambda f: f.level, default=None)

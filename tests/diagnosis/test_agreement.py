@@ -513,26 +513,24 @@ def everything_applies(monkeypatch):
     monkeypatch.setattr(agreement, "_tryable", lambda motion, name: True)
 
 
-def alone(final: Fit, other: Fit, monkeypatch: Any, unknown: str = "") -> Fit | None:
+def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     """Return what is stood for instead of a model where a single effect was found beside it."""
     motion = Refusing(BASE, {frozenset(other.effects): other})
     monkeypatch.setattr(Refusing, "as_good", lambda self, best, f: f.rms[0] <= 1.01 * best.rms[0], raising=False)
-    monkeypatch.setattr(Fit, "vague", lambda f, c: unknown if f is other and c.known < 1.0 else "", raising=False)
     monkeypatch.setattr(Fit, "size", property(lambda f: 1), raising=False)
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
     return agreement._alone(motion, None, final, DEFAULT, [], {})
 
 
 @pytest.mark.usefixtures("any_effect")
-@pytest.mark.parametrize("unknown", ["", "a shape is not known to better than half"])
-def test_what_alone_leaves_but_noise_explains_what_others_do_not(unknown, monkeypatch):
+def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
     whole = Fit(("bouc_wen_hysteresis",), (NOISE,), 1.0, white=True)
     part = Fit(("linear_stiffness",), (2.0,), 1.0)
-    assert alone(part, whole, monkeypatch, unknown) is whole
-    assert alone(part, replace(whole, white=False), monkeypatch, unknown) is None
-    assert alone(part, replace(whole, rms=(0.5,)), monkeypatch, unknown) is None
-    assert alone(part, replace(whole, tested=False), monkeypatch, unknown) is None
-    assert alone(part, replace(whole, away={"m": 6.0}), monkeypatch, unknown) is None
+    assert alone(part, whole, monkeypatch) is whole
+    assert alone(part, replace(whole, white=False), monkeypatch) is None
+    assert alone(part, replace(whole, rms=(0.5,)), monkeypatch) is None
+    assert alone(part, replace(whole, tested=False), monkeypatch) is None
+    assert alone(part, replace(whole, away={"m": 6.0}), monkeypatch) is None
 
 
 @pytest.mark.usefixtures("everything_applies")

@@ -48,11 +48,21 @@ def test_the_windowed_error_of_a_right_model_is_the_noise_of_the_sensor():
 
 def test_certainty_is_the_mean_difference_over_its_standard_error():
     before, after = RNG(0).uniform(1, 2, (40, 1)), RNG(1).uniform(1, 1.5, (40, 1))
-    difference = np.log(before + 1e-6) - np.log(after + 1e-6)
-    expected = difference.mean() / (difference.std(ddof=1) / np.sqrt(40))
+    difference = np.append(np.log(before + 1e-6) - np.log(after + 1e-6), 0.0)  # one block more, which tells nothing
+    expected = difference.mean() / (difference.std(ddof=1) / np.sqrt(41))
     found = gain(before, after, np.array([1e-3]))
     assert found.certainty == pytest.approx(expected)
     assert gain(after, before, np.array([1e-3])).certainty == pytest.approx(-expected)
+
+
+def test_what_falls_everywhere_is_sure_however_much_there_was():
+    """A loop's error of 2 to 17 times the noise, in waves, falls to the noise in every block: 3.2 standard errors."""
+    waves = 9.0 + 7.0 * np.sin(np.linspace(0.0, 20.0, 98))[:, None]
+    noise = np.exp(0.1 * RNG(0).normal(size=(98, 1)))
+    assert gain(waves**2, noise, np.array([1.0])).certainty > 6.0
+    few = np.concatenate([noise[:90], waves[90:] ** 2])
+    assert gain(few, noise, np.array([1.0])).certainty < 3.5
+    assert gain(waves[:3] ** 2, noise[:3], np.array([1.0])).certainty <= 3.5
 
 
 def test_a_friction_that_is_known_but_for_a_scale_is_there():

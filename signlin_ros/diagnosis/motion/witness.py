@@ -460,7 +460,8 @@ class Motion:
 
     def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
         """Return the options that are a step beyond a model and as good as the best of them, the simplest first; with
-        these the simpler laws beyond which a richer one of their family is no step.
+        these the simpler laws beyond which a richer one of their family is no step. What is as good only with a base
+        parameter far from nominal is not, if there is anything else.
         """
         good = [one for one in options if not self.refused(before, one)]
         best = min(good, key=lambda one: one.level, default=None)
@@ -470,6 +471,7 @@ class Motion:
             for one in good
             if one not in near and any(_simpler(one, other) and self.refused(one, other) for other in near)
         ]
+        near = [one for one in near if not one.far(self.criteria)] or near
         return sorted(near, key=lambda one: (len(one.effects), one.size, one.level + one.strain / self.unseen.samples))
 
     def ties(self, before: Fitted, taken: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
