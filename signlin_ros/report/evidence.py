@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.curves import LEAST, Band, band, memory
 from signlin_ros.diagnosis.measures import changes_effort, with_laws, written_left
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
@@ -16,6 +15,7 @@ from signlin_ros.diagnosis.told import Findings
 from signlin_ros.diagnosis.words import belongs
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
+from signlin_ros.report.curves import LEAST, Band, band, memory
 
 Array = NDArray[np.float64]
 
