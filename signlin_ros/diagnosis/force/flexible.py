@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
-from signlin_ros.diagnosis.force.record import Piece, low_pass
+from signlin_ros.diagnosis.force.filters import low_pass
+from signlin_ros.diagnosis.force.record import Piece
 from signlin_ros.diagnosis.force.regression import Fit, Regression, mean_certainty
 
 Array = NDArray[np.float64]
