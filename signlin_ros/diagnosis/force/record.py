@@ -52,6 +52,8 @@ AT_REST = 0.15
 """Where more than this share of what the filter sees is rest, nothing is compared: friction there is any force."""
 SHORTEST_REST = 0.04
 """Rest in s from which on the net force tells the sign of dry friction."""
+AT_ONCE = 2_000_000
+"""Most values that pass the low-pass at once."""
 BLOCKS = 60
 """Most blocks that a record is cut into for standard errors."""
 HIGHEST = 0.4
@@ -94,7 +96,15 @@ class Piece:
 
     def seen(self, values: Array) -> Array:
         """Return values (T, ...) through the low-pass at the samples that are compared."""
-        return low_pass(values, self.cutoff, self.step)[self.kept]
+        parts = self.at_once(values.shape[1]) if values.ndim > 1 else []
+        if len(parts) < 2:
+            return low_pass(values, self.cutoff, self.step)[self.kept]
+        return np.hstack([self.seen(values[:, part]) for part in parts])
+
+    def at_once(self, columns: int) -> list[slice]:
+        """Return so many columns (T,) in blocks that the low-pass takes at once: of a long record a few."""
+        width = max(1, AT_ONCE // self.t.size)
+        return [slice(at, at + width) for at in range(0, columns, width)]
 
 
 @dataclass(frozen=True)
