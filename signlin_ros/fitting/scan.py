@@ -21,6 +21,7 @@ from signlin_ros.fitting.problem import Problem, first_look
 from signlin_ros.follow.data import travelled
 from signlin_ros.follow.equations import equations, neutral_sensors
 from signlin_ros.follow.segments import Segment
+from signlin_ros.follow.tracking import filled
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -28,14 +29,14 @@ Array = NDArray[np.float64]
 FASTEST = 4.0
 """Largest N v dt that is looked for, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
 
-SLOWEST, APART = 4.0, 6.0
-"""Least order, and least distance of two orders, times the way: less than a wave, and about a line's width."""
+APART = 6.0
+"""Least distance of two orders, times the way: about a line's width."""
 STEPS = 6.0
 """Steps of an encoder that a period must have: finer waves are its own."""
 
 SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
-"""Smallest N v dt of a fast one, for how many time constants of the observer it leaves a trace, and what that must take
-from the squares, in means of these: noise takes less at any of a thousand orders."""
+"""Smallest N v dt of a fast one, and least order times the way; for how many time constants of the observer it leaves a
+trace, and what that must take from the squares, in means of these: noise takes less at any of a thousand orders."""
 
 
 def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
@@ -47,7 +48,7 @@ def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array,
     for s, X in zip(problem.segments, looks, strict=True):
         velocity, acceleration = _motion(problem, model, s, X)
         if plant.position in problem.channels:
-            q = _filled(s.y[:, problem.channels.index(plant.position)])
+            q = filled(s.t, s.y[:, problem.channels.index(plant.position)])
         elif plant.position in names:
             q = X[:, names.index(plant.position)]
         else:
@@ -71,7 +72,7 @@ def _missing_force(problem: Problem, model: Model) -> tuple[Array, Array, Array]
     for s, X in zip(problem.segments, looks, strict=True):
         v = s.u[:, model.inputs.index(plant.velocity)]
         modelled = tape.batch([*X.T, *s.u.T, *model.p, *([np.sign(v)] * len(model.trace.surfaces))])[-1]
-        rows.append((X[:, at], v, modelled - _filled(s.y[:, output])))
+        rows.append((X[:, at], v, modelled - filled(s.t, s.y[:, output])))
     q, v, force = map(np.concatenate, zip(*rows, strict=True))
     return q, v, force
 
@@ -148,20 +149,14 @@ def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, A
     return np.concatenate(q), v, np.concatenate([np.nan_to_num(e[1:]) @ row for e in found[0]])
 
 
-def _filled(values: Array) -> Array:
-    there = np.isfinite(values)
-    index = np.arange(values.size)
-    return values if there.all() else np.interp(index, index[there], values[there])
-
-
 def _motion(problem: Problem, model: Model, s: Segment, X: Array) -> tuple[Array, Array]:
     """Return velocity and acceleration (T,) from what is measured."""
     dt, plant = problem.scale.step, model.plant
     if plant.velocity in problem.channels:
-        v = _filled(s.y[:, problem.channels.index(plant.velocity)])
+        v = filled(s.t, s.y[:, problem.channels.index(plant.velocity)])
         return savgol_filter(v, 5, 2), savgol_filter(v, 5, 2, deriv=1, delta=dt)
     if plant.position in problem.channels:
-        q = _filled(s.y[:, problem.channels.index(plant.position)])
+        q = filled(s.t, s.y[:, problem.channels.index(plant.position)])
         return savgol_filter(q, 9, 3, deriv=1, delta=dt), savgol_filter(q, 9, 3, deriv=2, delta=dt)
     v = X[:, model.states.index(plant.velocity)]
     return v, np.gradient(v, s.t)

@@ -1,4 +1,4 @@
-"""The low-pass of the force witness, slopes, and how much noise of a sensor comes through both."""
+"""The low-pass of the force witness, slopes, and the noise of a sensor that goes through them."""
 
 from __future__ import annotations
 
@@ -74,10 +74,4 @@ def _fourth(values: Array) -> float:
     return float(np.sqrt(np.mean(d[size <= OUTLYING * np.median(size) + 1e-300] ** 2) / 70))
 
 
-def derivative_noise(level: float, order: int, cutoff: float, step: float) -> float:
-    """Return the standard deviation of the ``order``-th derivative of white noise below ``cutoff`` Hz."""
-    power = 2 * order + 1
-    return float(level * np.sqrt(2 * step * cutoff**power / power) * (2 * np.pi) ** order)
-
-
-__all__ = ["derivative_noise", "low_pass", "sensor_noise", "slope"]
+__all__ = ["low_pass", "sensor_noise", "slope"]

@@ -13,18 +13,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.missing import per_force
+from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.force.equations import (
     arriving_tape,
     depends_on_place,
     rate_tape,
     surfaces_tape,
 )
-from signlin_ros.diagnosis.force.filters import derivative_noise, low_pass, sensor_noise, slope
+from signlin_ros.diagnosis.force.filters import low_pass, sensor_noise, slope
 from signlin_ros.engine.tape import Tape
 from signlin_ros.follow.data import corrected
 from signlin_ros.follow.tracking import driven, filled
 from signlin_ros.model import Model
+from signlin_ros.noise import derivative_noise
 from signlin_ros.plants import Plant
 from signlin_ros.records import ModelData
 
@@ -89,9 +90,7 @@ class Piece:
     kept: NDArray[np.intp]
     blocks: NDArray[np.intp]
     noise: float
-    velocity_noise: float
     position_measured: bool
-    inertial_noise: float = 0.0
     _cache: dict[object, Array] = field(default_factory=dict, repr=False)
 
     def seen(self, values: Array) -> Array:
@@ -131,13 +130,9 @@ def _raw(model: Model, data: ModelData) -> _Raw:
     if plant.velocity in model.inputs:
         u = np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
         values[plant.velocity] = u[:, model.inputs.index(plant.velocity)]
-    noise = {n: sensor_noise(_known(data.measured[n])) for n in names}
+    noise = {n: sensor_noise(data.measured[n][np.isfinite(data.measured[n])]) for n in names}
     noise |= {n: sensor_noise(v) for n, v in values.items() if n not in noise}
     return _Raw(t - t[0], step, u, values, noise)
-
-
-def _known(values: Array) -> Array:
-    return values[np.isfinite(values)]
 
 
 def _acting(u: Array, late: float | Array) -> Array:
@@ -147,13 +142,6 @@ def _acting(u: Array, late: float | Array) -> Array:
         return np.asarray(np.interp(k - late, k, u))
     padded = np.concatenate([u[:1], u[:1], u, u[-1:]])
     return np.convolve(padded, np.array([-1.0, 13.0, 13.0, -1.0]) / 24, "valid")
-
-
-def inertia(model: Model) -> float:
-    """Return the moving mass or inertia of a model, 0 where the motion is imposed."""
-    if model.plant.motion_is_imposed():
-        return 0.0
-    return 1.0 / abs(float(per_force(model)[model.states.index(model.plant.velocity)]))
 
 
 def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
@@ -252,9 +240,7 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
         kept,
         np.unique((t / length).astype(int), return_inverse=True)[1],
         float(np.hypot(inertial, effort_noise * np.sqrt(2 * cutoff * step))),
-        noise,
         plant.position in raw.values,
-        inertial,
     )
 
 
@@ -360,7 +346,6 @@ __all__ = [
     "effort_gain",
     "effort_unit",
     "evaluated",
-    "inertia",
     "mass",
     "missing_force",
     "piece",
