@@ -158,14 +158,11 @@ class Efforts:
         taus = np.concatenate([filtered.thinned(tau)[k] for (_, tau), k in zip(raw, kept, strict=True)])
         return cls(effort, filtered, level, raw, t, taus)
 
-    def computed(self, model: Model, sliding: bool = False) -> Array:
-        """Return the effort (K,) that the motion takes according to a model of the same plant.
-
-        ``sliding``: as if it never stood. What friction takes is then linear in its level.
-        """
+    def computed(self, model: Model) -> Array:
+        """Return the effort (K,) that the motion takes according to a model of the same plant."""
         parts = []
         for e, tau in self.raw:
-            values = _computed_effort(model, e, tau, self.name, self.filtered, self.level, sliding)
+            values = _computed_effort(model, e, tau, self.name, self.filtered, self.level)
             parts.append(self.filtered.thinned(values)[self.filtered.kept(e)])
         return np.concatenate(parts)
 
@@ -302,9 +299,8 @@ def _computed_effort(
     effort: str,
     low_pass: _Filter,
     level: dict[str, Noise],
-    sliding: bool = False,
 ) -> Array:
-    """Return the effort (T,) that the motion takes according to the model; ``sliding``: as if it never stood."""
+    """Return the effort (T,) that the motion takes according to the model."""
     channels = tuple(e.values)
     if model.plant.velocity not in model.states:
         known = {k: v for k, v in e.values.items() if k in model.states}
@@ -314,7 +310,7 @@ def _computed_effort(
     x, acceleration, standing = _motion(model, e, low_pass, level)
     row = model.states.index(model.plant.velocity)
     tracker = Tracker(model, e.t, e.u, np.zeros((e.t.size, len(channels))), channels, np.ones(len(model.states)))
-    rate = tracker.rate(x, row, acceleration, standing & (not sliding))
+    rate = tracker.rate(x, row, acceleration, standing)
     return np.asarray(tau + (acceleration - rate) / per_force(model)[row])
 
 

@@ -73,12 +73,6 @@ class Problem:
         """The same, where effects remember what was before each stretch: half as much again takes it."""
         return _shortened(self)
 
-    def observer(self, tau: float, noise: Array | None = None) -> Gains:
-        """Return the gains of an observer with time constant tau (s), in a noise (ny) other than its own if given."""
-        noise = self.noise if noise is None else noise
-        known = doubts(self.segments)
-        return design(self.base, self.channels, noise, self.x_scale, self.scale.step, tau, known)
-
     @property
     def stretch(self) -> tuple[float, float]:
         """Smallest and largest position, about, where only a velocity is measured."""

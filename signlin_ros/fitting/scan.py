@@ -28,12 +28,12 @@ Array = NDArray[np.float64]
 
 FASTEST = 4.0
 """Largest N v dt that is looked for, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
-
 APART = 6.0
 """Least distance of two orders, times the way: about a line's width."""
+MOST = 4
+"""Most orders that are taken from one spectrum."""
 STEPS = 6.0
 """Steps of an encoder that a period must have: finer waves are its own."""
-
 SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
 """Smallest N v dt of a fast one, and least order times the way; for how many time constants of the observer it leaves a
 trace, and what that must take from the squares, in means of these: noise takes less at any of a thousand orders."""
@@ -162,25 +162,25 @@ def _motion(problem: Problem, model: Model, s: Segment, X: Array) -> tuple[Array
     return v, np.gradient(v, s.t)
 
 
-def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tuple[float, float, float]]:
+def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, float]]:
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi)."""
     if model.plant.motion_is_imposed():
         q, v, force = _missing_force(problem, model)
         fastest = FASTEST / (problem.scale.velocity * problem.scale.step)
-        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, min(fastest, finest(problem)), count)]
+        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, min(fastest, finest(problem)), MOST)]
     inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
     highest = min(FASTEST / (problem.scale.velocity * problem.scale.step), finest(problem))
     starts: list[tuple[float, float, float]] = []
     q, v, a = _missing_acceleration(problem, model)
-    for order in _orders(q, v, a, highest, count):
+    for order in _orders(q, v, a, highest, MOST):
         near = (0.0,) if starts else (0.0, -1.5 / np.ptp(q), 1.5 / np.ptp(q))
         starts += [_start(q, a, order + shift, inertia) for shift in near]
     for gains in problem.levels[:2]:
         q, v, a = _corrections(problem, model, gains)
-        for order in _orders(q, v, a, highest, count - 1):
+        for order in _orders(q, v, a, highest, MOST - 1):
             N, A, phase = _start(q, a, order, inertia)
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
-    fast = _matched(problem, model, highest, count // 2)
+    fast = _matched(problem, model, highest, MOST // 2)
     return starts + [(N, A * inertia, phase) for N, A, phase in fast]
 
 

@@ -285,29 +285,28 @@ def states_of(model: Model, piece: Piece, p: Array | None = None) -> Array:
     return driven(model, piece.t, piece.u, known, 0.5 * piece.step if follows else 0.0, p=p)
 
 
-def missing_force(model: Model, piece: Piece, p: Array | None = None, x: Array | None = None) -> Array:
+def missing_force(model: Model, piece: Piece, p: Array | None = None) -> Array:
     """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass.
 
-    ``p``: values of the model's parameters in the trace's order, by default its own; ``x`` (T, n): states, if known.
+    ``p``: values of the model's parameters in the trace's order, by default its own.
     """
-    x, p = states_of(model, piece) if x is None else x, model.p if p is None else p
+    x, p = states_of(model, piece), model.p if p is None else p
     rate = evaluated(model, rate_tape(model.structure), piece, x, p)[0]
     if model.plant.motion_is_imposed():
         return np.asarray(rate - piece.effort)
     return np.asarray((piece.acceleration - rate) * mass(model, p))
 
 
-def arriving(model: Model, piece: Piece, p: Array | None = None) -> Array | None:
+def arriving(model: Model, piece: Piece) -> Array | None:
     """Return which part (K,) of the effort drives at the samples that are compared, by the slope of the force over the
     effort; None where all of it does. Friction that follows the load takes the rest: a force that is missing then asks
     for more effort than its own size.
     """
-    p = model.p if p is None else p
     tape = arriving_tape(model.structure)
     if tape is None:
         return None
-    slopes = evaluated(model, tape, piece, states_of(model, piece), p)[0]
-    return piece.seen(slopes * mass(model, p) / effort_unit(model))
+    slopes = evaluated(model, tape, piece, states_of(model, piece), model.p)[0]
+    return piece.seen(slopes * mass(model, model.p) / effort_unit(model))
 
 
 def effort_unit(model: Model) -> float:
