@@ -118,6 +118,12 @@ def fourth_difference_noise(*pieces: Array) -> float:
     return float(np.sqrt(np.mean(differences**2) / 70)) if differences.size else 0.0
 
 
+def derivative_noise(level: float, order: int, cutoff: float, step: float) -> float:
+    """Return the standard deviation of the ``order``-th derivative of white noise below ``cutoff`` Hz."""
+    power = 2 * order + 1
+    return float(level * np.sqrt(2 * step * cutoff**power / power) * (2 * np.pi) ** order)
+
+
 def moving(values: Array) -> NDArray[np.bool_]:
     """Return which columns of values (T, ny) ever move."""
     return np.asarray(np.nanstd(values, axis=0) > STILL * np.nanmax(np.abs(values), axis=0))
@@ -200,6 +206,7 @@ def _correlation(residual: Array, variance: float) -> float | None:
 
 __all__ = [
     "Noise",
+    "derivative_noise",
     "fourth_difference_noise",
     "fourth_difference_share",
     "moving",

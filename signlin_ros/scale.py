@@ -10,8 +10,7 @@ from signlin_ros.par import POWERS
 @dataclass(frozen=True)
 class Scale:
     """Sizes in SI units: RMS of driving force, velocity and acceleration, half the travel, RMS current (1 without),
-    largest input, median sampling step and duration in s; inertia of the plant (0 where there is none); how far an
-    imposed motion leads in a sample by the noise of its velocity.
+    largest input, median sampling step and duration in s; inertia of the plant (0 where there is none).
     """
 
     force: float
@@ -23,7 +22,6 @@ class Scale:
     step: float
     duration: float
     inertia: float = 0.0
-    blur: float = 0.0
 
     @property
     def imposed(self) -> bool:

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, binary_opening, uniform_filter1d
 from scipy.signal import butter, decimate, sosfiltfilt
 
-from signlin_ros.comparison.missing import per_force
+from signlin_ros.comparison.missing import inertia, per_force
 from signlin_ros.effects import Effect, find_effect
 from signlin_ros.errors import InputError
 from signlin_ros.follow.data import SHORTEST, Stretch
 from signlin_ros.follow.tracking import Tracker, driven, filled
 from signlin_ros.model import Model
-from signlin_ros.noise import Noise
+from signlin_ros.noise import Noise, derivative_noise
 
 Array = NDArray[np.float64]
 Kind = TypeVar("Kind", bound=np.generic)
@@ -158,14 +158,11 @@ class Efforts:
         taus = np.concatenate([filtered.thinned(tau)[k] for (_, tau), k in zip(raw, kept, strict=True)])
         return cls(effort, filtered, level, raw, t, taus)
 
-    def computed(self, model: Model, sliding: bool = False) -> Array:
-        """Return the effort (K,) that the motion takes according to a model of the same plant.
-
-        ``sliding``: as if it never stood. What friction takes is then linear in its level.
-        """
+    def computed(self, model: Model) -> Array:
+        """Return the effort (K,) that the motion takes according to a model of the same plant."""
         parts = []
         for e, tau in self.raw:
-            values = _computed_effort(model, e, tau, self.name, self.filtered, self.level, sliding)
+            values = _computed_effort(model, e, tau, self.name, self.filtered, self.level)
             parts.append(self.filtered.thinned(values)[self.filtered.kept(e)])
         return np.concatenate(parts)
 
@@ -261,9 +258,9 @@ def _measured_effort(model: Model, e: _Even, effort: str) -> Array:
 
 def _torque(model: Model, current: Array) -> Array:
     """Return the torque (T,) of a motor's current (T,), with every effect that changes the torque constant."""
-    keys = [k for k, use in model.effects.items() if _changes_torque(find_effect(use.type, "effects"))]
-    for key in [k for k in model.effects if k not in keys]:
-        model = model.without_effect(key)
+    for key, use in model.effects.items():
+        if find_effect(use.type, "effects").torque_constant is Effect.torque_constant:
+            model = model.without_effect(key)
     x = np.zeros((current.size, len(model.states)))
     column = model.states.index("current")
     speed = model.states.index(model.plant.velocity)
@@ -273,24 +270,13 @@ def _torque(model: Model, current: Array) -> Array:
     return np.asarray(still.linearized(x)[0][:, speed] / per_force(model)[speed])
 
 
-def _changes_torque(effect: type[Effect]) -> bool:
-    return effect.torque_constant is not Effect.torque_constant
-
-
-def _derivative_noise(level: dict[str, Noise], name: str, order: int, step: float, cutoff: float) -> float:
-    """Return the standard deviation of the ``order``-th derivative of a channel's noise below ``cutoff`` Hz."""
-    power = 2 * order + 1
-    density = 2 * step * level[name].effective ** 2
-    return float(np.sqrt(density * (2 * np.pi) ** (2 * order) * cutoff**power / power))
-
-
 def _best_source(model: Model, level: dict[str, Noise], step: float, cutoff: float) -> tuple[str, int, float]:
     """Return the channel that gives the acceleration with the least noise, how often it is differentiated, and that
     noise.
     """
     orders = {model.plant.position: 2, model.plant.velocity: 1}
     known = [(name, order) for name, order in orders.items() if name in level]
-    found = [(name, order, _derivative_noise(level, name, order, step, cutoff)) for name, order in known]
+    found = [(name, order, derivative_noise(level[name].effective, order, cutoff, step)) for name, order in known]
     return min(found, key=lambda item: item[2])
 
 
@@ -299,9 +285,9 @@ def _cutoff(model: Model, level: dict[str, Noise], step: float, effort: float) -
     highest = float(f"{0.1 / step:.3g}")
     if model.plant.velocity not in model.states:
         return highest
-    inertia = 1.0 / abs(per_force(model)[model.states.index(model.plant.velocity)])
+    mass = inertia(model)
     for cutoff in highest * np.geomspace(1.0, 0.1, 21):
-        if inertia * _best_source(model, level, step, cutoff)[2] <= NOISY * effort:
+        if mass * _best_source(model, level, step, cutoff)[2] <= NOISY * effort:
             return float(f"{cutoff:.3g}")
     return float(f"{0.1 * highest:.2g}")
 
@@ -313,9 +299,8 @@ def _computed_effort(
     effort: str,
     low_pass: _Filter,
     level: dict[str, Noise],
-    sliding: bool = False,
 ) -> Array:
-    """Return the effort (T,) that the motion takes according to the model; ``sliding``: as if it never stood."""
+    """Return the effort (T,) that the motion takes according to the model."""
     channels = tuple(e.values)
     if model.plant.velocity not in model.states:
         known = {k: v for k, v in e.values.items() if k in model.states}
@@ -325,7 +310,7 @@ def _computed_effort(
     x, acceleration, standing = _motion(model, e, low_pass, level)
     row = model.states.index(model.plant.velocity)
     tracker = Tracker(model, e.t, e.u, np.zeros((e.t.size, len(channels))), channels, np.ones(len(model.states)))
-    rate = tracker.rate(x, row, acceleration, standing & (not sliding))
+    rate = tracker.rate(x, row, acceleration, standing)
     return np.asarray(tau + (acceleration - rate) / per_force(model)[row])
 
 
@@ -349,7 +334,7 @@ def _motion(
     if order == 2 or velocity not in motion:
         motion[velocity] = np.gradient(motion[position], e.t)
     acceleration = np.gradient(motion[velocity], e.t)
-    noise = _derivative_noise(level, source, order - 1, low_pass.step, low_pass.cutoff)
+    noise = derivative_noise(level[source].effective, order - 1, low_pass.cutoff, low_pass.step)
     return driven(model, e.t, e.u, motion), acceleration, np.abs(motion[velocity]) <= STILL * noise
 
 

@@ -178,6 +178,13 @@ def per_force(model: Model) -> Array:
     return _slope(t, "p", t.parameters.index("probe.F0"), probed.p, 0.0)
 
 
+def inertia(model: Model) -> float:
+    """Return the moving mass or inertia of a model, 0 where the motion is imposed."""
+    if model.plant.velocity not in model.states:
+        return 0.0
+    return 1.0 / abs(float(per_force(model)[model.states.index(model.plant.velocity)]))
+
+
 def _per_input(model: Model) -> Array:
     """Return the change of every state's rate (n,) for a unit of the first input, where nothing stands in its way."""
     return _slope(model.trace, "u", 0, model.p, 1.0)
@@ -192,4 +199,4 @@ def _slope(t: Trace, what: str, i: int, p: Array, sign: float) -> Array:
     return np.asarray(ca.Function("slope", symbols, [slope])(*values)).ravel()
 
 
-__all__ = ["Missing", "missing", "per_force"]
+__all__ = ["Missing", "inertia", "missing", "per_force"]

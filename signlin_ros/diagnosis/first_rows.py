@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.case import Case, case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.force.record import depends_on_place
+from signlin_ros.diagnosis.force.equations import depends_on_place
 from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.measures import comparable, force_left, noise_percent, percent, written_left
 from signlin_ros.diagnosis.motion import Fitted, Motion

@@ -153,7 +153,7 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
 
 
 def _named(j: Judgement, effect: str, ties: tuple[str, ...], asked: str, rows: Rows) -> Entry:
-    own = {n.partition(".")[2]: p for n, p in j.final.parameters.items() if words.belongs(j.final, n, effect)}
+    own = words.own_parameters(j.final, effect)
     plain = [t for t in ties if not _richer(t, effect)]
     once = j.unexplained == "once" and effect in j.remembers
     status = "ambiguous" if plain or once else "confirmed"
@@ -175,16 +175,13 @@ def _other(j: Judgement, name: str, f: Fitted | None, tied: str, rows: Rows) -> 
     effect, tie = find_effect(name, "effects"), (tied,) if tied else ()
     if f is None:
         return _by_force(j, name, tie)
-    own = {n.partition(".")[2]: p for n, p in f.parameters.items() if words.belongs(f, n, name)}
+    own = words.own_parameters(f, name)
     scores = rows.of(f, None).validation
+    why = f"as good on unseen data as {tied.replace('_', ' ')}" if tied else words.why_not(j, f)
     if tied and not _richer(name, tied):
-        return Entry(
-            name, "ambiguous", own, scores, tie, f"as good on unseen data as {tied.replace('_', ' ')}", f.level
-        )
-    why = words.why_not(j, f)
+        return Entry(name, "ambiguous", own, scores, tie, why, f.level)
     status = "not_excited" if effect.only_beyond and j.agreed.motion.refused(j.agreed.base, f) else "rejected"
-    if tied:
-        why = f"as good on unseen data as {tied.replace('_', ' ')}, which is the simpler law"
+    why += ", which is the simpler law" if tied else ""
     return Entry(name, status, own, scores, tie, why, f.level)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -11,9 +10,11 @@ from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import of_effort
 from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
+from signlin_ros.par import gathered
 
 NOTHING = "Nothing is missing that this record could show"
 LEARN = "`signlin add learned_force` learns it as a curve"
@@ -132,7 +133,7 @@ def _digits(x: float) -> str:
 def shown(j: Judgement, f: Fitted, effect: str) -> str:
     """Return what a record shows of an effect, as a sentence with the values of its fit."""
     cls, plant = find_effect(effect, "effects"), f.model.plant
-    own = {n: p for n, p in f.parameters.items() if belongs(f, n, effect)}
+    own = {n: p for n, p in f.parameters.items() if _belongs(f, n, effect)}
     if issubclass(cls, SensorEffect):
         (name, p), *_ = own.items()
         return cls.shown_on(name.partition(".")[2], Shown(p.value, p.unit, p.std))
@@ -143,13 +144,7 @@ def shown(j: Judgement, f: Fitted, effect: str) -> str:
         unit = known.unit if known else _unit(f, f"{keys[-1]}.{n}")
         values[n] = Shown(value, unit, known.std if known else None)
     force = "force" if plant.force_unit == "N" and not j.case.rotary else "torque"
-    return cls.shown(_with_lists(values), force, plant.position, plant.velocity)
-
-
-def _with_lists(values: dict[str, Shown]) -> dict[str, Any]:
-    from signlin_ros.par import gathered
-
-    return gathered(values)
+    return cls.shown(gathered(values), force, plant.position, plant.velocity)
 
 
 def _unit(f: Fitted, name: str) -> str:
@@ -157,8 +152,12 @@ def _unit(f: Fitted, name: str) -> str:
     return units.get(name, "")
 
 
-def belongs(f: Fitted, name: str, effect: str) -> bool:
-    """Tell whether a parameter of a fit is one of an effect."""
+def own_parameters(f: Fitted, effect: str) -> dict[str, Estimate]:
+    """Return the parameters of a fit that are an effect's, by their names in it (a sensor's by its channel)."""
+    return {n.partition(".")[2]: p for n, p in f.parameters.items() if _belongs(f, n, effect)}
+
+
+def _belongs(f: Fitted, name: str, effect: str) -> bool:
     key = name.partition(".")[0]
     return key == effect or (key in f.model.effects and f.model.effects[key].type == effect)
 
@@ -183,4 +182,4 @@ def why_not(j: Judgement, f: Fitted) -> str:
     return "the witnesses differ on it"
 
 
-__all__ = ["belongs", "falls", "listed", "remainder", "sentence", "shown", "why_named", "why_not"]
+__all__ = ["falls", "listed", "own_parameters", "remainder", "sentence", "shown", "why_named", "why_not"]

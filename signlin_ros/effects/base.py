@@ -64,22 +64,14 @@ class Effect(HasPars):
     """
     experiment: ClassVar[str] = ""
     """What to record so that it shows, as an imperative clause."""
-    imitates: ClassVar[str] = "its equation imitates something else"
-    """What a fit has found whose parameters are not `plausible`, as a sentence."""
-    outdoes: ClassVar[bool] = False
-    """Whether what such a fit has found is nearer to what is missing than a proposal that explains less."""
-    shows_at_large: ClassVar[str] = ""
-    """What must be large for it to show: ``position``, ``input``, or nothing."""
     only_beyond: ClassVar[bool] = False
-    """Whether it acts only beyond a limit of that, so that no record excludes it outside of what it visits."""
+    """Whether it acts only beyond a limit, so that no record excludes it outside of what it visits."""
     states: ClassVar[dict[str, str]] = {}
     """Own states and their units (``F`` and ``Q`` as in `Par`)."""
     plants: ClassVar[tuple[str, ...]] = ()
     """Plants that it applies to; empty: all."""
     external: ClassVar[bool] = False
     """Whether its force counts as an external force that loads bearings and gears."""
-    shaped: ClassVar[bool] = False
-    """Whether its force is a curve over the position: two such curves together make nearly any other."""
     family: ClassVar[str] = ""
     """Laws of one family are richer and simpler forms of one thing: a model has one of them, the simplest that suffices
     unless a richer one is surely better."""
@@ -96,10 +88,6 @@ class Effect(HasPars):
     """Whether its force is periodic in the position, so that it matters where exactly a record starts."""
     rugged: ClassVar[bool] = False
     """Whether a fit has many local minima: ``starts`` are many then, all parameters positive, and the best are bred."""
-    sticking: ClassVar[bool] = False
-    """Whether a fit has many local minima where motion sticks and slips; then it goes on from the best bred of many
-    ``starts``, all positive, of which the first three are tried before.
-    """
     resonant: ClassVar[bool] = False
     """Whether it starts from resonances all over the band, of which none leads to another."""
     essential: ClassVar[tuple[str, ...]] = ()
@@ -108,13 +96,9 @@ class Effect(HasPars):
     """Values of parameters at which the effect does nothing, where these are not 0."""
     telling: ClassVar[tuple[str, ...]] = ()
     """Parameters that tell it from simpler effects: each must be known to better than its own size."""
-    single_channel_twins: ClassVar[tuple[str, ...]] = ()
-    """Effects that a record of a single channel cannot tell from it."""
     floating: ClassVar[bool] = False
     """Whether its own states run away from where they should be (a load that is free in its play), so that an observer
     must correct them."""
-    breakaway: ClassVar[tuple[str, ...]] = ()
-    """Parameters whose sum is the largest force with which it holds what stands still."""
     turning: ClassVar[tuple[str, str] | tuple[()]] = ()
     """(amplitude, phase) of a force that is the same with the amplitude's sign changed and half a turn more."""
     periodic: ClassVar[tuple[str, ...]] = ()
@@ -162,21 +146,6 @@ class Effect(HasPars):
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         """Return the simpler effects that this one nearly is for these parameters, and theirs."""
         return {}
-
-    @classmethod
-    def blurred(cls, p: Mapping[str, float], blur: float) -> tuple[str, ...]:
-        """Return the simpler effects that it cannot be told from where motions smaller than ``blur`` are unknown."""
-        return ()
-
-    @classmethod
-    def damped(cls, p: Mapping[str, float]) -> dict[str, float]:
-        """Return the damping without which it would swing on and on, as nothing real does; empty: it has more."""
-        return {}
-
-    @classmethod
-    def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
-        """Return sets of simpler effects that together may be what this one is fitted to, and their parameters."""
-        return []
 
     @classmethod
     def fault(cls, p: Any) -> str:

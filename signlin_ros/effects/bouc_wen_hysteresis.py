@@ -30,8 +30,6 @@ class BoucWenHysteresis(Effect):
     equation = "k q -> alpha k q + (1 - alpha) D k h, h' = [lambda v - beta |v| |h|^(n-1) h - gamma v |h|^n] / D"
     finding = "the residual {F} against the {Q} is a loop: {alpha:.2f} of the stiffness stays elastic, the rest yields"
     experiment = "cycle slowly between two positions, with several amplitudes"
-    imitates = "a loop without width is an elastic force that hardens or softens, the same both ways"
-    outdoes = True
     states = {"h": "-"}
     family = "dry friction"
 

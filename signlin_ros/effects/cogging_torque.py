@@ -18,11 +18,9 @@ class CoggingTorque(Effect):
     name = "cogging_torque"
     equation = "-A sin(N q + phi)"
     finding = "the residual {F} repeats with the {Q}: {A:.3g} {A.unit} high, of order {N:.4g}"
-    shows_at_large = "position"
     angular = True
     family = "waves"
     experiment = "move slowly over a full turn at constant input"
-    shaped = True
 
     turning = ("A", "phi")
 

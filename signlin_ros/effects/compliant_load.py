@@ -11,8 +11,8 @@ from signlin_ros.scale import Scale
 
 SLOWEST, FASTEST, RESONANCES = 25.0, 0.6, 5
 """Angular frequencies that a fit starts from: four periods in a record, a tenth of the sampling rate; how many."""
-UNDAMPED, OVERDAMPED = 0.002, 1.0
-"""Least damping ratio, of the load on its coupling, of one that is real, and largest of one that is called elastic."""
+OVERDAMPED = 1.0
+"""Largest damping ratio, of the load on its coupling, of one that is called elastic."""
 
 
 class CompliantLoad(Effect):
@@ -25,7 +25,6 @@ class CompliantLoad(Effect):
     equation = "-T, T = k (q - q2) + c (v - v2), J v2' = T"
     finding = "an inertia of {J:.3g} {J.unit} swings on a coupling of {k:.3g} {k.unit}"
     experiment = "excite with a sweep up to the resonance"
-    imitates = "a load that does not swing on its coupling is a lag, as of an input that changes between its samples"
     telling = ("J",)
     resonant = True
     states = {"position": "Q", "velocity": "Q/s"}
@@ -49,12 +48,6 @@ class CompliantLoad(Effect):
         critical value, c = 2 sqrt(k J), a lag, as an input that changed between its samples leaves it.
         """
         return bool(p["k"] > 0.0 and p["c"] < 2.0 * OVERDAMPED * (p["k"] * p["J"]) ** 0.5)
-
-    @classmethod
-    def damped(cls, p: Mapping[str, float]) -> dict[str, float]:
-        """Return the least damping of a real coupling, where there is less."""
-        least = float(2.0 * UNDAMPED * (p["k"] * p["J"]) ** 0.5)
-        return {"c": least} if p["c"] < least else {}
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling."""

@@ -23,7 +23,6 @@ class CoulombFriction(Effect):
     experiment = "reverse the motion slowly, many times"
     family = "dry friction"
     dissipative = True
-    breakaway = ("mu",)
 
     mu = Par("F", nominal=0.03, doc="friction while sliding")
     start = ({"mu": 0.05},)

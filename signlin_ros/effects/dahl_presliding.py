@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
@@ -33,10 +32,6 @@ class DahlPresliding(Effect):
         {"F_c": 0.1, "sigma": 0.7},
         {"F_c": 0.1, "sigma": 0.2},
     )
-
-    @classmethod
-    def blurred(cls, p: Mapping[str, float], blur: float) -> tuple[str, ...]:
-        return ("coulomb_friction",) if p["F_c"] / p["sigma"] < blur else ()
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * x.own.z

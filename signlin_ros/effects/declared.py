@@ -17,7 +17,7 @@ from signlin_ros.scale import Scale
 
 LAWS = ("force", "input", "delay", "spring", "torque_constant", "resistance")
 """Methods of which an effect that does anything defines one."""
-LISTS, MAPPINGS = ("essential", "breakaway", "turning", "periodic", "whole_orders"), ("held", "within")
+LISTS, MAPPINGS = ("essential", "turning", "periodic", "whole_orders"), ("held", "within")
 """Attributes that name parameters."""
 SLIPS = (AttributeError, IndexError, KeyError, NameError, TypeError)
 """What a slip of the pen in a method raises; anything else may come of the numbers that it is tried with."""
@@ -115,8 +115,6 @@ def _check_methods(effect: type[Effect], where: str) -> None:
         "starts": (_SCALE,),
         "after": ("", p),
         "simpler": (p,),
-        "blurred": (p, 0.0),
-        "parts": (p,),
         "plausible": (p,),
     }
     for name, arguments in tried.items():

@@ -18,11 +18,8 @@ class GravityLoad(Effect):
     name = "gravity_load"
     equation = "-A sin(q - q0)"
     finding = "the residual {F} is one sine of the {Q}, {A:.3g} {A.unit} high, zero at {q0:.3g} {q0.unit}"
-    imitates = "over so short a way one sine of the position is a load and a spring"
-    shows_at_large = "position"
     angular = True
     experiment = "rest at several positions over a full turn"
-    shaped = True
     external = True
 
     turning = ("A", "q0")

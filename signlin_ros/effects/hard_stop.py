@@ -18,10 +18,8 @@ class HardStop(Effect):
     name = "hard_stop"
     equation = "-k_s [max(q - gap, 0) - max(-q - gap, 0)]"
     finding = "the residual {F} is zero up to {gap:.3g} {gap.unit} of travel and rises by {k_s:.3g} {k_s.unit} beyond"
-    shows_at_large = "position"
     only_beyond = True
     experiment = "move to both ends of the travel"
-    shaped = True
     telling = ("gap", "k_s")
 
     gap = Par("Q", nominal=0.5, doc="travel to either stop")

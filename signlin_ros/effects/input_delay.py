@@ -23,8 +23,6 @@ class InputDelay(Effect):
     finding = "the response comes {T:.3g} s after the input"
     experiment = "apply steps of the input and sample faster"
 
-    single_channel_twins = ("sensor_delay",)
-
     T = Par("s", nominal=0.005, high=10.0, doc="delay")
 
     @classmethod

@@ -17,7 +17,6 @@ class InputSaturation(Effect):
     name = "input_saturation"
     equation = "u -> clip(u, -u_max, u_max)"
     finding = "inputs above {u_max:.3g} {u_max.unit} have no more effect than this"
-    shows_at_large = "input"
     only_beyond = True
     experiment = "apply larger inputs"
 

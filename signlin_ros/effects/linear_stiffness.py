@@ -17,9 +17,7 @@ class LinearStiffness(Effect):
     name = "linear_stiffness"
     equation = "-k q"
     finding = "the residual {F} grows in proportion to the {Q}: {k:.3g} {k.unit}"
-    shows_at_large = "position"
     experiment = "rest at several positions"
-    shaped = True
     external = True
 
     k = Par("F/Q", nominal=0.1, doc="stiffness")

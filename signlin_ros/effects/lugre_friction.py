@@ -44,17 +44,6 @@ class LuGreFriction(Effect):
         return [{"sigma0": p["sigma"], "sigma1": 0.0, "sigma2": 0.0, "F_c": 0.8 * p["F_c"], "F_s": 1.1 * p["F_c"]}]
 
     @classmethod
-    def parts(cls, p: Mapping[str, float]) -> list[dict[str, dict[str, float]]]:
-        """Return dry friction of three kinds, each with what LuGre has of its own, viscous friction."""
-        excess = max(p["F_s"] - p["F_c"], 0.01 * p["F_c"])
-        dry = {
-            "coulomb_friction": {"mu": p["F_c"]},
-            "stribeck_friction": {"mu": p["F_c"], "excess": excess, "v_s": p["v_s"]},
-            "dahl_presliding": {"F_c": p["F_c"], "sigma": p["sigma0"]},
-        }
-        return [{name: values, "viscous_friction": {"b": p["sigma2"]}} for name, values in dry.items()]
-
-    @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         """Return presliding without a rising level, and a rising level without presliding."""
         excess = max(p["F_s"] - p["F_c"], 0.01 * p["F_c"])
@@ -62,11 +51,6 @@ class LuGreFriction(Effect):
             "dahl_presliding": {"F_c": p["F_c"], "sigma": p["sigma0"]},
             "stribeck_friction": {"mu": p["F_c"], "excess": excess, "v_s": p["v_s"]},
         }
-
-    @classmethod
-    def blurred(cls, p: Mapping[str, float], blur: float) -> tuple[str, ...]:
-        """Return friction without presliding, and presliding without a rising level."""
-        return ("coulomb_friction", "dahl_presliding") if p["F_c"] / p["sigma0"] < blur else ()
 
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:

@@ -53,11 +53,6 @@ class PlayFriction(Effect):
         dahl = {"F_c": p["F_c"], "sigma": p["sigma"]}
         return {"dahl_presliding": dahl} if p["gap"] < SLIGHT * p["F_c"] / p["sigma"] else {}
 
-    @classmethod
-    def blurred(cls, p: Mapping[str, float], blur: float) -> tuple[str, ...]:
-        unseen = 2 * p["gap"] < blur
-        return ("coulomb_friction", "dahl_presliding") if unseen and p["F_c"] / p["sigma"] < blur else ()
-
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * m.dead_zone(x.own.z, p.gap)
 

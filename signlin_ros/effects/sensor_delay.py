@@ -20,8 +20,6 @@ class SensorDelay(SensorEffect):
     finding = "the {channel} is seen {value:.3g} s late"
     experiment = "apply steps of the input and sample faster"
 
-    single_channel_twins = ("input_delay",)
-
     T = Par("s", nominal=0.005, high=1.0, default=0.0, doc="delay")
 
     def sensor(self, before: Sensor, value: float) -> Sensor:

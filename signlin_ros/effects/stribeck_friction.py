@@ -26,13 +26,11 @@ class StribeckFriction(Effect):
     experiment = "let it creep through standstill, slower than the speed at which friction settles"
     family = "dry friction"
     dissipative = True
-    breakaway = ("mu", "excess")
     telling = ("excess",)
 
     mu = Par("F", nominal=0.025, doc="friction at high velocity")
     excess = Par("F", nominal=0.02, doc="breakaway level above mu")
     v_s = Par("Q/s", nominal=2.0, positive=True, doc="velocity at which the excess has fallen to 1/e")
-    sticking = True
     start = tuple(
         {"mu": mu, "excess": excess, "v_s": v_s}
         for mu, excess, v_s in itertools.product((0.05, 0.15, 0.4), (0.05, 0.15, 0.4, 1.0), (0.05, 0.2, 0.6))

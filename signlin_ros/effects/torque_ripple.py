@@ -19,9 +19,7 @@ class TorqueRipple(Effect):
     equation = "-sum_i A_i sin(N_i q + phi_i), N = orders"
     finding = "the residual {F} repeats with the {Q}: {A[0]:.3g} {A[0].unit} high at order {orders[0]:.4g}, and others"
     experiment = "move slowly over a full turn at constant input"
-    shows_at_large = "position"
     angular = True
-    shaped = True
     family = "waves"
     proposed = False  # which orders there are, a spectrum of the missing force says, and no fit
 

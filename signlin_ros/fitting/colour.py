@@ -27,6 +27,8 @@ UNSURE = 0.02
 """How well a share of the variance, or a correlation, is known at best."""
 SURE, SURER, SUREST = 3.0, 4.0, 5.0
 """Standard errors beyond which a residual is slow; coloured, or not white; and two channels have a common cause."""
+TOLERATED = 0.05
+"""Correlations that do not matter however long the record is."""
 LIKELY, EXCESS = 0.9999, 1.5
 """Quantile of chi squared below so many times of which a residual is white."""
 
@@ -127,15 +129,15 @@ def _pole(parts: Sequence[Array], r: Array, count: int) -> tuple[float, float] |
     return (rho, share) if white(left) else None
 
 
-def white(parts: Sequence[Array], tolerance: float = 0.05) -> bool:
-    """Test whether residuals are white; correlations below ``tolerance`` do not matter however long the record is.
+def white(parts: Sequence[Array]) -> bool:
+    """Test whether residuals are white; correlations below `TOLERATED` do not matter however long the record is.
 
     [Ljung and Box 1978, doi:10.1093/biomet/65.2.297]
     """
     lags = int(min(200, max(20, sum(p.size for p in parts) // 20)))
     r, _, count = correlations(parts, lags)
     statistic = count * (count + 2) * float(np.sum(r**2 / np.maximum(count - np.arange(1, lags + 1), 1)))
-    bound = tolerance + SURER / np.sqrt(max(count, 1))
+    bound = TOLERATED + SURER / np.sqrt(max(count, 1))
     small = statistic < EXCESS * float(chdtri(lags, 1.0 - LIKELY)) or float(np.max(np.abs(r))) < bound
     return bool(small and abs(float(r[:LAGS].mean())) < bound / 2)
 

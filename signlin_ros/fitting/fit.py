@@ -148,12 +148,11 @@ def fit(
     theta: Array | None = None,
     steps: int = 10,
     filter: Filter | None = None,
-    far: float = FAR,
 ) -> Fit | None:
     """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
     low, high = c.bounds
     first = evaluated(problem, c, np.clip(c.start() if theta is None else theta, low, high), gains, filter)
-    return None if first is None else further(problem, first, steps, far)
+    return None if first is None else further(problem, first, steps)
 
 
 def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains, filter: Filter | None) -> Fit | None:
@@ -169,7 +168,7 @@ def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains, filter: Fi
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def further(problem: Problem, f: Fit, steps: int, far: float = FAR) -> Fit:
+def further(problem: Problem, f: Fit, steps: int) -> Fit:
     """Go on with a fit for some steps of Levenberg and Marquardt's method."""
     low, high = f.candidate.bounds
     damping = 1e-3
@@ -187,7 +186,7 @@ def further(problem: Problem, f: Fit, steps: int, far: float = FAR) -> Fit:
             continue
         gain, f = f.cost - trial.cost, trial
         damping = max(damping / 8, 1e-9)
-        if gain < ENOUGH + far * max(f.cost - float(np.sum(f.count * np.log(problem.noise**2))), 0.0):
+        if gain < ENOUGH + FAR * max(f.cost - float(np.sum(f.count * np.log(problem.noise**2))), 0.0):
             break
     return f
 

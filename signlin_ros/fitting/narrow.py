@@ -43,7 +43,7 @@ def narrowed(
         theta[index] = [np.clip(k.theta(value), k.low, k.high) for k, value in values]
         return likelihood(problem, c, theta, gains)
 
-    best = _bred(np.log([[one[n] for n in free] for one in starts]), cost, LEAST, each)
+    best = _bred(np.log([[one[n] for n in free] for one in starts]), cost, each)
     return [{**starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best[:3]]
 
 
@@ -52,15 +52,15 @@ def _own(c: Candidate, key: str) -> dict[str, int]:
     return {k.name.partition(".")[2]: i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == key}
 
 
-def _bred(points: Array, cost: Callable[[Array], float], least: float, each: Each, rounds: int = ROUNDS) -> Array:
-    """Return points (N, n) and what was bred of them, best first; ``least``: smallest spread of what is drawn."""
+def _bred(points: Array, cost: Callable[[Array], float], each: Each) -> Array:
+    """Return points (N, n) and what was bred of them, best first."""
     costs = np.array(list(each(cost, list(points))))
     draw = np.random.default_rng(0).standard_normal
     low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
     size = points.shape[1]
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         parents = points[np.argsort(costs)[:PARENTS]]
-        spread = np.linalg.cholesky(np.cov(parents.T).reshape(size, size) + least**2 * np.eye(size))
+        spread = np.linalg.cholesky(np.cov(parents.T).reshape(size, size) + LEAST**2 * np.eye(size))
         children = np.clip(parents.mean(axis=0) + draw((CHILDREN, size)) @ spread.T, low, high)
         points = np.concatenate([points, children])
         costs = np.concatenate([costs, list(each(cost, list(children)))])

@@ -80,13 +80,13 @@ def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Mod
     return [part for parts, _ in found for part in parts], tuple(note for _, notes in found for note in notes)
 
 
-def stretched(problem: Problem, most: int = MOST) -> Problem:
+def stretched(problem: Problem) -> Problem:
     """Return a problem on stretches of its records where they are long: half of these spread evenly, half where the
     model as given is most wrong (a stop that is hit once in a while).
     """
-    if problem.samples <= most:
+    if problem.samples <= MOST:
         return problem
-    size = most // PARTS
+    size = MOST // PARTS
     places = [(s, first) for s in problem.segments for first in range(0, max(s.t.size - size, 0) + 1, size)]
     wrong = np.argsort([-_wrong(problem, s, slice(first, first + size)) for s, first in places])
     even = np.linspace(0, len(places) - 1, PARTS // 2).astype(int).tolist()

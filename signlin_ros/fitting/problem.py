@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.missing import per_force
+from signlin_ros.comparison.missing import inertia
 from signlin_ros.errors import RecordError
 from signlin_ros.fitting.gains import Gains, design, doubts, time_constants
 from signlin_ros.follow.data import Early, cut, measured_channels, travelled
@@ -22,7 +22,7 @@ from signlin_ros.follow.segments import (
     with_measured_position,
     without,
 )
-from signlin_ros.follow.tracking import Tracker
+from signlin_ros.follow.tracking import Tracker, filled
 from signlin_ros.model import Model
 from signlin_ros.noise import moving, noise_level, white_noise
 from signlin_ros.plants.dc_motor import quasi_static_current
@@ -73,24 +73,10 @@ class Problem:
         """The same, where effects remember what was before each stretch: half as much again takes it."""
         return _shortened(self)
 
-    def observer(self, tau: float, noise: Array | None = None) -> Gains:
-        """Return the gains of an observer with time constant tau (s), in a noise (ny) other than its own if given."""
-        noise = self.noise if noise is None else noise
-        known = doubts(self.segments)
-        return design(self.base, self.channels, noise, self.x_scale, self.scale.step, tau, known)
-
     @property
     def stretch(self) -> tuple[float, float]:
         """Smallest and largest position, about, where only a velocity is measured."""
         return self.ranges.get(self.base.plant.position, (0.0, self.scale.travel))
-
-    @property
-    def blur(self) -> float:
-        """How small a motion is lost: in the steps or the noise of a measured position, in those of an imposed one."""
-        if self.base.plant.position not in self.channels:
-            return self.scale.blur
-        at = self.channels.index(self.base.plant.position)
-        return max(self.scale.blur, float(self.quanta[at]), float(self.noise[at]))
 
     @property
     def rotary(self) -> bool:
@@ -146,10 +132,9 @@ def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
         velocity, early = s.u[: at + 1, problem.base.inputs.index(plant.velocity)], s.early
     elif plant.velocity in problem.channels and plant.position not in problem.channels:
         measured = s.y[: at + 1, problem.channels.index(plant.velocity)]
-        there = np.isfinite(measured)
-        if not there.any():
+        if not np.isfinite(measured).any():
             return {}
-        velocity = np.interp(t, t[there], measured[there])
+        velocity = filled(t, measured)
     else:
         return {}
     return {plant.position: s.start.get(plant.position, 0.0) + float(travelled(t, velocity, early)[-1])}
@@ -232,9 +217,9 @@ def _scale(
         force = motor["K_t"] * column["current"]
     elif "force" in channels:
         force = np.concatenate([s.y[:, channels.index("force")] for s in segments])
-    travel, inertia = float(np.nanmax(np.abs(position))), _inertia(model)
+    travel, mass = float(np.nanmax(np.abs(position))), inertia(model)
     return Scale(
-        rms(force) if force.any() else rms(inertia * acceleration),  # what moves freely is driven by what it has stored
+        rms(force) if force.any() else rms(mass * acceleration),  # what moves freely is driven by what it has stored
         travel if travel > 0 else 1.0,
         rms(velocity),
         rms(acceleration),
@@ -242,8 +227,7 @@ def _scale(
         float(np.max(np.abs(u[:, 0]))) or 1.0,
         dt,
         duration,
-        inertia,
-        _blur(model, segments[0]) * dt,
+        mass,
     )
 
 
@@ -263,12 +247,6 @@ def _of_known_direction(model: Model, s: Segment) -> Segment:
     if not blur:
         return s
     return replace(s, y=without(s.y, np.abs(s.u[:, model.inputs.index(model.plant.velocity)]) < blur))
-
-
-def _inertia(model: Model) -> float:
-    """Return the inertia of the plant, 0 where it has none."""
-    velocity = model.plant.velocity
-    return abs(1.0 / float(per_force(model)[model.states.index(velocity)])) if velocity in model.states else 0.0
 
 
 def _ranges(model: Model, segments: Sequence[Segment], X: Array) -> dict[str, tuple[float, float]]:

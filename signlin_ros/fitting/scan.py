@@ -21,21 +21,22 @@ from signlin_ros.fitting.problem import Problem, first_look
 from signlin_ros.follow.data import travelled
 from signlin_ros.follow.equations import equations, neutral_sensors
 from signlin_ros.follow.segments import Segment
+from signlin_ros.follow.tracking import filled
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
 FASTEST = 4.0
 """Largest N v dt that is looked for, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
-
-SLOWEST, APART = 4.0, 6.0
-"""Least order, and least distance of two orders, times the way: less than a wave, and about a line's width."""
+APART = 6.0
+"""Least distance of two orders, times the way: about a line's width."""
+MOST = 4
+"""Most orders that are taken from one spectrum."""
 STEPS = 6.0
 """Steps of an encoder that a period must have: finer waves are its own."""
-
 SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
-"""Smallest N v dt of a fast one, for how many time constants of the observer it leaves a trace, and what that must take
-from the squares, in means of these: noise takes less at any of a thousand orders."""
+"""Smallest N v dt of a fast one, and least order times the way; for how many time constants of the observer it leaves a
+trace, and what that must take from the squares, in means of these: noise takes less at any of a thousand orders."""
 
 
 def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
@@ -47,7 +48,7 @@ def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array,
     for s, X in zip(problem.segments, looks, strict=True):
         velocity, acceleration = _motion(problem, model, s, X)
         if plant.position in problem.channels:
-            q = _filled(s.y[:, problem.channels.index(plant.position)])
+            q = filled(s.t, s.y[:, problem.channels.index(plant.position)])
         elif plant.position in names:
             q = X[:, names.index(plant.position)]
         else:
@@ -71,7 +72,7 @@ def _missing_force(problem: Problem, model: Model) -> tuple[Array, Array, Array]
     for s, X in zip(problem.segments, looks, strict=True):
         v = s.u[:, model.inputs.index(plant.velocity)]
         modelled = tape.batch([*X.T, *s.u.T, *model.p, *([np.sign(v)] * len(model.trace.surfaces))])[-1]
-        rows.append((X[:, at], v, modelled - _filled(s.y[:, output])))
+        rows.append((X[:, at], v, modelled - filled(s.t, s.y[:, output])))
     q, v, force = map(np.concatenate, zip(*rows, strict=True))
     return q, v, force
 
@@ -148,44 +149,38 @@ def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, A
     return np.concatenate(q), v, np.concatenate([np.nan_to_num(e[1:]) @ row for e in found[0]])
 
 
-def _filled(values: Array) -> Array:
-    there = np.isfinite(values)
-    index = np.arange(values.size)
-    return values if there.all() else np.interp(index, index[there], values[there])
-
-
 def _motion(problem: Problem, model: Model, s: Segment, X: Array) -> tuple[Array, Array]:
     """Return velocity and acceleration (T,) from what is measured."""
     dt, plant = problem.scale.step, model.plant
     if plant.velocity in problem.channels:
-        v = _filled(s.y[:, problem.channels.index(plant.velocity)])
+        v = filled(s.t, s.y[:, problem.channels.index(plant.velocity)])
         return savgol_filter(v, 5, 2), savgol_filter(v, 5, 2, deriv=1, delta=dt)
     if plant.position in problem.channels:
-        q = _filled(s.y[:, problem.channels.index(plant.position)])
+        q = filled(s.t, s.y[:, problem.channels.index(plant.position)])
         return savgol_filter(q, 9, 3, deriv=1, delta=dt), savgol_filter(q, 9, 3, deriv=2, delta=dt)
     v = X[:, model.states.index(plant.velocity)]
     return v, np.gradient(v, s.t)
 
 
-def periodic_starts(problem: Problem, model: Model, count: int = 4) -> list[tuple[float, float, float]]:
+def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, float]]:
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi)."""
     if model.plant.motion_is_imposed():
         q, v, force = _missing_force(problem, model)
         fastest = FASTEST / (problem.scale.velocity * problem.scale.step)
-        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, min(fastest, finest(problem)), count)]
+        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, min(fastest, finest(problem)), MOST)]
     inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
     highest = min(FASTEST / (problem.scale.velocity * problem.scale.step), finest(problem))
     starts: list[tuple[float, float, float]] = []
     q, v, a = _missing_acceleration(problem, model)
-    for order in _orders(q, v, a, highest, count):
+    for order in _orders(q, v, a, highest, MOST):
         near = (0.0,) if starts else (0.0, -1.5 / np.ptp(q), 1.5 / np.ptp(q))
         starts += [_start(q, a, order + shift, inertia) for shift in near]
     for gains in problem.levels[:2]:
         q, v, a = _corrections(problem, model, gains)
-        for order in _orders(q, v, a, highest, count - 1):
+        for order in _orders(q, v, a, highest, MOST - 1):
             N, A, phase = _start(q, a, order, inertia)
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
-    fast = _matched(problem, model, highest, count // 2)
+    fast = _matched(problem, model, highest, MOST // 2)
     return starts + [(N, A * inertia, phase) for N, A, phase in fast]
 
 

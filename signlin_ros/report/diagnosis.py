@@ -8,7 +8,6 @@ from pathlib import Path
 
 from signlin_ros.checks.finding import Finding
 from signlin_ros.diagnosis.comparison import Comparison, compare
-from signlin_ros.diagnosis.evidence import Evidence, evidence, nearest
 from signlin_ros.diagnosis.motion.fitted import held
 from signlin_ros.diagnosis.proposal import given
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate
@@ -32,6 +31,7 @@ from signlin_ros.report.comparison import (
     rows_table,
     where,
 )
+from signlin_ros.report.evidence import Evidence, evidence, nearest
 from signlin_ros.report.files import write_report
 from signlin_ros.report.formulas import formula
 from signlin_ros.report.page import Block, Code, Fold, Items, Page, Picture, Section, Table, Text

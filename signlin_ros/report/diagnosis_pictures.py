@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.comparison import Comparison, Traces
-from signlin_ros.diagnosis.evidence import Evidence, Explanation
 from signlin_ros.diagnosis.results import Diagnosis, Rung
 from signlin_ros.names import AS_GIVEN, REFITTED, SENSORS
 from signlin_ros.plotting import BARE, EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, styled
+from signlin_ros.report.evidence import Evidence, Explanation
 
 Array = NDArray[np.float64]
 

@@ -15,11 +15,11 @@ from scipy.ndimage import uniform_filter1d
 
 from signlin_ros.comparison.missing import Missing
 from signlin_ros.console import per_second
-from signlin_ros.diagnosis import curves
 from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.errors import InputError
 from signlin_ros.noise import Noise
 from signlin_ros.plotting import EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, shade, styled
+from signlin_ros.report import curves
 
 Array = NDArray[np.float64]
 

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.diagnosis.curves import Band
-from signlin_ros.diagnosis.evidence import Explanation, evidence
 from signlin_ros.diagnosis.measures import changes_effort
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.told import Findings
 from signlin_ros.effects import find_effect
+from signlin_ros.report.curves import Band
+from signlin_ros.report.evidence import Explanation, evidence
 from signlin_ros.workbench.arrays import encoded
 
 DOTS = 1500

@@ -177,16 +177,10 @@ def test_every_parameter_has_a_unit_bounds_and_a_sentence(effect):
 def test_what_is_said_of_parameters_is_said_of_its_own(effect):
     named = {*effect.held, *effect.within, *effect.essential, *effect.turning, *effect.periodic, *effect.whole_orders}
     assert named <= set(effect.pars())
-    for twin in effect.single_channel_twins:
-        assert effect.name in EFFECTS[twin].single_channel_twins
 
 
 @every_effect
-def test_what_it_is_made_of_are_effects_with_their_parameters(effect):
-    values = nominal_values(effect.pars())
-    for parts in effect.parts(values):
-        assert len(parts) > 1
-        assert all(set(given) == set(EFFECTS[name].pars()) for name, given in parts.items())
+def test_where_it_starts_from_after_another_are_its_own_parameters(effect):
     for simple, cls in EFFECTS.items():
         for start in effect.after(simple, {name: par.nominal for name, par in cls.pars().items()}):
             assert set(start) <= set(effect.pars())

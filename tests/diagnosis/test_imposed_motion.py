@@ -10,7 +10,6 @@ import pytest
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.cycles import one_cycle, seldom
-from signlin_ros.effects.lugre_friction import LuGreFriction
 from signlin_ros.follow.data import driving
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
@@ -160,12 +159,6 @@ def test_holes_of_an_imposed_displacement_leave_the_velocity_as_it_is(lost):
     u, known, _ = driving(model, record)
     assert np.abs(u[:, 0] - v).max() < 0.02 * np.abs(v).max()
     assert np.abs(known["displacement"] - 0.5 - np.sin(12.0 * record.t)).max() < 0.02
-
-
-def test_a_bristle_that_bends_less_than_the_motion_is_known_is_no_more_than_friction():
-    lugre = {"sigma0": 6e7, "sigma1": 3e4, "sigma2": 0.0, "F_c": 28.0, "F_s": 27.0, "v_s": 5e-3}
-    assert LuGreFriction.blurred(lugre, 6e-7) == ("coulomb_friction", "dahl_presliding")
-    assert LuGreFriction.blurred(lugre, 4e-7) == ()
 
 
 def test_a_direction_that_is_not_known_at_the_first_sample_makes_no_bristle():

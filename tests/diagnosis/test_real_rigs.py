@@ -72,4 +72,3 @@ def test_no_order_is_sought_that_an_encoder_does_not_show(tmp_path):
     problem, _ = prepared(model, coarse[:1], coarse[1:])
     assert 2 * np.pi / finest(problem) == pytest.approx(6 * step, rel=0.01)
     assert finest(prepared(model, known, unseen)[0]) > 10 * finest(problem)
-    assert problem.blur >= step

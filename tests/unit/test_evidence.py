@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from signlin_ros.diagnosis import add
-from signlin_ros.diagnosis.evidence import _unexplained, evidence
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.report.diagnosis_pictures import evidence_picture
+from signlin_ros.report.evidence import _unexplained, evidence
 from signlin_ros.simulate import simulate
 
 pytestmark = pytest.mark.slow

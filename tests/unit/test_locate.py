@@ -7,11 +7,11 @@ import pytest
 from scipy.signal import lfilter
 
 from signlin_ros.comparison.locate import block_mean
-from signlin_ros.diagnosis import curves
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
+from signlin_ros.report import curves
 from signlin_ros.simulate import simulate
 
 pytestmark = pytest.mark.slow

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 
 import pytest
 
-from signlin_ros.diagnosis.evidence import nearest
 from signlin_ros.diagnosis.proposal import _origin, given
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.diagnosis.words import shown
 from signlin_ros.model import Model
+from signlin_ros.report.evidence import nearest
 
 AXIS = Model.from_dict(
     {

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
-from signlin_ros.diagnosis.force.record import Piece, low_pass
+from signlin_ros.diagnosis.force.filters import low_pass
+from signlin_ros.diagnosis.force.record import Piece
 from signlin_ros.diagnosis.force.regression import Fit, Regression, mean_certainty
 
 Array = NDArray[np.float64]
@@ -76,8 +77,9 @@ def unseen_after(r: Regression, fit: Fit) -> Array:
         Z = np.clip((Z - mean) / spread, -3.0, 3.0)
         widths = np.array(BRISTLES) * travel
         direction = np.sign(piece.values[velocity])[:, None]
-        rows = [slipping(piece.values[position], widths) / widths, np.cos(Z @ W + phase), Z, Z[:, :1] * Z[:, 1:]]
-        return piece.seen(np.hstack([*rows, direction, direction * Z]))
+        seen = [piece.seen(slipping(piece.values[position], widths) / widths)]
+        seen += [piece.seen(np.cos(Z @ W[:, part] + phase[part])) for part in piece.at_once(FEATURES)]
+        return np.hstack([*seen, *(piece.seen(one) for one in (Z, Z[:, :1] * Z[:, 1:], direction, direction * Z))])
 
     A, V = (
         np.vstack([features(p, z) for p, z in zip(s.pieces, zs, strict=True)])
@@ -151,8 +153,8 @@ def _along(piece: Piece, left: Array, force: Array) -> Array:
     if number < CHANGES[0]:
         return np.array(left)
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, number - 2), np.ones(3)])
-    of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), 1e-300), knots, 3).toarray()
-    A = piece.seen(of_time * force[:, None])
+    of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), 1e-300), knots, 3).tocsc()
+    A = np.column_stack([piece.seen(of_time[:, [k]].toarray()[:, 0] * force) for k in range(number)])
     A = A / (A.std() + 1e-300)
     weight, fold, after = _chosen(A, left, piece.blocks), piece.blocks % (FOLDS - 1), left.copy()
     for out in (fold == k for k in range(FOLDS - 1)):

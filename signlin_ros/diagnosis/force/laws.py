@@ -15,7 +15,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,17 +23,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.record import (
-    Piece,
-    by_effort,
-    depends_on_place,
-    effort_unit,
-    evaluated,
-    mass,
-    rate_of,
-    states_of,
-    tape_of,
-)
+from signlin_ros.diagnosis.force.equations import by_effort, depends_on_place, rate_of, tape_of
+from signlin_ros.diagnosis.force.record import Piece, effort_unit, evaluated, mass, states_of
 from signlin_ros.effects import EFFECTS, Effect, find_effect
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
@@ -98,10 +89,7 @@ def parts_of(structure: Structure, key: str) -> Parts:
         if a in levels and b in levels and ca.jacobian(ca.jacobian(force, p[a]), p[b]).nnz():
             levels.remove(a if not forceful[a] else b)
     group = [n for n in names if own and n not in levels and forceful[n]]
-    if own and not group:  # a level that multiplies what the law's own states do, as a hysteresis beside a spring
-        group = []
-    shape = [n for n in names if n not in levels and n not in group]
-    shape += group[1:]
+    shape = [*(n for n in names if n not in levels and n not in group), *group[1:]]
     neutral = effect.neutral.get(levels[0], 0.0) if len(levels) == 1 else 0.0
     return Parts(tuple(levels), tuple(group), turning, neutral, tuple(shape))  # type: ignore[arg-type]
 
@@ -173,17 +161,7 @@ class Law:
 
     def columns(self, piece: Piece, shape: Shape) -> Array:
         """Return the force (T, columns) of unit levels along a piece, through the low-pass at the compared samples."""
-        key = (self.name, shape)
-        found = piece._cache.get(key)
-        if found is None:
-            found = piece._cache[key] = piece.seen(self._raw(piece, shape))
-        return found
-
-    def _raw(self, piece: Piece, shape: Shape) -> Array:
-        model, p = self._shaped(shape)
-        tape = columns_of(model.structure, KEY, self.parts)
-        x = states_of(model, piece, p) if self.model_has_own else self._measured(piece)
-        return np.asarray(mass(model, p) * evaluated(model, tape, piece, x, p).T)
+        return self._seen(piece, shape, columns_of)
 
     def _shaped(self, shape: Shape) -> tuple[Model, Array]:
         """Return the model with the law in a shape, and all its values."""
@@ -197,19 +175,20 @@ class Law:
     def loads(self, piece: Piece, shape: Shape) -> Array | None:
         """Return what unit levels add (K, columns) to the part of the effort that drives; None if they add nothing."""
         if loads_of(self.model.structure, KEY, self.parts) is None:
-            return None
-        key = ("loads", self.name, shape)
+            return None  # as in every other shape
+        return self._seen(piece, shape, loads_of) / effort_unit(self.model)
+
+    def _seen(self, piece: Piece, shape: Shape, what: Callable[[Structure, str, Parts], Any]) -> Array:
+        """Return what a tape of the law says times the mass (K, columns), through the low-pass."""
+        key = (what, self.name, shape)
         found = piece._cache.get(key)
         if found is None:
-            found = piece._cache[key] = piece.seen(self._raw_loads(piece, shape))
+            model, p = self._shaped(shape)
+            tape = what(model.structure, KEY, self.parts)
+            x = states_of(model, piece, p) if self.model_has_own else self._measured(piece)
+            found = piece.seen(np.asarray(mass(model, p) * evaluated(model, tape, piece, x, p).T))
+            piece._cache[key] = found
         return found
-
-    def _raw_loads(self, piece: Piece, shape: Shape) -> Array:
-        model, p = self._shaped(shape)
-        tape = loads_of(model.structure, KEY, self.parts)
-        assert tape is not None  # noqa: S101  a law follows the effort in every shape or in none
-        x = states_of(model, piece, p) if self.model_has_own else self._measured(piece)
-        return np.asarray(mass(model, p) / effort_unit(model) * evaluated(model, tape, piece, x, p).T)
 
     @functools.cached_property
     def structural(self) -> frozenset[str]:
@@ -332,7 +311,8 @@ def grid(law: Law, scale: Scale) -> list[Shape]:
         return [_reference(law, {})]
     ways = WAYS if law.model_has_own else WAYS[:1]
     scales = [replace(scale, travel=scale.travel * way) for way in ways]
-    return _thinned(list(dict.fromkeys(_reference(law, start) for s in scales for start in law.effect.starts(s))), GRID)
+    points = list(dict.fromkeys(_reference(law, start) for s in scales for start in law.effect.starts(s)))
+    return points[:: max(1, -(-len(points) // GRID))]
 
 
 def _reference(law: Law, start: Mapping[str, float]) -> Shape:
@@ -344,10 +324,6 @@ def _reference(law: Law, start: Mapping[str, float]) -> Shape:
         values |= {n: values[n] / unit for n in group}
     names = (*law.parts.group[:1], *law.parts.shape, *sorted(law.structural))
     return tuple((n, float(f"{values[n]:.12g}")) for n in names)
-
-
-def _thinned(points: list[Shape], most: int) -> list[Shape]:
-    return points if len(points) <= most else points[:: -(-len(points) // most)]
 
 
 __all__ = ["KEY", "Law", "Parts", "Ripple", "Shape", "grid", "laws", "parts_of"]

@@ -7,30 +7,30 @@ friction is what drives: its sign is that of the net force, up to breakaway.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
 
-from signlin_ros.comparison.missing import per_force
-from signlin_ros.engine.symbolic import symbolic
+from signlin_ros.comparison.missing import inertia
+from signlin_ros.diagnosis.force.equations import (
+    arriving_tape,
+    depends_on_place,
+    rate_tape,
+    surfaces_tape,
+)
+from signlin_ros.diagnosis.force.filters import low_pass, sensor_noise, slope
 from signlin_ros.engine.tape import Tape
 from signlin_ros.follow.data import corrected
 from signlin_ros.follow.tracking import driven, filled
 from signlin_ros.model import Model
-from signlin_ros.noise import quantum_of
+from signlin_ros.noise import derivative_noise
 from signlin_ros.plants import Plant
-from signlin_ros.recording.trace import Structure, Trace, trace
 from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-ORDER = 4
-"""Order of the Butterworth low-pass."""
 BANDS = 0.12 * np.geomspace(1.0, 1e-3, 31)
 """Cut-offs that are tried, as parts of the sampling rate, from wide to narrow."""
 PERIODS = 8.0
@@ -41,8 +41,6 @@ EDGE = 1.2
 """Periods of the cut-off that are left out at either end."""
 PER_PERIOD = 2.5
 """Samples that are kept for a period of the cut-off."""
-THREE = 3
-"""Samples that are taken together to see coloured noise."""
 SAMPLED = 10.0
 """Samples for a period of the cut-off with which laws are driven."""
 MOST = 4000
@@ -55,15 +53,14 @@ AT_REST = 0.15
 """Where more than this share of what the filter sees is rest, nothing is compared: friction there is any force."""
 SHORTEST_REST = 0.04
 """Rest in s from which on the net force tells the sign of dry friction."""
+AT_ONCE = 2_000_000
+"""Most values that pass the low-pass at once."""
 BLOCKS = 60
 """Most blocks that a record is cut into for standard errors."""
-NYQUIST, HIGHEST = 0.45, 0.4
-"""Parts of the sampling rate: from the first on nothing is left to filter; no low-pass is set above the second."""
-FEWEST, DIFFERENCES = 20, 16
-"""Samples that a channel must have, and fourth differences from which a noise is told."""
-OUTLYING, SMOOTH = 5.0, 0.25
-"""Times the median beyond which a difference is a jump; part of the coarse differences below which the fine ones tell
-nothing of coloured noise, but of a smooth signal."""
+HIGHEST = 0.4
+"""Part of the sampling rate above which no low-pass is set."""
+FEWEST = 20
+"""Samples that a channel must have."""
 SURELY = 3.0
 """Times the velocity's noise below which it counts as rest."""
 FEW_AT_REST = 4
@@ -93,69 +90,20 @@ class Piece:
     kept: NDArray[np.intp]
     blocks: NDArray[np.intp]
     noise: float
-    velocity_noise: float
     position_measured: bool
-    inertial_noise: float = 0.0
     _cache: dict[object, Array] = field(default_factory=dict, repr=False)
 
     def seen(self, values: Array) -> Array:
         """Return values (T, ...) through the low-pass at the samples that are compared."""
-        return low_pass(values, self.cutoff, self.step)[self.kept]
+        parts = self.at_once(values.shape[1]) if values.ndim > 1 else []
+        if len(parts) < 2:
+            return low_pass(values, self.cutoff, self.step)[self.kept]
+        return np.hstack([self.seen(values[:, part]) for part in parts])
 
-
-def low_pass(values: Array, cutoff: float, step: float) -> Array:
-    """Return values (T, ...) without what is faster than ``cutoff`` Hz, and without a phase shift."""
-    if cutoff >= NYQUIST / step:
-        return values
-    sections, settled = _sections(cutoff, step)
-    settled = settled.reshape(*settled.shape, *([1] * (values.ndim - 1)))
-    pad = min(len(values) - 1, int(3 / (step * cutoff)))
-    before, after = 2 * values[:1] - values[pad:0:-1], 2 * values[-1:] - values[-2 : -pad - 2 : -1]
-    found = np.concatenate([before, values, after])
-    for _ in range(2):  # once forward, once back
-        found = sosfilt(sections, found, axis=0, zi=settled * found[:1])[0][::-1]
-    return np.asarray(found[pad : pad + len(values)])
-
-
-@functools.lru_cache(maxsize=64)
-def _sections(cutoff: float, step: float) -> tuple[Array, Array]:
-    """Return the low-pass, and the state (sections, 2) in which it rests at 1."""
-    sections = np.asarray(butter(ORDER, cutoff, fs=1 / step, output="sos"))
-    return sections, np.asarray(sosfilt_zi(sections))
-
-
-def slope(values: Array, step: float) -> Array:
-    """Return the derivative (T,), exact to the sixth power of the step."""
-    y = np.gradient(values, step)
-    a, b, c = (values[3 + k : len(values) - 3 + k or None] - values[3 - k : -3 - k] for k in (1, 2, 3))
-    y[3:-3] = (45 * a - 9 * b + c) / (60 * step)
-    return np.asarray(y)
-
-
-def sensor_noise(values: Array) -> float:
-    """Return the standard deviation of white noise that leaves as much at low frequencies as a sensor's noise does.
-
-    Fourth differences of all samples, and of means of three, in which coloured noise shows too; at least that of the
-    steps in which the values come.
-    """
-    means = values[: values.size // THREE * THREE].reshape(-1, THREE).mean(axis=1)
-    fine, coarse = _fourth(values), np.sqrt(THREE) * _fourth(means)
-    level = max(fine, coarse) if fine > SMOOTH * coarse else fine
-    return float(max(level, quantum_of(values) / np.sqrt(12)))
-
-
-def _fourth(values: Array) -> float:
-    d = np.diff(values, 4)
-    if d.size < DIFFERENCES:
-        return 0.0
-    size = np.abs(d)
-    return float(np.sqrt(np.mean(d[size <= OUTLYING * np.median(size) + 1e-300] ** 2) / 70))
-
-
-def derivative_noise(level: float, order: int, cutoff: float, step: float) -> float:
-    """Return the standard deviation of the ``order``-th derivative of white noise below ``cutoff`` Hz."""
-    power = 2 * order + 1
-    return float(level * np.sqrt(2 * step * cutoff**power / power) * (2 * np.pi) ** order)
+    def at_once(self, columns: int) -> list[slice]:
+        """Return so many columns (T,) in blocks that the low-pass takes at once: of a long record a few."""
+        width = max(1, AT_ONCE // self.t.size)
+        return [slice(at, at + width) for at in range(0, columns, width)]
 
 
 @dataclass(frozen=True)
@@ -182,13 +130,9 @@ def _raw(model: Model, data: ModelData) -> _Raw:
     if plant.velocity in model.inputs:
         u = np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
         values[plant.velocity] = u[:, model.inputs.index(plant.velocity)]
-    noise = {n: sensor_noise(_known(data.measured[n])) for n in names}
+    noise = {n: sensor_noise(data.measured[n][np.isfinite(data.measured[n])]) for n in names}
     noise |= {n: sensor_noise(v) for n, v in values.items() if n not in noise}
     return _Raw(t - t[0], step, u, values, noise)
-
-
-def _known(values: Array) -> Array:
-    return values[np.isfinite(values)]
 
 
 def _acting(u: Array, late: float | Array) -> Array:
@@ -198,13 +142,6 @@ def _acting(u: Array, late: float | Array) -> Array:
         return np.asarray(np.interp(k - late, k, u))
     padded = np.concatenate([u[:1], u[:1], u, u[-1:]])
     return np.convolve(padded, np.array([-1.0, 13.0, 13.0, -1.0]) / 24, "valid")
-
-
-def inertia(model: Model) -> float:
-    """Return the moving mass or inertia of a model, 0 where the motion is imposed."""
-    if model.plant.motion_is_imposed():
-        return 0.0
-    return 1.0 / abs(float(per_force(model)[model.states.index(model.plant.velocity)]))
 
 
 def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
@@ -303,9 +240,7 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
         kept,
         np.unique((t / length).astype(int), return_inverse=True)[1],
         float(np.hypot(inertial, effort_noise * np.sqrt(2 * cutoff * step))),
-        noise,
         plant.position in raw.values,
-        inertial,
     )
 
 
@@ -350,48 +285,28 @@ def states_of(model: Model, piece: Piece, p: Array | None = None) -> Array:
     return driven(model, piece.t, piece.u, known, 0.5 * piece.step if follows else 0.0, p=p)
 
 
-def missing_force(model: Model, piece: Piece, p: Array | None = None, x: Array | None = None) -> Array:
+def missing_force(model: Model, piece: Piece, p: Array | None = None) -> Array:
     """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass.
 
-    ``p``: values of the model's parameters in the trace's order, by default its own; ``x`` (T, n): states, if known.
+    ``p``: values of the model's parameters in the trace's order, by default its own.
     """
-    x, p = states_of(model, piece) if x is None else x, model.p if p is None else p
-    rate = evaluated(model, _rate(model.structure), piece, x, p)[0]
+    x, p = states_of(model, piece), model.p if p is None else p
+    rate = evaluated(model, rate_tape(model.structure), piece, x, p)[0]
     if model.plant.motion_is_imposed():
         return np.asarray(rate - piece.effort)
     return np.asarray((piece.acceleration - rate) * mass(model, p))
 
 
-def arriving(model: Model, piece: Piece, p: Array | None = None) -> Array | None:
+def arriving(model: Model, piece: Piece) -> Array | None:
     """Return which part (K,) of the effort drives at the samples that are compared, by the slope of the force over the
     effort; None where all of it does. Friction that follows the load takes the rest: a force that is missing then asks
     for more effort than its own size.
     """
-    p = model.p if p is None else p
-    tape = _arriving(model.structure)
+    tape = arriving_tape(model.structure)
     if tape is None:
         return None
-    slopes = evaluated(model, tape, piece, states_of(model, piece), p)[0]
-    return piece.seen(slopes * mass(model, p) / effort_unit(model))
-
-
-@symbolic
-@functools.lru_cache(maxsize=256)
-def _arriving(structure: Structure) -> Tape | None:
-    t = trace(structure)
-    slopes = by_effort(t, structure.plant, rate_of(t, structure.plant))
-    return None if slopes is None else tape_of(t, slopes)
-
-
-def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> ca.SX | None:
-    """Return the slopes of expressions (k) over the effort; None where these are the same however the plant moves."""
-    if plant.motion_is_imposed():
-        return None
-    effort = plant.effort or "current"
-    names, symbols = (t.states, t.x) if effort in t.states else (t.inputs, t.u)
-    slopes = ca.jacobian(e, symbols[names.index(effort) if effort in names else 0])
-    moving = ca.vertcat(t.x, t.u, *(s.symbol for s in t.surfaces))
-    return slopes if ca.depends_on(slopes, moving) else None
+    slopes = evaluated(model, tape, piece, states_of(model, piece), model.p)[0]
+    return piece.seen(slopes * mass(model, model.p) / effort_unit(model))
 
 
 def effort_unit(model: Model) -> float:
@@ -408,45 +323,6 @@ def mass(model: Model, p: Array) -> float:
     return float(p[parameters.index(name)]) if name in parameters else inertia(model)
 
 
-def rate_of(t: Trace, plant: type[Plant]) -> ca.SX:
-    """Return what a force acts on: the rate of the velocity, or the force that an imposed motion takes."""
-    return t.y[0] if plant.motion_is_imposed() else t.f[t.states.index(plant.velocity)]
-
-
-@symbolic
-@functools.lru_cache(maxsize=256)
-def _rate(structure: Structure) -> Tape:
-    t = trace(structure)
-    return tape_of(t, rate_of(t, structure.plant))
-
-
-@symbolic
-@functools.lru_cache(maxsize=256)
-def depends_on_place(structure: Structure) -> bool:
-    """Tell whether the force depends on where the plant is: that is known only where a position was measured, since an
-    integral of the speed starts anywhere, and drifts.
-    """
-    t, plant = trace(structure), structure.plant
-    if plant.position not in t.states:
-        return False
-    others = [t.f[i] for i, n in enumerate(t.states) if n not in (plant.position, plant.velocity)]
-    place = t.x[t.states.index(plant.position)]
-    return any(ca.which_depends(ca.vertcat(rate_of(t, plant), *others), place, 1, True))
-
-
-def tape_of(t: Trace, e: ca.SX) -> Tape:
-    """Return expressions (k) of a trace as a tape of x, u, p and the surfaces' signs."""
-    symbols = ca.vertcat(*(s.symbol for s in t.surfaces)) if t.surfaces else ca.SX(0, 1)
-    return Tape.of(ca.Function("force", [t.x, t.u, t.p, symbols], [ca.densify(ca.cse(e))]))
-
-
-@symbolic
-@functools.lru_cache(maxsize=256)
-def _surfaces(structure: Structure) -> Tape:
-    t = trace(structure)
-    return tape_of(t, ca.vertcat(*(s.g for s in t.surfaces)))
-
-
 def evaluated(model: Model, tape: Tape, piece: Piece, x: Array, p: Array) -> Array:
     """Return what a tape of a model's equations says (outputs, T) along a piece; the direction of motion as far as it
     is known decides the sign of the velocity.
@@ -455,7 +331,7 @@ def evaluated(model: Model, tape: Tape, piece: Piece, x: Array, p: Array) -> Arr
     moving = [s.name == model.plant.velocity for s in surfaces]
     signs: list[Array | float] = [piece.sign if m else 0.0 for m in moving]
     for _ in range(0 if all(moving) else 2):
-        g = _surfaces(model.structure).batch([*columns, *signs])
+        g = surfaces_tape(model.structure).batch([*columns, *signs])
         signs = [piece.sign if m else np.sign(v) for m, v in zip(moving, g, strict=True)]
     result = tape.batch([*columns, *signs])
     return np.broadcast_to(result, (len(result), piece.t.size))
@@ -465,13 +341,12 @@ __all__ = [
     "Piece",
     "arriving",
     "best_cutoff",
-    "by_effort",
+    "depends_on_place",
+    "effort_gain",
     "effort_unit",
-    "inertia",
-    "low_pass",
+    "evaluated",
+    "mass",
     "missing_force",
     "piece",
-    "sensor_noise",
-    "slope",
     "states_of",
 ]

@@ -14,9 +14,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.force.filters import low_pass, slope
 from signlin_ros.diagnosis.force.laws import KEY, Law, Shape
-from signlin_ros.diagnosis.force.record import Piece, arriving, inertia, low_pass, missing_force, slope
+from signlin_ros.diagnosis.force.record import Piece, arriving, missing_force
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]

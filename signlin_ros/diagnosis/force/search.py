@@ -320,9 +320,7 @@ def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Membe
 
 
 def _with(members: Sequence[Member], j: int, n: str, factor: float, par: Par) -> tuple[Member, ...]:
-    name, shape = members[j]
-    moved = tuple((k, float(f"{par.nearest(v * factor):.12g}") if k == n else v) for k, v in shape)
-    return (*members[:j], (name, moved), *members[j + 1 :])
+    return _put(members, j, n, float(f"{par.nearest(dict(members[j][1])[n] * factor):.12g}"))
 
 
 __all__ = ["Search"]

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.flexible import structured
 from signlin_ros.diagnosis.force.laws import laws
-from signlin_ros.diagnosis.force.record import Piece, best_cutoff, inertia, piece
+from signlin_ros.diagnosis.force.record import Piece, best_cutoff, piece
 from signlin_ros.diagnosis.force.regression import TINY, Base, Fit, Regression, base_of, side, telling
 from signlin_ros.diagnosis.force.search import Search
 from signlin_ros.model import Model
@@ -128,7 +129,6 @@ def scale_of(model: Model, pieces: Sequence[Piece]) -> Scale:
         pieces[0].step,
         max(float(p.t[-1]) for p in pieces),
         inertia(model),
-        0.0,
     )
 
 

@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.missing import per_force
+from signlin_ros.comparison.scene import remembered
 from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.follow.tracking import Tracker
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
-FORGOTTEN = 0.1
-"""Correlation of a quantity with itself below which it has forgotten itself."""
 LEAST = 8
 """A bin with fewer samples says nothing."""
 
@@ -52,10 +51,7 @@ def band(x: Array, values: Array, block: int, bins: int = 30, dense_at_zero: boo
 
 def memory(values: Array) -> int:
     """Return after how many samples a quantity (N,) has forgotten itself: twice the lag of correlation 0.1."""
-    centred = values - values.mean()
-    own = np.fft.irfft(np.abs(np.fft.rfft(centred, 2 * centred.size)) ** 2)[: centred.size]
-    below = np.flatnonzero(own < FORGOTTEN * own[0]) if own[0] > 0 else np.array([1])
-    return int(min(2 * (below[0] if below.size else values.size), max(1, values.size // 20)))
+    return min(2 * remembered(values), max(1, values.size // 20))
 
 
 def column(comparison: Comparison, name: str) -> Array | None:

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.curves import LEAST, Band, band, memory
 from signlin_ros.diagnosis.measures import changes_effort, with_laws, written_left
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.diagnosis.told import Findings
-from signlin_ros.diagnosis.words import belongs
+from signlin_ros.diagnosis.words import own_parameters
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
+from signlin_ros.report.curves import LEAST, Band, band, memory
 
 Array = NDArray[np.float64]
 
@@ -182,7 +182,7 @@ def _explanation(
         return None
     block = max(memory(measured - computed), 2)
     found, curve = (_bands(place, values, sides, block) for values in (measured, computed))
-    own = {n.partition(".")[2]: p for n, p in fitted.parameters.items() if belongs(fitted, n, effect)}
+    own = own_parameters(fitted, effect)
     return Explanation(effect, fitted.effects, measured, computed, found, curve, own)
 
 

@@ -1,0 +1,186 @@
+"""Situations in which a model may fail: by speed, position, load, branch of a loop, time, and so on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.comparison.scene import Scene, Split, time_to
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+JUMP, OF_ALL, LEAST_JUMPS, RARE = 10, 0.05, 3, 0.005
+"""A jump of the input: times its usual step and part of its range at least; how many, and which part of the samples."""
+QUANTILES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98)
+NEAR = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2)
+"""Time in s within which a sample counts as near an event."""
+HARMONICS = 1500
+"""Harmonics over the way at which a pattern is looked for,"""
+PATTERN_SAMPLES = 3000
+"""in so many samples."""
+SLOW_PASSAGES = 0.1
+"""Patterns are looked for down to what this slowest part of the samples resolves."""
+PATTERN_CLEAR = 12
+"""A pattern must explain so many times what the median harmonic does."""
+PATTERN_SHARE = 0.04
+"""Least share of what is missing that a pattern over position must explain."""
+
+Splits = Iterator[Split | None]
+
+
+def rounded(value: float) -> float:
+    """Return a value rounded to what one says aloud: two digits."""
+    return float(f"{value:.2g}")
+
+
+def _thresholds(values: Array) -> list[float]:
+    return list(dict.fromkeys(rounded(float(q)) for q in np.quantile(values, QUANTILES)))
+
+
+def _label(scene: Scene, name: str) -> str:
+    return scene.units.get(name, scene.model.units.get(name, ""))
+
+
+def _below_and_above(scene: Scene, name: str, kind: str, values: Array, form: str = "|{}|") -> Splits:
+    unit, shown = _label(scene, name), form.format(name)
+    for limit in _thresholds(values):
+        yield scene.split(f"{shown} < {limit:g} {unit}", kind, values < limit)
+        yield scene.split(f"{shown} > {limit:g} {unit}", kind, values > limit)
+
+
+def _direction(scene: Scene) -> Splits:
+    name, unit = scene.model.plant.velocity, _label(scene, scene.model.plant.velocity)
+    for sign, mask in ((">", scene.velocity > scene.slow), ("<", scene.velocity < -scene.slow)):
+        yield scene.split(f"{name} {sign} 0 {unit}", "direction", mask)
+
+
+def _speed(scene: Scene) -> Splits:
+    yield from _below_and_above(scene, scene.model.plant.velocity, "speed", np.abs(scene.velocity))
+
+
+def _reversals(scene: Scene) -> Splits:
+    yield from _near(scene, scene.turns, f"of a reversal of {scene.model.plant.velocity}", "reversal")
+
+
+def _near(scene: Scene, events: NDArray[np.int64], what: str, kind: str) -> Splits:
+    if not events.size:
+        return
+    away = time_to(scene, events)
+    for reach in NEAR:
+        if reach >= 0.5 * scene.resolution:
+            yield scene.split(f"within {1e3 * reach:g} ms {what}", kind, away <= reach)
+
+
+def _position(scene: Scene) -> Splits:
+    name = scene.model.plant.position
+    q = scene.column(name)
+    if q is None:
+        return
+    yield from _below_and_above(scene, name, "position", q, "{}")
+    yield from _below_and_above(scene, name, "position", np.abs(q))
+
+
+def _current(scene: Scene) -> Splits:
+    i = scene.column("current")
+    if i is not None:
+        yield from _below_and_above(scene, "current", "load", np.abs(i))
+
+
+def _input_size(scene: Scene) -> Splits:
+    name = scene.model.inputs[0]
+    if name != scene.model.plant.velocity:
+        yield from _below_and_above(scene, name, "input", np.abs(scene.u[:, 0]))
+
+
+def _input_sign(scene: Scene) -> Splits:
+    name = scene.model.inputs[0]
+    if name != scene.model.plant.velocity:
+        for sign, mask in ((">", scene.u[:, 0] > 0), ("<", scene.u[:, 0] < 0)):
+            yield scene.split(f"{name} {sign} 0 {_label(scene, name)}", "input sign", mask)
+
+
+def _input_steps(scene: Scene) -> Splits:
+    """After a jump of the input, where it does jump: rarely, and by much more than it usually moves."""
+    steps = np.abs(np.diff(scene.u[:, 0], prepend=scene.u[0, 0]))
+    jumps = np.flatnonzero(steps > max(JUMP * float(np.median(steps)), OF_ALL * float(np.ptp(scene.u[:, 0]))))
+    if LEAST_JUMPS <= jumps.size < RARE * steps.size:
+        yield from _near(scene, jumps, f"of a step of {scene.model.inputs[0]}", "input step")
+
+
+def _branch(scene: Scene) -> Splits:
+    q, v = scene.column(scene.model.plant.position), scene.velocity
+    held = scene.model.parameters.get("k", 0.0) > 0 or scene.model.plant.motion_is_imposed()
+    if q is not None and held:
+        name, other = scene.model.plant.position, scene.model.plant.velocity
+        yield scene.split(f"loading ({name} and {other} of the same sign)", "branch", q * v > 0)
+        yield scene.split(f"unloading ({name} and {other} of opposite sign)", "branch", q * v < 0)
+
+
+def _power(scene: Scene) -> Splits:
+    effort = scene.column("current") if "current" in scene.model.states else scene.u[:, 0]
+    if effort is not None and scene.model.plant.velocity in scene.model.states:
+        yield scene.split("driving (effort along the motion)", "power", effort * scene.velocity > 0)
+        yield scene.split("braking (effort against the motion)", "power", effort * scene.velocity < 0)
+
+
+def _time(scene: Scene) -> Splits:
+    length = float(scene.t.max())
+    for limit in dict.fromkeys(rounded(part * length) for part in (0.01, 0.02, 0.05, 0.1, 0.2)):
+        yield scene.split(f"first {limit:g} s", "start", scene.t < limit)
+    for limit in dict.fromkeys(rounded(part * length) for part in (0.33, 0.5, 0.67)):
+        yield scene.split(f"after {limit:g} s", "drift", scene.t > limit)
+
+
+def _pattern(scene: Scene) -> Splits:
+    """Position within a period, where what is missing swings with the position."""
+    name = scene.model.plant.position
+    q = scene.column(name)
+    found = None if q is None else _period(scene, q)
+    if q is None or found is None:
+        return
+    harmonic, phase = found
+    distance = np.pi / harmonic
+    centre = (-phase / harmonic) % distance
+    near = np.abs((q - centre + distance / 2) % distance - distance / 2) < 0.5 * (distance / 2)
+    period, unit = 2 * np.pi / harmonic, _label(scene, name)
+    place = f"{distance / 4:.2g} {unit} of {centre:.2g} + {distance:.3g} n"
+    text = f"{name} within {place} (a pattern of period {period:.3g} {unit})"
+    split = scene.split(text, "position in its period", near)
+    yield replace(split, period=float(period)) if split else None
+
+
+def _period(scene: Scene, q: Array) -> tuple[float, float] | None:
+    """Return N and phi of the pattern cos(N q + phi) that explains most of what is missing; None if none does.
+
+    Fast passages are blurred by the resolution and weigh less.
+    """
+    every = max(1, q.size // PATTERN_SAMPLES)
+    q, v, value = q[::every], scene.velocity[::every], scene.value[::every]
+    span, speed = float(np.ptp(q)), float(np.quantile(np.abs(v), SLOW_PASSAGES))
+    highest = np.pi / max(scene.resolution * max(speed, 1e-12), 1e-9 * max(span, 1e-12))
+    lowest = 4 * np.pi / span if span > 0 else np.inf
+    if highest <= lowest:
+        return None
+    count = int(min(HARMONICS, 2 * span * (highest - lowest) / np.pi + 2))
+    harmonics = np.linspace(lowest, min(highest, lowest + HARMONICS * np.pi / (2 * span)), count)
+    weight = 1.0 / (1.0 + (harmonics[:, None] * v * scene.resolution) ** 2)
+    waves = weight * np.exp(-1j * harmonics[:, None] * q)
+    amplitude = waves @ (value - value.mean())
+    explained = 2 * np.abs(amplitude) ** 2 / np.sum(weight**2, axis=1) / np.sum((value - value.mean()) ** 2)
+    best = int(np.argmax(explained))
+    clear = explained[best] > max(PATTERN_SHARE, PATTERN_CLEAR * float(np.median(explained)))
+    return (float(harmonics[best]), float(np.angle(amplitude[best]))) if clear else None
+
+
+FAMILIES: tuple[Callable[[Scene], Splits], ...] = (
+    *(_direction, _speed, _reversals, _position, _pattern, _current, _input_size, _input_sign, _input_steps),
+    *(_branch, _power, _time),
+)
+"""Each gives at most one region: its best split."""
+
+
+__all__ = ["FAMILIES", "rounded"]

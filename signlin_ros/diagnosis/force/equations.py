@@ -1,0 +1,76 @@
+"""A model's equations as the force witness asks for them: what a force acts on, what the effort does to it."""
+
+from __future__ import annotations
+
+import functools
+
+import casadi as ca
+
+from signlin_ros.engine.symbolic import symbolic
+from signlin_ros.engine.tape import Tape
+from signlin_ros.plants import Plant
+from signlin_ros.recording.trace import Structure, Trace, trace
+
+
+def rate_of(t: Trace, plant: type[Plant]) -> ca.SX:
+    """Return what a force acts on: the rate of the velocity, or the force that an imposed motion takes."""
+    return t.y[0] if plant.motion_is_imposed() else t.f[t.states.index(plant.velocity)]
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def rate_tape(structure: Structure) -> Tape:
+    """Return what a force acts on, as a tape."""
+    t = trace(structure)
+    return tape_of(t, rate_of(t, structure.plant))
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def arriving_tape(structure: Structure) -> Tape | None:
+    """Return the slope of that over the effort, as a tape; None: see `by_effort`."""
+    t = trace(structure)
+    slopes = by_effort(t, structure.plant, rate_of(t, structure.plant))
+    return None if slopes is None else tape_of(t, slopes)
+
+
+def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> ca.SX | None:
+    """Return the slopes of expressions (k) over the effort; None where these are the same however the plant moves."""
+    if plant.motion_is_imposed():
+        return None
+    effort = plant.effort or "current"
+    names, symbols = (t.states, t.x) if effort in t.states else (t.inputs, t.u)
+    slopes = ca.jacobian(e, symbols[names.index(effort) if effort in names else 0])
+    moving = ca.vertcat(t.x, t.u, *(s.symbol for s in t.surfaces))
+    return slopes if ca.depends_on(slopes, moving) else None
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def depends_on_place(structure: Structure) -> bool:
+    """Tell whether the force depends on where the plant is: that is known only where a position was measured, since an
+    integral of the speed starts anywhere, and drifts.
+    """
+    t, plant = trace(structure), structure.plant
+    if plant.position not in t.states:
+        return False
+    others = [t.f[i] for i, n in enumerate(t.states) if n not in (plant.position, plant.velocity)]
+    place = t.x[t.states.index(plant.position)]
+    return any(ca.which_depends(ca.vertcat(rate_of(t, plant), *others), place, 1, True))
+
+
+def tape_of(t: Trace, e: ca.SX) -> Tape:
+    """Return expressions (k) of a trace as a tape of x, u, p and the surfaces' signs."""
+    symbols = ca.vertcat(*(s.symbol for s in t.surfaces)) if t.surfaces else ca.SX(0, 1)
+    return Tape.of(ca.Function("force", [t.x, t.u, t.p, symbols], [ca.densify(ca.cse(e))]))
+
+
+@symbolic
+@functools.lru_cache(maxsize=256)
+def surfaces_tape(structure: Structure) -> Tape:
+    """Return the switching surfaces, as a tape."""
+    t = trace(structure)
+    return tape_of(t, ca.vertcat(*(s.g for s in t.surfaces)))
+
+
+__all__ = ["arriving_tape", "by_effort", "depends_on_place", "rate_of", "rate_tape", "surfaces_tape", "tape_of"]

@@ -1,0 +1,77 @@
+"""The low-pass of the force witness, slopes, and the noise of a sensor that goes through them."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt, sosfilt_zi
+
+from signlin_ros.noise import quantum_of
+
+Array = NDArray[np.float64]
+
+ORDER = 4
+"""Order of the Butterworth low-pass."""
+THREE = 3
+"""Samples that are taken together to see coloured noise."""
+NYQUIST = 0.45
+"""Part of the sampling rate from which on nothing is left to filter."""
+DIFFERENCES = 16
+"""Fourth differences from which a noise is told."""
+OUTLYING, SMOOTH = 5.0, 0.25
+"""Times the median beyond which a difference is a jump; part of the coarse differences below which the fine ones tell
+nothing of coloured noise, but of a smooth signal."""
+
+
+def low_pass(values: Array, cutoff: float, step: float) -> Array:
+    """Return values (T, ...) without what is faster than ``cutoff`` Hz, and without a phase shift."""
+    if cutoff >= NYQUIST / step:
+        return values
+    sections, settled = _sections(cutoff, step)
+    settled = settled.reshape(*settled.shape, *([1] * (values.ndim - 1)))
+    pad = min(len(values) - 1, int(3 / (step * cutoff)))
+    before, after = 2 * values[:1] - values[pad:0:-1], 2 * values[-1:] - values[-2 : -pad - 2 : -1]
+    found = np.concatenate([before, values, after])
+    for _ in range(2):  # once forward, once back
+        found = sosfilt(sections, found, axis=0, zi=settled * found[:1])[0][::-1]
+    return np.asarray(found[pad : pad + len(values)])
+
+
+@functools.lru_cache(maxsize=64)
+def _sections(cutoff: float, step: float) -> tuple[Array, Array]:
+    """Return the low-pass, and the state (sections, 2) in which it rests at 1."""
+    sections = np.asarray(butter(ORDER, cutoff, fs=1 / step, output="sos"))
+    return sections, np.asarray(sosfilt_zi(sections))
+
+
+def slope(values: Array, step: float) -> Array:
+    """Return the derivative (T,), exact to the sixth power of the step."""
+    y = np.gradient(values, step)
+    a, b, c = (values[3 + k : len(values) - 3 + k or None] - values[3 - k : -3 - k] for k in (1, 2, 3))
+    y[3:-3] = (45 * a - 9 * b + c) / (60 * step)
+    return np.asarray(y)
+
+
+def sensor_noise(values: Array) -> float:
+    """Return the standard deviation of white noise that leaves as much at low frequencies as a sensor's noise does.
+
+    Fourth differences of all samples, and of means of three, in which coloured noise shows too; at least that of the
+    steps in which the values come.
+    """
+    means = values[: values.size // THREE * THREE].reshape(-1, THREE).mean(axis=1)
+    fine, coarse = _fourth(values), np.sqrt(THREE) * _fourth(means)
+    level = max(fine, coarse) if fine > SMOOTH * coarse else fine
+    return float(max(level, quantum_of(values) / np.sqrt(12)))
+
+
+def _fourth(values: Array) -> float:
+    d = np.diff(values, 4)
+    if d.size < DIFFERENCES:
+        return 0.0
+    size = np.abs(d)
+    return float(np.sqrt(np.mean(d[size <= OUTLYING * np.median(size) + 1e-300] ** 2) / 70))
+
+
+__all__ = ["low_pass", "sensor_noise", "slope"]
