@@ -13,7 +13,7 @@ from signlin_ros.comparison.scene import Scene, Split, time_to
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-JUMP, OF_ALL, LEAST_JUMPS, RARE = 10, 0.05, 3, 0.005
+JUMP, OF_ALL, LEAST_JUMPS, RARE = 10, 0.05, 3, 0.02
 """A jump of the input: times its usual step and part of its range at least; how many, and which part of the samples."""
 QUANTILES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98)
 NEAR = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2)

@@ -158,6 +158,7 @@ def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordin
         else:
             unit = 1.0 if name in effect.periodic[:1] else problem.scale.of(par.unit)  # an order comes from a scan
             low, high = effect.within.get(name, (par.low, par.high))
+            high = min(high, problem.fastest) if name in effect.periodic[:1] else high
             result.append(Coordinate(full, False, unit, low / unit, high / unit, 0.0, np.inf))
     return result
 

@@ -31,6 +31,8 @@ from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
+FASTEST = 4.0
+"""Largest N v dt of a wave, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
 LOST = 3.0
 """Standard deviations of the noise below which a velocity is not known."""
 FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
@@ -82,6 +84,11 @@ class Problem:
     def rotary(self) -> bool:
         """Whether a plant of forces and displacements stands for one of torques and angles."""
         return self.base.plant.position_unit == "m" and self.units.get(self.base.plant.position) == "rad"
+
+    @property
+    def fastest(self) -> float:
+        """The largest order of a wave over the position that samples can tell."""
+        return FASTEST / max(self.scale.velocity * self.scale.step, 1e-300)
 
     @property
     def turns(self) -> bool:

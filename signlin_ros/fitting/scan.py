@@ -17,7 +17,7 @@ from signlin_ros.fitting.candidate import candidate
 from signlin_ros.fitting.fit import fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains, linear_base, stepped
-from signlin_ros.fitting.problem import Problem, first_look
+from signlin_ros.fitting.problem import FASTEST, Problem, first_look
 from signlin_ros.follow.data import travelled
 from signlin_ros.follow.equations import equations, neutral_sensors
 from signlin_ros.follow.segments import Segment
@@ -26,10 +26,8 @@ from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 
-FASTEST = 4.0
-"""Largest N v dt that is looked for, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
-APART = 6.0
-"""Least distance of two orders, times the way: about a line's width."""
+LEAST, APART = 4.0, 6.0
+"""Least order, and least distance of two of them, times the way: two thirds of a wave, and about a line's width."""
 MOST = 4
 """Most orders that are taken from one spectrum."""
 STEPS = 6.0
@@ -166,10 +164,10 @@ def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, 
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi)."""
     if model.plant.motion_is_imposed():
         q, v, force = _missing_force(problem, model)
-        fastest = FASTEST / (problem.scale.velocity * problem.scale.step)
+        fastest = problem.fastest
         return [_start(q, force, order, 1.0) for order in _orders(q, v, force, min(fastest, finest(problem)), MOST)]
     inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
-    highest = min(FASTEST / (problem.scale.velocity * problem.scale.step), finest(problem))
+    highest = min(problem.fastest, finest(problem))
     starts: list[tuple[float, float, float]] = []
     q, v, a = _missing_acceleration(problem, model)
     for order in _orders(q, v, a, highest, MOST):
@@ -208,7 +206,7 @@ def peaks(q: Array, a: Array, highest: float, count: int, lowest: float) -> list
     size = 2 ** int(np.ceil(np.log2(4 * bins)))
     spectrum = np.fft.rfft(np.bincount(place, weights=a, minlength=bins), size)
     orders = 2 * np.pi * np.arange(spectrum.size) * bins / (span * size)
-    power = np.where((orders > SLOWEST / span) & (orders > lowest) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
+    power = np.where((orders > LEAST / span) & (orders > lowest) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
     found: list[float] = []
     while len(found) < count and power.max() > 0:
         found.append(float(orders[int(np.argmax(power))]))
