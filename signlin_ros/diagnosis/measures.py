@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.record import depends_on_place, effort_gain
+from signlin_ros.diagnosis.force.equations import depends_on_place
+from signlin_ros.diagnosis.force.record import effort_gain
 from signlin_ros.diagnosis.force.regression import APART, TINY, Fit, mean_certainty, scaling
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion

@@ -7,11 +7,10 @@ sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method wit
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from signlin_ros.effects import find_effect
 from signlin_ros.fitting.candidate import Candidate
@@ -32,30 +31,6 @@ ENDLESS = 1e100
 
 
 @dataclass(frozen=True)
-class Filter:
-    """Prewhitening of the innovations of every channel: v_k = e_k - rho e_(k-1) + theta v_(k-1), rho and theta (ny).
-
-    theta is that of AR(1) noise with white noise beside it; empty where none has any.
-    """
-
-    rho: Array
-    theta: Array = field(default_factory=lambda: np.zeros(0))
-
-    def apply(self, values: Array) -> Array:
-        """Return the filtered innovations or derivatives (T, ny, ...); the first sample is kept."""
-        if not self.rho.any():
-            return values
-        rho = self.rho.reshape(1, -1, *([1] * (values.ndim - 2)))
-        result = values.copy()
-        result[1:] -= rho * values[:-1]
-        for c in np.flatnonzero(self.theta):
-            known = np.isfinite(result[:, c])
-            averaged = lfilter([1.0], [1.0, -self.theta[c]], np.where(known, result[:, c], 0.0), axis=0)
-            result[:, c] = np.where(known, averaged, np.nan)
-        return np.asarray(result)
-
-
-@dataclass(frozen=True)
 class Fit:
     """A fitted candidate: coordinates, objective, innovations of every record, half the objective's curvature and slope
     there.
@@ -68,7 +43,6 @@ class Fit:
     innovations: tuple[Array, ...]
     hessian: Array
     gains: Gains
-    filter: Filter
     gradient: Array
 
     def parameters(self) -> dict[str, float]:
@@ -102,14 +76,14 @@ def tidied(f: Fit) -> Fit:
 
 
 def _normal(
-    problem: Problem, c: Candidate, theta: Array, found: tuple[list[Array], list[Array], list[Array]], filter: Filter
+    problem: Problem, c: Candidate, theta: Array, found: tuple[list[Array], list[Array], list[Array]]
 ) -> tuple[float, Array, Array, Array]:
     """Return cost, number of samples (ny), gradient and Gauss-Newton Hessian."""
     ny, count = c.equations.sizes[2], theta.size
     rss, number = np.zeros(ny), np.zeros(ny)
     squares, products = np.zeros((ny, count, count)), np.zeros((ny, count))
     for E, D in zip(found[0], found[1], strict=True):
-        e, d = filter.apply(E), filter.apply(D)[:, :, :count]
+        e, d = E, D[:, :, :count]
         there = np.isfinite(e)
         if not there.all():
             e, d = np.where(there, e, 0.0), np.where(there[: len(d), :, None], d, 0.0)
@@ -136,7 +110,7 @@ def likelihood(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> fl
     found = follow_records(problem, c, theta, gains, False)
     if found is None:
         return np.inf
-    cost = _normal(problem, c, theta, found, Filter(np.zeros(c.equations.sizes[2])))[0]
+    cost = _normal(problem, c, theta, found)[0]
     return cost if np.isfinite(cost) else np.inf
 
 
@@ -147,24 +121,22 @@ def fit(
     gains: Gains,
     theta: Array | None = None,
     steps: int = 10,
-    filter: Filter | None = None,
 ) -> Fit | None:
     """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
     low, high = c.bounds
-    first = evaluated(problem, c, np.clip(c.start() if theta is None else theta, low, high), gains, filter)
+    first = evaluated(problem, c, np.clip(c.start() if theta is None else theta, low, high), gains)
     return None if first is None else further(problem, first, steps)
 
 
-def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains, filter: Filter | None) -> Fit | None:
+def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains) -> Fit | None:
     """Return a candidate at one point, as if it were fitted; None if it diverges there."""
-    whiten = filter or Filter(np.zeros(c.equations.sizes[2]))
     found = follow_records(problem, c, x, gains, True)
     if found is None:
         return None
-    cost, number, gradient, hessian = _normal(problem, c, x, found, whiten)
+    cost, number, gradient, hessian = _normal(problem, c, x, found)
     if not (np.isfinite(cost) and np.abs(hessian).max(initial=0.0) < ENDLESS):
         return None
-    return Fit(c, x, cost, number, tuple(found[0]), hessian, gains, whiten, gradient)
+    return Fit(c, x, cost, number, tuple(found[0]), hessian, gains, gradient)
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -178,7 +150,7 @@ def further(problem: Problem, f: Fit, steps: int) -> Fit:
         gained = -2 * f.gradient @ shift - shift @ f.hessian @ shift
         if float(gained) < ENOUGH:
             break
-        trial = evaluated(problem, f.candidate, new, f.gains, f.filter)
+        trial = evaluated(problem, f.candidate, new, f.gains)
         if trial is None or not trial.cost < f.cost:
             damping *= 16
             if damping > STUCK:
@@ -213,4 +185,4 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     return np.asarray(new)
 
 
-__all__ = ["Filter", "Fit", "evaluated", "fit", "further", "likelihood", "tidied"]
+__all__ = ["Fit", "evaluated", "fit", "further", "likelihood", "tidied"]

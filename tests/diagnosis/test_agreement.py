@@ -142,7 +142,7 @@ LAWS = ("coulomb_friction", "stribeck_friction", "gravity_load")
 
 def test_a_silent_force_witness_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
-    monkeypatch.setattr(agreement, "search", lambda motion, depth, start=None, names=None: [[motion.base], [second]])
+    monkeypatch.setattr(agreement, "search", lambda motion, depth, names=None: [[motion.base], [second]])
     found = agree(Motion(BASE), None, DEFAULT, 3)
     assert found.final is second
     assert found.conflict == ""

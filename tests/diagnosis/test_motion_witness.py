@@ -11,6 +11,7 @@ from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion import CancelledError, Motion
 from signlin_ros.diagnosis.motion.score import gain
+from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -87,7 +88,7 @@ def test_a_friction_that_is_known_but_for_a_scale_is_there():
 
 def test_the_simplest_law_that_suffices_is_named():
     found = motion(COULOMB)
-    path = found.search()
+    path = search(found, 3)
     assert path[-1][0].effects == ("coulomb_friction",)
     mu = path[-1][0].parameters["coulomb_friction.mu"]
     assert abs(mu.value - 2.0) < 4 * mu.std < 0.5
@@ -142,7 +143,7 @@ def test_it_stops_when_asked():
     asked = []
     model, data = Model.from_dict(BASE), [record(COULOMB, 1)]
     with pytest.raises(CancelledError):
-        Motion.of(model, data, None, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0).search()
+        search(Motion.of(model, data, None, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0), 3)
     assert len(asked) == 1
 
 
@@ -159,6 +160,6 @@ def test_records_of_an_independent_program(group, index, tmp_path):
     folder = write(drawn, tmp_path)
     paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
     model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
-    final = Motion.of(model, [known], [unseen], Criteria(), jobs=1).search()[-1][0]
+    final = search(Motion.of(model, [known], [unseen], Criteria(), jobs=1), 3)[-1][0]
     assert {*final.effects} == {*drawn.truth["hidden"]} - {"none"}
     assert final.white

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.force.equations import (
     arriving_tape,
-    depends_on_place,
     rate_tape,
     surfaces_tape,
 )
@@ -341,7 +340,6 @@ __all__ = [
     "Piece",
     "arriving",
     "best_cutoff",
-    "depends_on_place",
     "effort_gain",
     "effort_unit",
     "evaluated",

@@ -13,7 +13,7 @@ from signlin_ros.diagnosis.motion.score import level, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, extended
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate, nothing
-from signlin_ros.fitting.fit import Filter, Fit, _normal, fit, further
+from signlin_ros.fitting.fit import Fit, _normal, fit, further
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.narrow import narrowed
@@ -32,12 +32,12 @@ def solved(problem: Problem, c: Candidate, gains: Gains, theta: Array | None, st
     """Return a fit at one gain; also of a model without any free parameter. None if it diverges."""
     if c.coordinates:
         return fit(problem, c, gains, theta, steps)
-    none, whiten = np.zeros(0), Filter(np.zeros(len(problem.channels)))
+    none = np.zeros(0)
     found = follow_records(problem, c, none, gains, False)
     if found is None:
         return None
-    cost, count, gradient, hessian = _normal(problem, c, none, found, whiten)
-    return Fit(c, none, cost, count, tuple(found[0]), hessian, gains, whiten, gradient)
+    cost, count, gradient, hessian = _normal(problem, c, none, found)
+    return Fit(c, none, cost, count, tuple(found[0]), hessian, gains, gradient)
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple
     held = tuple(replace(k, low=at[i], high=at[i]) if i in at else k for i, k in enumerate(c.coordinates))
     theta = f.theta.copy()
     theta[list(at)] = list(at.values())
-    best = fit(problem, replace(c, coordinates=held), f.gains, theta, NEXT, f.filter)
+    best = fit(problem, replace(c, coordinates=held), f.gains, theta, NEXT)
     if best is None:
         return np.inf
     scores = f.hessian @ covariances[-1] @ f.hessian

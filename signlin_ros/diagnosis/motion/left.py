@@ -43,16 +43,14 @@ ALL = 0.99
 
 @dataclass(frozen=True)
 class Left:
-    """The residual of a channel: root mean square in multiples of the sensor's noise, the share of its square that is
-    slow, the share that follows from the model's motion (NaN: too few samples to tell), the correlation of what counts
-    as noise, and how many samples of it go together.
+    """The residual of a channel: root mean square in multiples of the sensor's noise, the share of its square that
+    follows from the model's motion (NaN: too few samples to tell), whether it is more than noise, and how many samples
+    of it go together.
     """
 
     channel: str
     over_noise: float
-    slow: float
     dependent: float
-    rho: float
     structured: bool
     together: float = 1.0
 
@@ -73,11 +71,8 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
     ):
         noisy = ABOUT < one.variance / noise**2 < 1.0 + criteria.dependent
         structured = lost or (not noisy and (one.structured or share > criteria.dependent))
-        result.append(
-            Left(
-                channel, float(np.sqrt(one.variance) / noise), one.slow, share, one.rho, bool(structured), one.together
-            )
-        )
+        over = float(np.sqrt(one.variance) / noise)
+        result.append(Left(channel, over, share, bool(structured), one.together))
     return tuple(result)
 
 

@@ -14,13 +14,12 @@ BEAM = 2
 """How many single effects are tried with every other one."""
 
 
-def search(
-    motion: Motion, depth: int, start: Fitted | None = None, names: Sequence[str] | None = None
-) -> list[list[Fitted]]:
-    """Return the steps from a model (the base, by default) to what is proposed; see `Motion.search`. ``names``: of the
+def search(motion: Motion, depth: int, names: Sequence[str] | None = None) -> list[list[Fitted]]:
+    """Return the steps from the base to what is proposed: of each what was taken, then the other options that there
+    were, least error first. The first is the base; the last holds what was tried in vain, too. ``names``: of the
     effects that are tried, all of them by default.
     """
-    now = start or motion.base
+    now = motion.base
     path = [[now]]
     while len(now.effects) < depth and (len(path) == 1 or not now.white):
         step, options = _step(motion, now, depth, names)

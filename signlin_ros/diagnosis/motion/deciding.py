@@ -1,0 +1,129 @@
+"""Is one fit of the motion witness a step beyond another? By errors of unseen data, and by its own parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.motion.fitted import Fitted
+from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain
+from signlin_ros.effects import EFFECTS
+from signlin_ros.fitting.problem import Problem
+
+Array = NDArray[np.float64]
+
+
+class Decisions:
+    """What decides between fits of a witness with `problem` (known records), `unseen` ones and `criteria`."""
+
+    problem: Problem
+    unseen: Problem
+    criteria: Criteria
+
+    def best(self, f: Fitted) -> Fitted:
+        """Return the best fit of a model that is known by now."""
+        raise NotImplementedError
+
+    def gain(self, before: Fitted, after: Fitted) -> Gain:
+        """Return what one model explains of unseen data beyond another."""
+        return gain(self.best(before).unseen_squares, after.unseen_squares, self.unseen.noise)
+
+    def certainty(self, before: Fitted, after: Fitted) -> float:
+        """Return by how many standard errors a model lowers the error on unseen data.
+
+        Where it leaves nothing but noise, of unseen data as of known ones, these are of noise, and known data count
+        too, if unseen data are beyond doubt by themselves: what acts for once is in few blocks.
+        """
+        blocks, before = self.gain(before, after).certainty, self.best(before)
+        sides = (after.known_squares, after.unseen_squares, self.problem.noise, self.unseen.noise)
+        noise = after.clean and not elsewhere(*sides, self.criteria.near)
+        if blocks > self.criteria.certainty or after.level > before.level or not noise:
+            return blocks
+        together = np.array([one.together for one in after.left])
+        known = beyond_noise(before.known_squares, after.known_squares, _scored(self.problem), together)
+        unseen = beyond_noise(before.unseen_squares, after.unseen_squares, _scored(self.unseen), together)
+        return max(blocks, float(np.hypot(known, unseen))) if min(known, unseen) > self.criteria.least else blocks
+
+    def refused(self, before: Fitted, after: Fitted) -> str:
+        """Return why a model is no step beyond another, empty if it is one.
+
+        Base parameters that were bent to imitate an effect, and are free with it, count as much as the error: both are
+        squares of standard errors. Not where the error rises for it so that it shows.
+        """
+        c, g, certainty = self.criteria, self.gain(before, after), self.certainty(before, after)
+        before = self.best(before)
+        was = before.far(c)
+        further = any(abs(x) > abs(was.get(n, 0.0)) for n, x in after.far(c).items())
+        rises = float(np.mean(np.log(g.ratios))) > c.alike
+        freed = 0.0 if further or rises else max(before.strain - after.strain, 0.0)
+        if certainty * abs(certainty) + freed < c.certainty**2:
+            return f"the error on unseen data falls by {certainty:.1f} standard errors"
+        if freed < c.certainty**2 and g.share < c.share:
+            return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
+        if g.worsens(c.worse, c.alike):
+            return "the error of a channel rises"
+        known = after.white and self.problem.turns
+        return after.vague(c) or ("" if known else self._too_slow(after))
+
+    def _too_slow(self, f: Fitted) -> str:
+        """Return which periodic force has too few waves along the way to be known as one. Where the axis turns its
+        order is a whole number, which is as good if nothing else is left.
+        """
+        low, high = self.problem.stretch
+        for key in (k for k in f.fit.candidate.label if k in f.model.effects):
+            use = f.model.effects[key]
+            for name in EFFECTS[use.type].periodic[:1]:
+                waves = use.parameters[name] * (high - low) / (2 * np.pi)
+                if waves < self.criteria.waves:
+                    return f"{key} has {waves:.1f} waves in the record"
+        return ""
+
+    def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
+        """Return the options that are a step beyond a model and as good as the best of them, the simplest first; with
+        these the simpler laws beyond which a richer one of their family is no step. What is as good only with a base
+        parameter far from nominal is not, if there is anything else.
+        """
+        good = [one for one in options if not self.refused(before, one)]
+        best = min(good, key=lambda one: one.level, default=None)
+        near = [one for one in good if best and self.as_good(best, one)]
+        near += [
+            one
+            for one in good
+            if one not in near and any(_simpler(one, other) and self.refused(one, other) for other in near)
+        ]
+        near = [one for one in near if not one.far(self.criteria)] or near
+        return sorted(near, key=lambda one: (len(one.effects), one.size, one.level + one.strain / self.unseen.samples))
+
+    def ties(self, before: Fitted, taken: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
+        """Return what may be there instead of what was taken: what is as good, and what would be better, but for a
+        parameter that is not known.
+        """
+        vague = [f for f in options if f.vague(self.criteria) == self.refused(before, f) != ""]
+        better = [f for f in vague if self.gain(taken, f).certainty > self.criteria.tie and not self.as_good(f, taken)]
+        return [f for f in (*self.alike(before, options), *better) if f is not taken]
+
+    def as_good(self, best: Fitted, other: Fitted) -> bool:
+        """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
+        g = self.gain(other, best)
+        alike = bool((g.ratios > 1.0 - self.criteria.alike).all())
+        return other is best or g.certainty < self.criteria.tie or alike
+
+
+def _scored(problem: Problem) -> Array:
+    """Return how many samples (channels) are scored, about."""
+    return np.asarray(np.sum([np.isfinite(s.y).sum(axis=0) for s in problem.segments], axis=0), dtype=float)
+
+
+def _simpler(one: Fitted, other: Fitted) -> bool:
+    """Tell whether a model has a simpler law of the same family in the place of one of another model's."""
+    mine, its = set(one.effects) - set(other.effects), set(other.effects) - set(one.effects)
+    if len(mine) != 1 or len(its) != 1:
+        return False
+    family = EFFECTS[mine.pop()].family
+    return bool(family) and family == EFFECTS[its.pop()].family and one.size < other.size
+
+
+__all__ = ["Decisions"]
