@@ -90,7 +90,8 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     What the force witness proposes is fitted by simulation. Where that leaves noise, both agree. Else the motion
     witness looks for what no force shows, beside it and instead of it; what it adds must not leave more force. If
     the force witness proposes nothing, or nothing that the motion confirms, the motion witness searches by itself; if
-    little force is left, and seen, and none of its laws is in it, among what no force shows.
+    little force is left, and seen, and none of its laws is in it, among what no force shows. Of what is as good, the
+    fewest effects are stood for; and before more than noise is left, the one that leaves but noise by itself.
     """
     left: dict[int, Array] = {}
     tried: list[Fitted] = []
