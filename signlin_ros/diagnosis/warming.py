@@ -1,0 +1,45 @@
+"""Compile ahead: everything that a diagnosis will need, once, onto the disk."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.diagnosis.motion import Motion
+from signlin_ros.diagnosis.verbs import diagnose
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.simulate import simulate
+
+STEP, SAMPLES = 0.005, 800
+MOTOR = {"R_a": 1.0, "L_a": 0.0, "K_t": 0.1, "K_m": 0.1, "B": 1e-4, "J": 1e-3}
+FRICTION, PLAY = {"mu": 0.02}, {"gap": 0.5, "k": 20.0, "c": 0.05, "J": 5e-4}
+
+
+def warm_up() -> float:
+    """Diagnose a short simulated record that lacks friction, and follow it with a play; returns the seconds taken."""
+    begun = time.perf_counter()
+    model = Model.from_dict({"plant": "dc_motor", "parameters": MOTOR})
+    truth = model.with_effect("coulomb_friction", None, **FRICTION)
+    known, unseen = _record(truth, 1), _record(truth, 2)
+    diagnose(model, known, unseen, jobs=1)
+    Motion.of(model, [known], [unseen], DEFAULT, jobs=1).stated(
+        ["backlash"], model.with_effect("backlash", None, **PLAY)
+    )
+    return time.perf_counter() - begun
+
+
+def _record(truth: Model, seed: int) -> ModelData:
+    rng = np.random.default_rng(seed)
+    t: NDArray[np.float64] = STEP * np.arange(SAMPLES, dtype=np.float64)
+    tones = 2.0 * np.pi * rng.uniform(0.5, 5.0, 4)
+    u = 2.0 * np.sin(tones * t[:, None] + rng.uniform(0.0, 6.0, 4)).sum(axis=1)[:, None]
+    speed = simulate(truth, t, u).x[:, truth.states.index("speed")]
+    seen = {"speed": speed + 0.01 * np.std(speed) * rng.normal(size=t.size)}
+    return ModelData(t, u, seen, None, truth.inputs, ("speed",), {"speed": truth.units["speed"]})
+
+
+__all__ = ["warm_up"]
