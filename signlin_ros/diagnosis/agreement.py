@@ -313,7 +313,7 @@ def _simplest(
             options.append(motion.fitted(names, final.model))
     tried += [f for f in options if f not in tried]
     good = [f for f in options if not motion.refused(motion.base, f) and motion.as_good(final, f)]
-    good = [f for f in good if not force_raises(force, final, f, criteria, left)]
+    good = [f for f in good if motion.refused(f, final) and not force_raises(force, final, f, criteria, left)]
     return min(good, key=lambda f: (len(f.effects), f.size, f.level), default=final)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from signlin_ros.effects.compliant_load import FASTEST, SLOWEST, CompliantLoad
+from signlin_ros.effects.compliant_load import FASTEST, SLOWEST, UNDAMPED, CompliantLoad
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
 
@@ -59,8 +59,9 @@ class Backlash(CompliantLoad):
 
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
-        """Refuse a play of nothing: an elastic coupling is another effect."""
-        return p["gap"] > 0.0 and p["k"] > 0.0
+        """Refuse a play of nothing: an elastic coupling is another effect; and contact that loses nothing."""
+        damped = p["c"] > 2.0 * UNDAMPED * (p["k"] * p["J"]) ** 0.5
+        return bool(p["gap"] > 0.0 and p["k"] > 0.0 and damped)
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling, zero while the play is crossed."""

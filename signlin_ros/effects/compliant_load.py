@@ -11,8 +11,8 @@ from signlin_ros.scale import Scale
 
 SLOWEST, FASTEST, RESONANCES = 25.0, 0.6, 5
 """Angular frequencies that a fit starts from: four periods in a record, a tenth of the sampling rate; how many."""
-OVERDAMPED = 1.0
-"""Largest damping ratio, of the load on its coupling, of one that is called elastic."""
+UNDAMPED, OVERDAMPED = 0.002, 1.0
+"""Damping ratios of the load on its coupling: least of one that is real, largest of one that is called elastic."""
 
 
 class CompliantLoad(Effect):
@@ -45,9 +45,11 @@ class CompliantLoad(Effect):
     @classmethod
     def plausible(cls, p: Mapping[str, float]) -> bool:
         """Refuse a coupling on which nothing swings: without stiffness it is a damper, and damped beyond the
-        critical value, c = 2 sqrt(k J), a lag, as an input that changed between its samples leaves it.
+        critical value, c = 2 sqrt(k J), a lag, as an input that changed between its samples leaves it. Nor does
+        anything swing on and on, as a force that vibrates by itself does.
         """
-        return bool(p["k"] > 0.0 and p["c"] < 2.0 * OVERDAMPED * (p["k"] * p["J"]) ** 0.5)
+        critical = float(2.0 * (p["k"] * p["J"]) ** 0.5)
+        return bool(p["k"] > 0.0 and UNDAMPED * critical < p["c"] < OVERDAMPED * critical)
 
     def coupling(self, m: Any, x: Any, p: Any) -> Any:
         """Return the torque through the coupling."""

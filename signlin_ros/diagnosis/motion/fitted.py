@@ -119,6 +119,8 @@ class Fitted:
 
     def _vague(self, key: str, criteria: Criteria) -> str:
         effect = self._effect(key)
+        if key in self.model.effects and not effect.plausible(self.model.effects[key].parameters):
+            return f"the values of {key} are not those of a real one"
         told = (*effect.telling, *effect.essential)
         sizes: dict[str, float] = {}
         own = self._of(key, effect)
