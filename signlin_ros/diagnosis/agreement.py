@@ -101,6 +101,7 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     whole = _alone(motion, force, final, criteria, tried, left)
     final, conflict = (whole, "") if whole else (final, conflict)
     proposed, final = force.effects if force else (), written(motion, force, final, criteria)
+    final = motion.base if final.effects and final.unreal else final
     return Agreed(motion, force, motion.base, final, conflict, tuple(tried), proposed, found, left)
 
 

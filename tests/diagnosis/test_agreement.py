@@ -41,6 +41,7 @@ class Fit:
     known: tuple[float, ...] = ()
     tested: bool = True
     residual: float = 0.0
+    unreal: tuple[str, ...] = ()
 
     @property
     def left(self) -> list[Any]:

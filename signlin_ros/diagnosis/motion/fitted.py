@@ -113,13 +113,19 @@ class Fitted:
         """Return the base parameters that are far from nominal, and by how many tolerances."""
         return {n: x for n, x in self.off.items() if abs(x) > criteria.far}
 
+    @property
+    def unreal(self) -> list[str]:
+        """The effects that were added whose values are those of something that their equation imitates."""
+        uses = {k: self.model.effects[k] for k in self.fit.candidate.label if k in self.model.effects}
+        return [k for k, use in uses.items() if not EFFECTS[use.type].plausible(use.parameters)]
+
     def vague(self, criteria: Criteria) -> str:
         """Return why what was added cannot be named: a coefficient that is nothing, at a bound or hardly known."""
         return next((why for key in self.fit.candidate.label if (why := self._vague(key, criteria))), "")
 
     def _vague(self, key: str, criteria: Criteria) -> str:
         effect = self._effect(key)
-        if key in self.model.effects and not effect.plausible(self.model.effects[key].parameters):
+        if key in self.unreal:
             return f"the values of {key} are not those of a real one"
         told = (*effect.telling, *effect.essential)
         sizes: dict[str, float] = {}
