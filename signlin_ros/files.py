@@ -14,7 +14,7 @@ TEXT = (".csv", ".txt", ".tsv", ".dat", ".log")
 PACKED = (".gz", ".zip", ".bz2", ".xz")
 BAGS = (".mcap", ".db3")
 TABLES = (".mat", ".parquet", ".mf4", ".mdf", ".tdms")
-"""Suffixes of records: text, packed text, the files of bags, and what has a library of its own."""
+"""Suffixes of records: text, packed text, the files of bags, and tables in binary files."""
 
 
 @contextmanager

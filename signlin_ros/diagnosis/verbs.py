@@ -1,4 +1,4 @@
-"""`diagnose`, `add` and `refine`: the chapters of docs/decisions/0006, one call each."""
+"""`diagnose`, `add` and `refine`: the chapters of docs/decisions/0006 in their order."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def refine(
     seen: Seen | None = None,
     criteria: Criteria = DEFAULT,
 ) -> Diagnosis:
-    """Add effects until nothing confirmed is missing; the last of the notes says why it stopped. See `diagnose`."""
+    """Name up to `MOST` effects together; the last of the notes says why it stopped. See `diagnose`."""
     found = diagnose(
         model,
         data,
@@ -79,6 +79,7 @@ def refine(
     added = len(found.ladder[-1].effects)
     end = "nothing else that is listed lowers the error on unseen data beyond doubt"
     end = f"{MOST} effects are the most" if added >= MOST else end
+    end = "the records are not explained, see the verdict" if found.verdict == "unexplained" else end
     note = f"stopped after {added} effect{'' if added == 1 else 's'}: {end}"
     return replace(found, notes=(*found.notes, note))
 
@@ -110,7 +111,7 @@ def add(
     force = force_witness(prepared, criteria, tell, seen)
     tell(f"motion with {effect.replace('_', ' ')}")
     final = _asked(motion, force, effect)
-    agreed = Agreed(motion, force, motion.base, final, "", (final,), (effect,), (effect,))
+    agreed = Agreed(motion, force, motion.base, final, tried=(final,), proposed=(effect,), found=(effect,))  # asked for
     return told(judge(prepared, agreed, criteria), asked=effect)
 
 
