@@ -15,8 +15,10 @@ from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
 
 STEP, SAMPLES = 0.005, 800
+"""Sampling time in s, and how many samples a record has."""
 MOTOR = {"R_a": 1.0, "L_a": 0.0, "K_t": 0.1, "K_m": 0.1, "B": 1e-4, "J": 1e-3}
 FRICTION, PLAY = {"mu": 0.02}, {"gap": 0.5, "k": 20.0, "c": 0.05, "J": 5e-4}
+"""A small motor, and what it lacks, in SI units."""
 
 
 def warm_up() -> float:
