@@ -45,7 +45,7 @@ def diagnosis_text(content: dict[str, Any]) -> str:
     """Return a diagnosis as text: verdict, what is missing and why, the ladder of the error, parameters."""
     parts = [f"{content['verdict'].upper()}: {content['sentence']}", _record(content.get("record"))]
     parts += [_ladder(content), _named(content)]
-    parts += [_fitted(content["parameters"]), _notes(content)]
+    parts += [_fitted(content["parameters"], content["base"]["parameters"]), _notes(content)]
     return "\n\n".join(part for part in parts if part)
 
 
@@ -130,9 +130,11 @@ def _named(content: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _fitted(parameters: dict[str, Any]) -> str:
+def _fitted(parameters: dict[str, Any], base: dict[str, Any]) -> str:
+    """Return the parameters of the proposal, and those of the refitted base of which there is something to say."""
     rows = [["parameter", "value", "±", "unit", ""]]
-    for name, p in parameters.items():
+    odd = {n: p for n, p in base.items() if "tolerances" in p.get("note", "") and parameters.get(n) != p}
+    for name, p in {**parameters, **{f"{n}, refitted": p for n, p in odd.items()}}.items():
         value, error = with_error(p["value"], p["std"])
         rows.append([name, value, error or "-", "" if p["unit"] == "-" else p["unit"], p.get("note", "")])
     return table(rows, right=(1, 2)) if rows[1:] else ""

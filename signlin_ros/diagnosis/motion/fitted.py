@@ -244,8 +244,8 @@ def _off(k: Coordinate, x: float) -> float:
 
 
 def _note(k: Coordinate, x: float, own: float) -> str:
-    if k.spread < 1.0 and abs(x - k.prior) > ODD * k.spread:
-        return f"{abs(x - k.prior) / k.spread:.1f} standard deviations from its nominal value"
+    if k.spread < 1.0 and abs(_off(k, x)) > ODD * k.spread:
+        return f"{abs(_off(k, x)) / k.spread:.1f} tolerances from its nominal value"
     untold = k.spread < 1.0 and own > UNTOLD * k.spread
     return "not excited: the record says nothing beyond the tolerance" if untold else ""
 
