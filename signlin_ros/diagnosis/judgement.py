@@ -216,8 +216,11 @@ class Judgement:
     @property
     def within_noise(self) -> bool:
         """Whether all that is shown is within the sensors' noise: the force, and the motion over the horizon. What is
-        slower than that, as what noise in the input makes, is in neither.
+        slower than that, as what noise in the input makes, is in neither. Several effects that leave structure all the
+        same imitate another.
         """
+        if len(self.names) > 1:
+            return False
         return self.percent is not None and self.percent <= self.noise_percent and near_noise(self.final, self.criteria)
 
     @cached_property
