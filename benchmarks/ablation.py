@@ -131,7 +131,7 @@ def _real(case: Case) -> tuple[str, bool]:
     folder, *names, truth = REAL[case.record]
     model, known, unseen = (next(Path(case.data, folder).glob(name)) for name in names)
     loaded, data = load_records(Model.load(model), [str(known), str(unseen)])
-    answer = _answer(loaded, *data, case)
+    answer = _answer(loaded, data[0], data[1], case)
     named = set(answer["ladder"][-1]["effects"]) if answer["verdict"] == "missing" else set()
     return _told(answer), named == truth
 
