@@ -7,22 +7,20 @@ witness confirms by simulation, tells richer laws of a family from simpler ones,
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.family import Choice
+from signlin_ros.diagnosis.fewest import Fewest
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.measures import (
     HALF,
     acting,
-    at_its_noise,
     comparable,
     force_falls,
     force_left,
@@ -30,7 +28,6 @@ from signlin_ros.diagnosis.measures import (
     heard,
     is_shown_to_leave_noise,
     leaves_much,
-    near_noise,
     not_seen,
     of_effort,
     percent,
@@ -40,9 +37,9 @@ from signlin_ros.diagnosis.measures import (
 )
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.search import search
-from signlin_ros.diagnosis.motion.trials import completed, free_key, trials_of
+from signlin_ros.diagnosis.motion.trials import tryable
 from signlin_ros.effects import EFFECTS, find_effect
-from signlin_ros.errors import SignlinError, joined
+from signlin_ros.errors import joined
 
 Array = NDArray[np.float64]
 
@@ -97,8 +94,9 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     tried: list[Fitted] = []
     motion.heard = heard(force)
     final, conflict, found = _stood_for(motion, force, criteria, depth, tried, left)
-    final = _simplest(motion, force, final, criteria, tried, left)
-    whole = _alone(motion, force, final, criteria, tried, left)
+    fewest = Fewest(motion, force, criteria, tried, left)
+    final = fewest.as_good_as(final)
+    whole = fewest.alone(final)
     final, conflict = (whole, "") if whole else (final, conflict)
     proposed, final = force.effects if force else (), written(motion, force, final, criteria)
     final = motion.base if final.effects and final.unreal else final
@@ -146,7 +144,7 @@ def _searched(motion: Motion, force: Testimony | None, criteria: Criteria, left:
     small = share is not None and percent(force, share) < 100.0 * criteria.large
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
     names = not_seen(force) | (set() if small and not force.effects else force.search.helpful | waves)
-    return [n for n in sorted(names) if _tryable(motion, n)]
+    return [n for n in sorted(names) if tryable(motion.problem, n)]
 
 
 def _together(motion: Motion, refused: Fitted, hidden: Sequence[str], tried: list[Fitted], depth: int) -> Fitted | None:
@@ -185,14 +183,9 @@ def _best_of(
     """
     if depth is not None and len(of.effects) >= depth:
         return None
-    options = motion.extensions(of, [n for n in names if _tryable(motion, n)], rival)
+    options = motion.extensions(of, [n for n in names if tryable(motion.problem, n)], rival)
     tried += options
     return next(iter(motion.alike(of, options)), None)
-
-
-def _tryable(motion: Motion, name: str) -> bool:
-    """Tell whether a diagnosis tries an effect by itself, and the plant can have it."""
-    return EFFECTS[name].proposed and bool(trials_of(motion.problem, name))
 
 
 def _chosen(
@@ -250,95 +243,6 @@ def _both(force: Testimony, base: Fitted, second: Fitted, left: dict[int, Array]
     told = f"by the force {laws} would leave {after:.3g} % {of_effort(force)}{before}, but the motion"
     other = f"; {_words(second)} would follow it better" if second.effects else ""
     return f"{told} that they make is not the one that was measured{other}"
-
-
-def _complete(motion: Motion, f: Fitted, criteria: Criteria) -> bool:
-    """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
-    near = near_noise(f, criteria) or at_its_noise(motion, f, criteria)
-    return near and is_shown_to_leave_noise(f, criteria) and not f.far(criteria)
-
-
-def _alone(
-    motion: Motion,
-    force: Testimony | None,
-    final: Fitted,
-    criteria: Criteria,
-    tried: list[Fitted],
-    left: dict[int, Array],
-) -> Fitted | None:
-    """Return the effect that by itself leaves nothing but noise, where what both witnesses arrived at leaves more, or
-    is several: of all that there are, it is the one that explains the motion. That it takes more force away than
-    another is not asked.
-    """
-    done = _complete(motion, final, criteria)
-    if done and len(final.effects) < 2:
-        return None
-    names = [n for n in (_as_little(force, final, criteria) if done else EFFECTS) if _tryable(motion, n)]
-    names = [n for n in names if n not in motion.searched.get((), ())]
-    tried += [f for f in (motion.extensions(motion.base, names) if names else ()) if f not in tried]
-    whole = [f for f in tried if len(f.effects) == 1 and _complete(motion, f, criteria)]
-    whole = [f for f in whole if not motion.refused(motion.base, f)]
-    whole = [f for f in whole if not force_raises(force, motion.base, f, criteria, left)]
-    whole = [f for f in whole if not done or motion.as_good(final, f)]
-    best = min(whole, key=lambda f: f.level, default=None)
-    return min((f for f in whole if best and motion.as_good(best, f)), key=lambda f: (f.size, f.level), default=None)
-
-
-def _as_little(force: Testimony | None, final: Fitted, criteria: Criteria) -> list[str]:
-    """Return the laws that by themselves leave as little of the force as a model with several effects."""
-    models = force.search.models if force else {}
-    together = models.get(frozenset(final.effects))
-    if together is None:
-        return []
-    most = (1 + criteria.alike) ** 2 * together.error
-    return [n for names, f in models.items() if len(names) == 1 and f.error <= most for n in names]
-
-
-def _simplest(
-    motion: Motion,
-    force: Testimony | None,
-    final: Fitted,
-    criteria: Criteria,
-    tried: list[Fitted],
-    left: dict[int, Array],
-) -> Fitted:
-    """Return the model with the fewest effects that is as good: each of several must be missed where it is left out,
-    and one effect takes the place of two that it is about the same as.
-    """
-    if len(final.effects) < 2:
-        return final
-    rest = [tuple(n for n in final.effects if n != name) for name in final.effects]
-    options = [*_as_one(motion, final), *(f for f in tried if len(f.effects) < len(final.effects))]
-    for names in rest:
-        with contextlib.suppress(SignlinError):
-            options.append(motion.fitted(names, final.model))
-    tried += [f for f in options if f not in tried]
-    good = [f for f in options if not motion.refused(motion.base, f) and motion.as_good(final, f)]
-    good = [f for f in good if motion.refused(f, final) and not force_raises(force, final, f, criteria, left)]
-    return min(good, key=lambda f: (len(f.effects), f.size, f.level), default=final)
-
-
-def _as_one(motion: Motion, final: Fitted) -> list[Fitted]:
-    """Return models with one effect in place of two that it is about the same as, from their values and from its own
-    starts.
-    """
-    found: list[Fitted] = []
-    for pair in combinations(final.effects, 2):
-        uses = {use.type: use.parameters for use in final.model.effects.values()}
-        others = {name: uses.get(name, {}) for name in pair}
-        for name, effect in EFFECTS.items():
-            values = effect.instead(others) if all(others.values()) and name not in final.effects else {}
-            if not values:
-                continue
-            model, kept = final.model, tuple(n for n in final.effects if n not in pair)
-            for key in [k for k, use in model.effects.items() if use.type in pair]:
-                model = model.without_effect(key)
-            with contextlib.suppress(SignlinError):
-                model = model.with_effect(name, free_key(model, name), **completed(motion.problem, effect, values))
-                found.append(motion.fitted((*kept, name), model))
-            with contextlib.suppress(SignlinError):
-                found += motion.extensions(motion.fitted(kept, final.model), [name])
-    return [f for f in found if len(f.effects) < len(final.effects)]
 
 
 def _beyond(

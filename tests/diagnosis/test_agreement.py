@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis import agreement, family, judgement, words
+from signlin_ros.diagnosis import agreement, family, fewest, judgement, words
 from signlin_ros.diagnosis.agreement import Agreed, agree
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.family import Choice
@@ -489,7 +489,8 @@ def with_limit(together: float, limit: float) -> Refusing:
 
 @pytest.fixture
 def any_effect(monkeypatch):
-    monkeypatch.setattr(agreement, "_tryable", lambda motion, name: name == "input_saturation")
+    for module in (agreement, fewest):
+        monkeypatch.setattr(module, "tryable", lambda problem, name: name == "input_saturation")
 
 
 @pytest.mark.usefixtures("any_effect")
@@ -511,7 +512,8 @@ def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
 
 @pytest.fixture
 def everything_applies(monkeypatch):
-    monkeypatch.setattr(agreement, "_tryable", lambda motion, name: True)
+    for module in (agreement, fewest):
+        monkeypatch.setattr(module, "tryable", lambda problem, name: True)
 
 
 def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
@@ -520,7 +522,7 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     monkeypatch.setattr(Refusing, "as_good", lambda self, best, f: f.rms[0] <= 1.01 * best.rms[0], raising=False)
     monkeypatch.setattr(Fit, "size", property(lambda f: 1), raising=False)
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
-    return agreement._alone(motion, None, final, DEFAULT, [], {})
+    return fewest.Fewest(motion, None, DEFAULT, [], {}).alone(final)
 
 
 @pytest.mark.usefixtures("any_effect")
@@ -538,7 +540,7 @@ def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
 def test_one_effect_is_named_in_place_of_two_that_explain_no_more(monkeypatch):
     one = Fit(("lugre_friction",), (NOISE,), 1.0, white=True)
     two = Fit(("dahl_presliding", "viscous_friction"), (NOISE,), 1.0, white=True)
-    monkeypatch.setattr(agreement, "_as_little", lambda *_: ["lugre_friction"])
+    monkeypatch.setattr(fewest.Fewest, "_as_little", lambda *_: ["lugre_friction"])
     assert alone(two, one, monkeypatch) is one
     assert alone(replace(two, rms=(0.8 * NOISE,)), one, monkeypatch) is None
     assert alone(Fit(("dahl_presliding",), (NOISE,), 1.0, white=True), one, monkeypatch) is None

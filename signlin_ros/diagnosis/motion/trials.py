@@ -78,6 +78,11 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
     return [Trial(name, tuple(starts))] if applies else []
 
 
+def tryable(problem: Problem, name: str) -> bool:
+    """Tell whether a diagnosis tries an effect by itself, and the plant can have it."""
+    return EFFECTS[name].proposed and bool(trials_of(problem, name))
+
+
 def _of_sensors(problem: Problem, name: str) -> list[Trial]:
     """Return a trial for every channel."""
     late = [steps * problem.scale.step for steps in LATE]
@@ -205,4 +210,5 @@ __all__ = [
     "sensors_of",
     "trials",
     "trials_of",
+    "tryable",
 ]
