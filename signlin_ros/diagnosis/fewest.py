@@ -42,6 +42,7 @@ class Fewest:
         for name in final.effects:
             with contextlib.suppress(SignlinError):
                 options.append(self.motion.fitted([n for n in final.effects if n != name], final.model))
+            self.motion.check()
         self._keep(options)
         good = [f for f in options if not self.motion.refused(self.motion.base, f) and self.motion.as_good(final, f)]
         good = [f for f in good if self.motion.refused(f, final) and not self._raises(final, f)]
@@ -106,6 +107,7 @@ class Fewest:
                     found.append(motion.fitted((*kept, name), model))
                 with contextlib.suppress(SignlinError):
                     found += motion.extensions(motion.fitted(kept, final.model), [name])
+                motion.check()
         return [f for f in found if len(f.effects) < len(final.effects)]
 
 
