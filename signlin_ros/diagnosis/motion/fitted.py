@@ -70,6 +70,11 @@ class Fitted:
         return self.look()
 
     @property
+    def kind(self) -> tuple[str, ...]:
+        """What tells one set of effects from another: their keys, sensors with their channels."""
+        return tuple(sorted(self.fit.candidate.label))
+
+    @property
     def white(self) -> bool:
         """Whether nothing is left but the noise of the sensors."""
         return not any(one.structured for one in self.left)

@@ -35,6 +35,11 @@ class Trial:
         """Whether it changes what is shown, and no equation."""
         return issubclass(EFFECTS[self.effect], SensorEffect)
 
+    def on(self, model: Model) -> bool:
+        """Tell whether a model has this effect of a sensor on the channel that is tried."""
+        channel = next(iter(self.starts[0])).partition(".")[2]
+        return any(use.type == self.effect and channel in use.parameters for use in model.effects.values())
+
 
 def trials(problem: Problem, names: Sequence[str] | None = None) -> list[Trial]:
     """Return what can be tried on the base model; raise `InputError` for a name that cannot."""

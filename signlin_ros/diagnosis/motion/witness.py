@@ -104,11 +104,11 @@ class Motion(Decisions, Running):
     def _keep(self, found: Found) -> Fitted:
         """Return a fit with all that is told of it, or the best of its class, if that is another one."""
         mine = self._told(found)
-        known = self._best.get(_class(mine))
+        known = self._best.get(mine.kind)
         if known is None or self._known_level(mine) < self._known_level(known):
-            self._best[_class(mine)] = mine
+            self._best[mine.kind] = mine
             self._seen(mine)
-        return self._best[_class(mine)]
+        return self._best[mine.kind]
 
     def _told(self, found: Found) -> Fitted:
         """Return a fit with all that is told of it."""
@@ -147,7 +147,7 @@ class Motion(Decisions, Running):
 
     def best(self, f: Fitted) -> Fitted:
         """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
-        return self._best[_class(f)]
+        return self._best[f.kind]
 
     def fitted(self, effects: Sequence[str], start: Model | None = None) -> Fitted:
         """Return the best fit of these effects beside the base parameters.
@@ -210,7 +210,7 @@ class Motion(Decisions, Running):
         parts = Parts.of(self.base.fit)
         for name in effects:
             given = [self._given(t, start) for t in trials(self.problem, [name])]
-            trial = next((t for t in given if not t.of_sensor or _on(t, start)), given[0])
+            trial = next((t for t in given if not t.of_sensor or t.on(start)), given[0])
             c = extended(self.problem, parts, trial, trial.starts[0])
             parts = Parts(c.model, tuple(k for k in c.label if k in c.model.effects), Parts.sensed(c))
         known = {
@@ -331,7 +331,7 @@ class Motion(Decisions, Running):
         if not names and found and not min(found, key=lambda one: one.level).white:
             found += self._all_finished(of, self._richer(of, found, options))
         found += [plain for one in found for plain in self.plainer(one)]
-        return sorted({_class(one): one for one in found}.values(), key=lambda one: one.level)
+        return sorted({one.kind: one for one in found}.values(), key=lambda one: one.level)
 
     def _all_finished(self, of: Fitted, fits: Sequence[Fit]) -> list[Fitted]:
         return [one for one in self.each(lambda f: self._finished(of, f), fits) if one]
@@ -392,17 +392,6 @@ class Motion(Decisions, Running):
         self.say("effects with many local minima")
         fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
         return self._all_finished(of, [f for f in fits if f])
-
-
-def _class(f: Fitted) -> tuple[str, ...]:
-    """Return what tells one set of effects from another: their keys, sensors with their channels."""
-    return tuple(sorted(f.fit.candidate.label))
-
-
-def _on(trial: Trial, model: Model) -> bool:
-    """Tell whether a model has an effect of a sensor on the channel of a trial."""
-    channel = next(iter(trial.starts[0])).partition(".")[2]
-    return any(use.type == trial.effect and channel in use.parameters for use in model.effects.values())
 
 
 __all__ = ["Motion"]
