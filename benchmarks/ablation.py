@@ -48,7 +48,7 @@ OFF: dict[str, float | int] = {
     "each": ALWAYS,
     "visible": ALWAYS,
     "small": ALWAYS,
-    "coefficient": ALWAYS,
+    "coefficient": 1e-3,
     "known": NEVER,
     "worse": NEVER,
     "alike": ALWAYS,
