@@ -46,8 +46,7 @@ def up(
 @click.command()
 @click.argument("models", nargs=-1, metavar="[MODEL]...")
 def warm(models: tuple[str, ...]) -> None:
-    """Compile ahead what MODELs need, all shipped ones by default, and a diagnosis: nothing waits for it later."""
-    from signlin_ros.diagnosis import warming
+    """Compile ahead what MODELs need; by default all shipped ones, and a diagnosis. Nothing waits for it later."""
     from signlin_ros.model import Model, shipped_models
     from signlin_ros.warming import warm_up
 
@@ -57,4 +56,7 @@ def warm(models: tuple[str, ...]) -> None:
         except InputError as error:
             raise InputError(f"{name}: {error}") from error
         click.echo(f"{name}: {seconds:.1f} s", err=True)
-    click.echo(f"a diagnosis: {warming.warm_up():.1f} s", err=True)
+    if not models:
+        from signlin_ros.diagnosis import warming
+
+        click.echo(f"a diagnosis: {warming.warm_up():.1f} s", err=True)

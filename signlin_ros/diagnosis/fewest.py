@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.measures import at_its_noise, force_raises, is_shown_to_leave_noise, near_noise
+from signlin_ros.diagnosis.measures import force_raises, is_shown_to_leave_noise, near_any_noise
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.trials import completed, free_key, tryable
 from signlin_ros.effects import EFFECTS
@@ -75,7 +75,7 @@ class Fewest:
 
     def _complete(self, f: Fitted) -> bool:
         """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
-        near = near_noise(f, self.criteria) or at_its_noise(self.motion, f, self.criteria)
+        near = near_any_noise(self.motion, f, self.criteria)
         return near and is_shown_to_leave_noise(f, self.criteria) and not f.far(self.criteria)
 
     def _as_little(self, final: Fitted) -> list[str]:

@@ -17,10 +17,10 @@ from signlin_ros.diagnosis.force.flexible import changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.measures import (
     acting,
-    at_its_noise,
     comparable,
     leaves_much,
     leaves_noise,
+    near_any_noise,
     near_noise,
     noise_percent,
     sees,
@@ -208,7 +208,7 @@ class Judgement:
             more = (self.little or near or self.changing) and not self.final.white
             return "structure" if ((large or self.structure[0]) and not noise) or more else ""
         noise = leaves_noise(self.final, self.criteria)
-        near = near_noise(self.final, self.criteria) or at_its_noise(self.agreed.motion, self.final, self.criteria)
+        near = near_any_noise(self.agreed.motion, self.final, self.criteria)
         if self.names and not near and (noise or self.percent is None):
             return "elsewhere" if self.elsewhere else "structure" if self.little_motion else ""
         return "" if noise or self.within_noise else "structure"

@@ -88,8 +88,11 @@ def leaves_noise(f: Fitted, criteria: Criteria) -> bool:
     """Tell whether a model leaves nothing but noise. Of a load that floats its residual says nothing, since a filter
     holds it to what is measured: its windows must be near the noise.
     """
-    floats = any(find_effect(name, "effects").floating for name in f.effects)
-    return f.white and (not floats or near_noise(f, criteria))
+    return f.white and (not _floats(f) or near_noise(f, criteria))
+
+
+def _floats(f: Fitted) -> bool:
+    return any(find_effect(name, "effects").floating for name in f.effects)
 
 
 def is_shown_to_leave_noise(f: Fitted, criteria: Criteria) -> bool:
@@ -109,12 +112,13 @@ def within(f: Fitted, times: float) -> bool:
     return bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < times * f.noise))
 
 
-def at_its_noise(motion: Motion, f: Fitted, criteria: Criteria) -> bool:
-    """Tell whether a model leaves noise, coloured maybe, and over the horizon errs by about as much, of known and of
-    unseen data: what is missing gathers over the horizon, the noise of a sensor does not.
+def near_any_noise(motion: Motion, f: Fitted, criteria: Criteria) -> bool:
+    """Tell whether a model is near the sensors' noise, or leaves noise, coloured maybe, and over the horizon errs by
+    about as much, of known and of unseen data: what is missing gathers over the horizon, noise does not.
     """
-    floats = any(find_effect(name, "effects").floating for name in f.effects)
-    if not f.clean or floats:
+    if near_noise(f, criteria):
+        return True
+    if not f.clean or _floats(f):
         return False
     own = criteria.near * np.maximum([one.over_noise for one in f.left], 1.0)
     pairs = ((f.known_squares, motion.problem.noise), (f.unseen_squares, motion.unseen.noise))
@@ -242,7 +246,6 @@ def heard(force: Testimony | None) -> dict[str, dict[str, float]]:
 __all__ = [
     "HALF",
     "acting",
-    "at_its_noise",
     "changes_effort",
     "comparable",
     "force_falls",
@@ -252,6 +255,7 @@ __all__ = [
     "is_shown_to_leave_noise",
     "leaves_much",
     "leaves_noise",
+    "near_any_noise",
     "near_noise",
     "noise_percent",
     "not_seen",

@@ -546,3 +546,16 @@ def test_a_run_that_diverges_says_when_and_leaves_no_file(run, tmp_path):
     assert (code, out) == (2, "")
     assert "t = " in err
     assert not (tmp_path / "o.csv").exists()
+
+
+def test_what_a_node_waits_for_is_its_model_alone(monkeypatch):
+    """A node has a better model compiled while it runs: a diagnosis is compiled by `signlin warm` without a model."""
+    from signlin_ros.diagnosis import warming
+
+    asked: list[str] = []
+    monkeypatch.setattr(warming, "warm_up", lambda: asked.append("diagnosis") or 0.0)
+    monkeypatch.setattr("signlin_ros.warming.warm_up", lambda model: asked.append(model.plant.name) or 0.0)
+    assert cli.main(["warm", "config/dc_motor.yaml"]) == 0
+    assert asked == ["dc_motor"]
+    assert cli.main(["warm"]) == 0
+    assert asked[-1] == "diagnosis"

@@ -56,7 +56,7 @@ class Motion(Decisions, Running):
     ) -> None:
         self.problem, self.unseen, self.criteria = problem, unseen, criteria
         self.short = stretched(problem)
-        Running.__init__(self, jobs or min(os.cpu_count() or 1, 2), progress, cancelled)
+        super().__init__(jobs or min(os.cpu_count() or 1, 2), progress, cancelled)
         self._seen = seen or (lambda f: None)
         self._best: dict[tuple[str, ...], Fitted] = {}
         self.heard: dict[str, dict[str, float]] = {}
