@@ -13,8 +13,9 @@ from signlin_ros.records import ModelData
 
 UNITS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 """Other units of a time, in s."""
-OVER = 0.3
-"""A step of so many time constants of the slowest motion is one after which little is left of it."""
+OVER, SAMPLED = 3.0, 0.3
+"""A step of so many time constants of the slowest motion is one after which nothing is left of it; one of fewer than
+these samples it."""
 QUESTION = "unit_of_time"
 """The kind of note by which a reader asks for the unit."""
 
@@ -22,10 +23,11 @@ QUESTION = "unit_of_time"
 class TimeUnit(Check):
     """The samples are so far apart that the model comes to rest between them, and would not be if they were ms apart.
 
-    Test: a step is more than `OVER` of the model's slowest time constant, and less in another unit, the largest of
-    which the linear base leaves at most 0.4 of what it leaves otherwise, and 0.35 of what the channels do. A record
-    in s, with a model of its drive, never comes to the second part. What the reader asks is asked here too, whatever
-    the model says. Cure: the conversion (``t_in_ms``).
+    Test: a step is more than `OVER` of the model's slowest time constants, and less than `SAMPLED` of them in another
+    unit, the largest of which the linear base leaves at most 0.4 of what it leaves otherwise, and 0.35 of what the
+    channels do. A slow log, sampled once in a time constant, does not come to the second part: a short step leaves
+    little of any channel. What the reader asks is asked here too, whatever the model says. Cure: the conversion
+    (``t_in_ms``).
     """
 
     name = "time_unit"
@@ -48,7 +50,7 @@ def _best(look: Look) -> str:
     if look.base is None or steps <= OVER:
         return ""
     before = look.predicted.left() if look.predicted else 1.0
-    unit = next((unit for unit, factor in UNITS.items() if factor * steps < OVER), "")
+    unit = next((unit for unit, factor in UNITS.items() if factor * steps < SAMPLED), "")
     p = prediction(look.base, _converted(UNITS[unit])(look.record), look.channels) if unit else None
     return unit if p is not None and p.left() < min(BETTER * before, GOOD) else ""
 

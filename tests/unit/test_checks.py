@@ -770,6 +770,16 @@ def test_the_unit_of_the_time_is_told_by_the_model(unit: str, factor: float) -> 
     np.testing.assert_allclose(after.t, data.t, atol=1e-9)
 
 
+def test_a_log_sampled_once_in_a_time_constant_is_in_seconds() -> None:
+    """Positions of a hobby servo every 20 ms, and of a digger's cylinder at 19 Hz, were refused as times in ms."""
+    t, rng = 0.02 * np.arange(300), np.random.default_rng(1)
+    model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 0.005, "c": 0.3, "k": 0.0}})
+    u = np.repeat(rng.uniform(-1.0, 1.0, 30), 10)
+    q = np.cumsum(np.clip(u, -0.1, 0.1)) * 0.02 / 0.3 + 5e-4 * rng.standard_normal(t.size)  # its input saturates
+    data = ModelData(t, u[:, None], {"displacement": q}, None, model.inputs, model.states, model.units)
+    assert "time_unit" not in found(model, data)[1]
+
+
 def test_a_channel_that_is_seldom_measured_is_noted() -> None:
     model, data = changed("position", lambda q: np.where(np.arange(q.size) % 50 == 0, q, np.nan))
     assert found(model, data)[1]["sparse_channel"].channel == "position"
