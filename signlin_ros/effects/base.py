@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from math import inf
 from typing import Any, ClassVar
 
 from signlin_ros.digits import with_error
@@ -158,6 +159,13 @@ class Effect(HasPars):
     def plausible(cls, p: Mapping[str, float]) -> bool:
         """Tell whether fitted parameters are those of the effect, and not of something that its equation imitates."""
         return True
+
+    @classmethod
+    def free_within(cls, p: Mapping[str, float]) -> float:
+        """Return the distance from position zero within which it does nothing: a record that never came so near shows a
+        spring and a load, and no limit.
+        """
+        return inf
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         """Return the force on the moving mass."""

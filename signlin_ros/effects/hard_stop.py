@@ -30,5 +30,9 @@ class HardStop(Effect):
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         return {"linear_stiffness": {"k": p["k_s"]}} if p["gap"] == 0.0 else {}
 
+    @classmethod
+    def free_within(cls, p: Mapping[str, float]) -> float:
+        return p["gap"]
+
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.k_s * m.dead_zone(x.position, p.gap)

@@ -303,6 +303,25 @@ def test_a_spring_with_stops_is_no_loop(tmp_path):
     assert found.parameters["hard_stop.gap"].value == pytest.approx(1.1, rel=0.02)
 
 
+def test_a_stop_that_a_record_never_leaves_is_a_spring_and_a_load():
+    """Strokes of a cable drive between 3.2 and 3.4 rad: "a hard stop at 2.86 rad", where it had not been."""
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.2, "k": 0.0}, "tolerance": 0.8})
+    rng, parts = np.random.default_rng(3), []
+    for phase in (0.0, 1.0):
+        t = np.arange(600) / 200
+        q = 3.3 + 0.1 * np.sin(5.0 * t + phase)
+        v = 0.5 * np.cos(5.0 * t + phase)
+        force = 0.15 * v + 0.22 * (q - 2.86) + 1e-3 * rng.standard_normal(t.size)
+        inputs = {"displacement": q, "velocity": v}
+        u = np.column_stack([inputs[n] for n in model.inputs])
+        measured = {"force": force} | {n: x for n, x in inputs.items() if n not in model.inputs}
+        parts.append(ModelData(t, u, measured, None, model.inputs, model.states, model.units))
+    found = diagnose(model, parts[:1], parts[1:], jobs=1)
+    assert found.verdict == "missing"
+    assert proposed(found) == {"linear_stiffness", "constant_load"}
+    assert all(e.indistinguishable_from == () for e in found.ranking if e.effect in proposed(found))
+
+
 def swung(level: float, hold: float, seed: int) -> tuple[Model, ModelData]:
     """Return a model with Coulomb friction of a weight that is swung, and a record: friction of another ``level``, and
     more, ``hold``, at rest.

@@ -143,6 +143,12 @@ class Search:
         return max((float(row[-1]) for row in self._orders if row.size), default=0.0)
 
     @functools.cached_property
+    def _nearest(self) -> float:
+        """The distance to position zero that the records came nearest to."""
+        q = [p.values[self.r.model.plant.position] for p in self.r.known.pieces]
+        return max(min(float(x.min()) for x in q), -max(float(x.max()) for x in q), 0.0)
+
+    @functools.cached_property
     def _slowest(self) -> float:
         """The least order of which the records hold enough periods."""
         return min((float(row[0]) for row in self._orders if row.size), default=np.inf)
@@ -256,10 +262,11 @@ class Search:
         return all(self.worth(f, g, free) and g.error - f.error > shown for g in self._simpler(f, name))
 
     def _told(self, f: Fit, name: str) -> bool:
-        """Tell whether the level of a law is known, and its parameters are possible."""
+        """Tell whether the level of a law is known, its parameters are possible, and the records show what it is."""
         law = self.r.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
-        return self.level(f, name) >= self.r.criteria.coefficient and law.effect.plausible(values)
+        possible = law.effect.plausible(values) and law.effect.free_within(values) >= self._nearest
+        return possible and self.level(f, name) >= self.r.criteria.coefficient
 
     def worth(self, f: Fit, reference: Fit, free: int) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error: of the effort, and of

@@ -65,17 +65,20 @@ class Decisions:
             return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
         if g.worsens(c.worse, c.alike):
             return "the error of a channel rises"
-        known = after.white and self.problem.turns
-        return after.vague(c) or ("" if known else self._too_slow(after))
+        return after.vague(c) or self._elsewhere(after)
 
-    def _too_slow(self, f: Fitted) -> str:
-        """Return which periodic force has too few waves along the way to be known as one. Where the axis turns its
-        order is a whole number, which is as good if nothing else is left.
+    def _elsewhere(self, f: Fitted) -> str:
+        """Return which force has no shape of its own where the records were: a wave of too few periods, a limit that
+        was always passed. Where the axis turns a wave's order is a whole number, which is as good if all that is left
+        was tested, and is noise.
         """
-        low, high = self.problem.stretch
+        (low, high), known = self.problem.stretch, f.clean and self.problem.turns
         for key in (k for k in f.fit.candidate.label if k in f.model.effects):
             use = f.model.effects[key]
-            for name in EFFECTS[use.type].periodic[:1]:
+            effect = EFFECTS[use.type]
+            if effect.free_within(use.parameters) < max(low, -high, 0.0):
+                return f"the records lie all beyond {key}"
+            for name in () if known else effect.periodic[:1]:
                 waves = use.parameters[name] * (high - low) / (2 * np.pi)
                 if waves < self.criteria.waves:
                     return f"{key} has {waves:.1f} waves in the record"
