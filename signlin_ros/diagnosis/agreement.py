@@ -273,11 +273,14 @@ def _confirmed(
     found = choice.simulated(force.fit)
     if found is None:
         return None
+    stated = written(motion, force, found, criteria) if found.vague(criteria) else found
+    known = stated is not found and motion.gain(motion.base, stated).certainty >= criteria.certainty
+    found = stated if known else found  # the force knows these values
     g = motion.gain(motion.base, found)
     falls = 0.0 if _explained(force, motion.base, found, criteria, left) else criteria.least
     if g.certainty < falls or g.worsens(criteria.worse, criteria.alike):
         return None
-    if found.vague(criteria):
+    if not known and found.vague(criteria):
         plain = motion.plainer(found)
         tried += plain
         sound = motion.alike(motion.base, plain)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.measures import force_raises, is_shown_to_leave_noise, near_any_noise
+from signlin_ros.diagnosis.measures import force_left, force_raises, is_shown_to_leave_noise, near_any_noise
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.trials import completed, free_key, tryable
 from signlin_ros.effects import EFFECTS
@@ -34,7 +34,8 @@ class Fewest:
 
     def as_good_as(self, final: Fitted) -> Fitted:
         """Return the model with the fewest effects that is as good: each of several must be missed where it is left
-        out, and one effect takes the place of two that it is about the same as.
+        out, and one effect takes the place of two that it is about the same as. What no force shows does not stand in
+        the place of what takes force away.
         """
         if len(final.effects) < 2:
             return final
@@ -46,6 +47,8 @@ class Fewest:
         self._keep(options)
         good = [f for f in options if not self.motion.refused(self.motion.base, f) and self.motion.as_good(final, f)]
         good = [f for f in good if self.motion.refused(f, final) and not self._raises(final, f)]
+        shown = force_left(self.force, final, self.left) is not None
+        good = [f for f in good if not shown or force_left(self.force, f, self.left) is not None]
         return min(good, key=lambda f: (len(f.effects), f.size, f.level), default=final)
 
     def alone(self, final: Fitted) -> Fitted | None:

@@ -54,8 +54,11 @@ SHORTEST_REST = 0.04
 """Rest in s from which on the net force tells the sign of dry friction."""
 AT_ONCE = 2_000_000
 """Most values that pass the low-pass at once."""
-BLOCKS = 60
-"""Most blocks that a record is cut into for standard errors."""
+BLOCKS, FEWEST_BLOCKS = 60, 10
+"""Most blocks that a record is cut into for standard errors, and as many a short one, if each holds two periods of the
+cut-off;"""
+BLOCK = 0.3
+"""and the length in s of a block otherwise."""
 HIGHEST = 0.4
 """Part of the sampling rate above which no low-pass is set."""
 FEWEST = 20
@@ -221,7 +224,7 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
     every = max(1, int(1 / (SAMPLED * cutoff * step)))
     kept = _kept(still, cutoff, step, max(EDGE / cutoff, lost), every)
     t = raw.t[kept * every]
-    length = max(0.3, 2.0 / cutoff, raw.t[-1] / BLOCKS)
+    length = max(min(BLOCK, raw.t[-1] / FEWEST_BLOCKS), 2.0 / cutoff, raw.t[-1] / BLOCKS)
     u = (raw.u if every == 1 else low_pass(raw.u, wide, step)).copy()
     if plant.motion_is_imposed():
         u[:, model.inputs.index(plant.velocity)] = v

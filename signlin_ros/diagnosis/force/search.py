@@ -72,7 +72,7 @@ class Search:
             more = [N for N in self._repeating(best) if all(abs(N - other) > 1e-9 for _, other in orders)]
             tried = [self.r.fitted([*rest, (name, (*orders, (wave[1][0][0], N)))]) for N in more]
             found = min(tried, key=lambda g: g.trained, default=None)
-            if found is None or not self.worth(found, best, 3):
+            if found is None or not self.worth(found, best, 3, whole=True):
                 break
             best, orders = found, found.members[-1][1]
         return self._keep(best) if best is not f else None
@@ -268,12 +268,13 @@ class Search:
         possible = law.effect.plausible(values) and law.effect.free_within(values) >= self._nearest
         return possible and self.level(f, name) >= self.r.criteria.coefficient
 
-    def worth(self, f: Fit, reference: Fit, free: int) -> bool:
+    def worth(self, f: Fit, reference: Fit, free: int, whole: bool = False) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error: of the effort, and of
-        all that is missing where more than noise is seen to be left: a small part beside that has no name.
+        all that is missing where more than noise is seen to be left: a small part beside that has no name, but where it
+        is one more of an effect that has one (``whole``).
         """
         c, gone = self.r.criteria, reference.error - f.error
-        clean = f.error < c.sees**2 * self.r.unseen.noise
+        clean = whole or f.error < c.sees**2 * self.r.unseen.noise
         least = max((c.visible * self.r.unseen.effort) ** 2, (c.small if clean else c.each) * self.base.error)
         large = f.error < reference.error * (1 - c.share - c.each * (free - 1)) and gone > least
         return large and self.r.surely(f, reference) >= c.certainty
