@@ -8,7 +8,7 @@ import numpy as np
 
 from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.measures import of_effort
+from signlin_ros.diagnosis.measures import HALF, of_effort
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.effects import find_effect
@@ -17,6 +17,8 @@ from signlin_ros.errors import joined
 from signlin_ros.par import gathered
 
 NOTHING = "Nothing is missing that this record could show"
+FEW = 3
+"""Most effects that are told where none is sure, the simplest."""
 LEARN = "`signlin add learned_force` learns it as a curve"
 
 
@@ -74,8 +76,24 @@ def _unexplained(j: Judgement) -> str:
         if why == "elsewhere":
             return f"{known} ({what}), but follows the data it was fitted to far better than the unseen ones."
         return f"{known}: {what}.{remainder(j)}"
-    rest = remainder(j)
+    rest, unsure = remainder(j), _unsure(j)
+    if unsure:
+        return f"{unsure}.{rest}"
     return f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}.{rest}"
+
+
+def _unsure(j: Judgement) -> str:
+    """Return which effects alone take most of what is missing away from unseen data, but not surely; empty if none."""
+    motion, c, found = j.agreed.motion, j.criteria, dict[str, float]()
+    for f in sorted((f for f in j.agreed.tried if len(f.effects) == 1), key=lambda f: f.size):
+        g = motion.gain(j.agreed.base, f)
+        if g.share > HALF and c.least < g.certainty < c.certainty and not g.worsens(c.worse, c.alike):
+            found[f.effects[0]] = g.certainty
+    if not found:
+        return ""
+    names, most = " or ".join(n.replace("_", " ") for n in [*found][:FEW]), max([*found.values()][:FEW])
+    surely = f"the error on unseen data falls by {most:.1f} standard errors, {c.certainty:g} are asked"
+    return f"Too little was recorded to tell what is missing: {names} would take most of it away, but {surely}"
 
 
 def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
