@@ -55,14 +55,14 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
     """Return a candidate fitted from the best of some starts at all gains but the highest, one after the other;
     ``check`` is called in between, and may raise.
     """
-    middle, fits, tried = problem.levels[1], list[Fit](), list[Fit]()
+    middle, tried = problem.levels[1], list[Fit]()
     for theta in starts:
         check()
         tried += [f for f in [solved(problem, c, middle, theta, NEXT)] if f]
     best = min(tried, key=_cost, default=None)
     if best is None:
         return None
-    fits = [further(problem, best, LAST) if c.coordinates else best]
+    fits = [further(problem, best, LAST)]
     for gains in problem.levels[2:]:
         check()
         lower = solved(problem, c, gains, fits[-1].theta, LAST)
@@ -71,6 +71,8 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
         fits.append(lower)
     scored = [Found(f, windowed(problem, c, f.theta, f.gains), fits[-1]) for f in fits]
     found = min(scored, key=lambda one: level(one.known, problem.noise))
+    if found.fit is found.low:
+        return found
     slow = solved(problem, c, found.low.gains, found.fit.theta, 0)  # on the way down a fit may lose what it had
     return replace(found, low=slow) if slow and slow.cost < found.low.cost else found
 
