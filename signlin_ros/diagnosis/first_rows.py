@@ -127,7 +127,7 @@ class Rows:
 
     def given(self) -> Rung:
         """Return the row of the model as given, before anything was fitted."""
-        return self.as_it_is(self.motion.problem.base, ())
+        return self.as_it_is(self.motion.given)
 
     def first(self) -> FirstRows:
         """Return the first rows."""
@@ -137,9 +137,9 @@ class Rows:
         horizon = float(max(motion.problem.base.update_period, 2 * motion.problem.scale.step))
         return FirstRows(self.given(), self.of(motion.base, share), horizon)
 
-    def as_it_is(self, model: Model, effects: tuple[str, ...]) -> Rung:
-        """Return the row of a model with the values that it has, and with the same states as the one given."""
-        found, force = self.motion.as_it_is(model, effects), self.force
+    def as_it_is(self, found: Fitted) -> Rung:
+        """Return the row of a model with the values that it has."""
+        force = self.force
         if force is None or not comparable(force, found):
             return self.of(found, None)
         return self.of(found, percent(force, written_left(force, found)))

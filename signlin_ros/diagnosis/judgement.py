@@ -133,15 +133,9 @@ class Judgement:
         return bool(shows and np.nanmean(rise) > self.criteria.worse * error)
 
     @cached_property
-    def given(self) -> Fitted:
-        """The model as given."""
-        motion = self.agreed.motion
-        return motion.as_it_is(motion.problem.base)
-
-    @cached_property
     def beside_given(self) -> Gain:
         """What the proposal explains of unseen data beyond the model as given."""
-        return gain(self.given.unseen_squares, self.final.unseen_squares, self.agreed.motion.unseen.noise)
+        return gain(self.agreed.motion.given.unseen_squares, self.final.unseen_squares, self.agreed.motion.unseen.noise)
 
     @cached_property
     def no_better(self) -> bool:
@@ -153,7 +147,7 @@ class Judgement:
         motion, force, least = self.agreed.motion, self.agreed.force, self.criteria.least
         if self.beside_given.certainty > least:
             return False
-        given, final = self.given, self.final
+        given, final = motion.given, self.final
         near = self.criteria.near * motion.problem.noise
         follows = [bool(np.all(np.sqrt(np.nanmean(f.known_squares, axis=0)) < near)) for f in (given, final)]
         if follows == [False, True] and near_noise(final, self.criteria):

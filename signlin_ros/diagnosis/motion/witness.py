@@ -59,6 +59,7 @@ class Motion(Decisions, Running):
         super().__init__(jobs or min(os.cpu_count() or 1, 2), progress, cancelled)
         self._seen = seen or (lambda f: None)
         self._best: dict[tuple[str, ...], Fitted] = {}
+        self._asked: list[tuple[tuple[tuple[str, ...], Model | None], Fitted]] = []
         self.heard: dict[str, dict[str, float]] = {}
         self.searched: dict[tuple[str, ...], set[str]] = {}
         self._base()
@@ -91,6 +92,11 @@ class Motion(Decisions, Running):
     def base(self) -> Fitted:
         """The best fit of the model as given."""
         return self._best[()]
+
+    @functools.cached_property
+    def given(self) -> Fitted:
+        """The model as given."""
+        return self.as_it_is(self.problem.base)
 
     def _base(self) -> None:
         self.say("base model")
@@ -155,8 +161,12 @@ class Motion(Decisions, Running):
         Started from the values that ``start`` has, if it has all of them; else from those that a scan finds, one effect
         after the other, each from the values that ``start`` has of it.
         """
-        uses = start.effects.values() if start else ()
+        uses, asked = start.effects.values() if start else (), (tuple(effects), start)
+        known = next((f for one, f in self._asked if one == asked), None)
+        if known:
+            return self.best(known)
         if start and set(effects) <= {u.type for u in uses} and (found := self._as_given(effects, start)):
+            self._asked.append((asked, found))
             return found
         now = self.base
         for name in effects:
@@ -181,18 +191,21 @@ class Motion(Decisions, Running):
         found = windowed(unseen, c, theta, gains)
         return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=found)
 
-    def promises(self, before: Fitted, effects: Sequence[str], start: Model) -> bool:
-        """Tell whether effects, from the values that a model has, may be a step beyond a fit: after a few steps they
-        lower -2 log likelihood of the known records as much as two standard errors do.
+    def beyond(self, f: Fitted) -> float:
+        """Return the -2 log likelihood of the known records below which another model may be a step beyond a fit, after
+        a few steps of both: two standard errors less.
         """
-        middle = self.problem.levels[1]
+        known = solved(self.short, f.fit.candidate, self.problem.levels[1], f.fit.theta, NEXT)
+        return known.cost - self.criteria.least**2 if known else np.inf
+
+    def promises(self, effects: Sequence[str], start: Model, least: float) -> bool:
+        """Tell whether effects, from the values that a model has, come below that in a few steps."""
         try:
             c, theta = self._valued(effects, start)
         except SignlinError:
             return False
-        one, other = solved(self.short, c, middle, theta, NEXT), before.fit
-        known = solved(self.short, other.candidate, middle, other.theta, NEXT)
-        return one is not None and (known is None or known.cost - one.cost > self.criteria.least**2)
+        one = solved(self.short, c, self.problem.levels[1], theta, NEXT)
+        return one is not None and one.cost < least
 
     def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
         """Return the fit of effects from the values of a model that has them all, its base parameters too."""
