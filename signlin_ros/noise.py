@@ -175,11 +175,11 @@ def _smooth_variance(t: Array, y: Array, points: int) -> float:
     Three points take out straight lines, five take out cubics, whatever the spacing of t.
     """
     windows = np.lib.stride_tricks.sliding_window_view
-    times, values = windows(t, points), windows(y, points)
-    gaps = times[:, :, None] - times[:, None, :] + np.eye(points)
-    weights = 1.0 / np.prod(gaps / np.median(np.diff(t)), axis=2)
-    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
-    return _clipped(np.sum(weights * values, axis=1))
+    times, values = windows(t, points).T, windows(y, points).T
+    gaps = times[:, None] - times + np.eye(points)[:, :, None]
+    weights = 1.0 / np.prod(gaps / np.median(np.diff(t)), axis=1)
+    weights /= np.linalg.norm(weights, axis=0)
+    return _clipped(np.sum(weights * values, axis=0))
 
 
 def smooth_noise(t: Array, y: Array) -> float:

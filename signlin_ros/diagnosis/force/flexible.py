@@ -114,12 +114,15 @@ def structured(r: Regression, fit: Fit, base: Fit) -> tuple[bool, float]:
     """Tell whether a flexible regression takes a visible part away from what a fit leaves of unseen data, and return
     the force in per cent of the effort (RMS) that would be left then.
     """
-    after = unseen_after(r, fit)
-    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: after)
-    c, gone = r.criteria, fit.error - flexible.error
-    sure = r.surely(flexible, fit) > c.flexible
-    large = gone > c.flexible_share * base.error and gone > (c.flexible_visible * r.unseen.effort) ** 2
-    return bool(sure and large), 100.0 * float(np.sqrt(flexible.error)) / max(r.unseen.effort, 1e-300)
+    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: unseen_after(r, fit))
+    large = fit.error - flexible.error > visible(r, base)
+    return large and r.surely(flexible, fit) > r.criteria.flexible, r.percent(flexible)
+
+
+def visible(r: Regression, base: Fit) -> float:
+    """Return the mean square beyond which what a flexible regression takes away is a visible part."""
+    c = r.criteria
+    return max(c.flexible_share * base.error, (c.flexible_visible * r.unseen.effort) ** 2)
 
 
 def changing(r: Regression, left: Array) -> str:

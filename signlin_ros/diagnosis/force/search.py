@@ -280,7 +280,7 @@ class Search:
         z = np.abs(f.theta[span]) / np.maximum(f.std[span], TINY)
         if law.parts.turning:
             return float(np.min(np.hypot(z[::2], z[1::2])))
-        if law.parts.group or law.effect.telling:
+        if law.parts.group or law.effect.telling or z.size == 1:
             return float(z[-1] if law.parts.group else np.min(z))
         at = np.arange(span.start, span.stop)[np.isfinite(f.std[span])]
         inverse = np.linalg.pinv(f.covariance[np.ix_(at, at)], hermitian=True)

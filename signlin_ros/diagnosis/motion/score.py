@@ -215,7 +215,7 @@ def _outputs(c: Candidate, p: Array, X: Array, u: Array) -> Array:
     """Return what the channels show (T, ny) at states (T, n) and inputs (T, m)."""
     eq, columns = c.equations, [*X.T, *u.T, *p]
     n, h, ny = X.shape[1], eq.places.h, eq.sizes[2]
-    sign = np.sign(eq.keep.batch([*columns, 0.0])[n])
+    sign = np.sign(eq.keep.batch([*columns, 0.0])[n]) if eq.sizes[5] else 1.0
     return np.asarray(eq.keep.batch([*columns, sign])[h : h + ny].T)
 
 
