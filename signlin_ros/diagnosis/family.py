@@ -55,10 +55,10 @@ class Choice:
         return self._fitted([n for n, _ in fit.members], partial(with_laws, self.force, fit))
 
     def _fitted(self, names: Sequence[str], start: Callable[[], Model], least: float = np.inf) -> Fitted | None:
-        """Return a fit; None where that cannot be, or does not promise to come below a ``least`` likelihood."""
+        """Return a fit; None where that cannot be, or -2 log likelihood does not soon come below the ``least``."""
         try:
             model = start()
-            if least < np.inf and not self.motion.promises(names, model, least):
+            if least < np.inf and self.motion.soon(*self.motion.valued(names, model)) >= least:
                 return None
             found = self.motion.fitted(names, model)
         except SignlinError:
@@ -77,8 +77,9 @@ class Choice:
             family = laws[name].effect.family
             kin = [n for n, x in laws.items() if x.effect.family and x.effect.family == family]
             richer = [n for n in kin if n != name and n not in found.effects and n in self._single()]
-            options = []
-            least = self.motion.beyond(found) if richer and found.clean and not self.imposed else np.inf
+            options, least, fit = [], np.inf, found.fit
+            if richer and found.clean and not self.imposed:
+                least = self.motion.soon(fit.candidate, fit.theta) - self.criteria.least**2
             for other in self.worth_it(found, name, richer):
                 rest = tuple(n if n != name else other for n in found.effects)
                 one = self._fitted(rest, partial(self._started, found, name, other), least)

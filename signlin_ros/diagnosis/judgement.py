@@ -258,15 +258,10 @@ class Judgement:
         motion = self.agreed.motion
         return float(max(motion.problem.base.update_period, 2 * motion.problem.scale.step))
 
-    @cached_property
-    def _without(self) -> dict[str, Fitted]:
-        motion, names = self.agreed.motion, self.final.effects
-        rest = {e: tuple(n for n in names if n != e) for e in names}
-        return {e: motion.fitted(o, self.final.model) if o else self.agreed.base for e, o in rest.items()}
-
     def without(self, effect: str) -> Fitted:
         """Return the best fit without one effect of the proposal: what removing it costs."""
-        return self._without[effect]
+        rest = [n for n in self.names if n != effect]
+        return self.agreed.motion.fitted(rest, self.final.model) if rest else self.agreed.base
 
     def left(self, f: Fitted) -> Array | None:
         """Return the mean squared force (blocks,) that a model leaves of unseen data."""

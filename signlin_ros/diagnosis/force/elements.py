@@ -54,10 +54,9 @@ def passed(sections: Array, settled: Array, values: Array) -> None:  # pragma: n
                 b, a = sections[i, :3], sections[i, 3:]
                 for j in range(values.shape[1]):
                     x = values[k, j]
-                    y = b[0] * x + state[i, 0, j]
+                    values[k, j] = y = b[0] * x + state[i, 0, j]
                     state[i, 0, j] = b[1] * x - a[1] * y + state[i, 1, j]
                     state[i, 1, j] = b[2] * x - a[2] * y
-                    values[k, j] = y
 
 
 __all__ = ["jenkin", "passed", "waves"]

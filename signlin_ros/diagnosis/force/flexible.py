@@ -112,17 +112,15 @@ def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> float:
 
 def structured(r: Regression, fit: Fit, base: Fit) -> tuple[bool, float]:
     """Tell whether a flexible regression takes a visible part away from what a fit leaves of unseen data, and return
-    the force in per cent of the effort (RMS) that would be left then.
+    the force in per cent of the effort (RMS) that would be left then; inf where less than such a part is left.
     """
-    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: unseen_after(r, fit))
-    large = fit.error - flexible.error > visible(r, base)
-    return large and r.surely(flexible, fit) > r.criteria.flexible, r.percent(flexible)
-
-
-def visible(r: Regression, base: Fit) -> float:
-    """Return the mean square beyond which what a flexible regression takes away is a visible part."""
     c = r.criteria
-    return max(c.flexible_share * base.error, (c.flexible_visible * r.unseen.effort) ** 2)
+    visible = max(c.flexible_share * base.error, (c.flexible_visible * r.unseen.effort) ** 2)
+    if fit.error <= visible:
+        return False, np.inf
+    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: unseen_after(r, fit))
+    large = fit.error - flexible.error > visible
+    return large and r.surely(flexible, fit) > c.flexible, r.percent(flexible)
 
 
 def changing(r: Regression, left: Array) -> str:

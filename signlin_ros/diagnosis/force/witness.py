@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.force.flexible import structured, visible
+from signlin_ros.diagnosis.force.flexible import structured
 from signlin_ros.diagnosis.force.laws import laws
 from signlin_ros.diagnosis.force.record import Piece, best_cutoff, piece
 from signlin_ros.diagnosis.force.regression import TINY, Base, Fit, Regression, base_of, side, telling
@@ -31,23 +30,15 @@ APART = 1.2
 
 @dataclass(frozen=True, eq=False)
 class Testimony:
-    """What the force witness found: ``search`` with every set of laws that it fitted, and the least that suffices."""
+    """What the force witness found: ``search`` with every set of laws that it fitted, and the least that suffices.
+
+    ``structure``: whether a flexible curve still takes away a visible part on unseen data, which would leave
+    ``flexible`` per cent of the effort.
+    """
 
     search: Search
-
-    @cached_property
-    def _structured(self) -> tuple[bool, float]:
-        return structured(self.search.r, self.fit, self.search.base)
-
-    @property
-    def structure(self) -> bool:
-        """Whether a flexible curve still takes away a visible part on unseen data, if as much is left."""
-        return self.fit.error > visible(self.search.r, self.search.base) and self._structured[0]
-
-    @property
-    def flexible(self) -> float:
-        """The force in per cent of the effort that such a curve would leave."""
-        return self._structured[1]
+    structure: bool
+    flexible: float
 
     @property
     def fit(self) -> Fit:
@@ -110,7 +101,7 @@ def _in_band(
     )
     search = Search(r, scale_of(model, found), rotary, model.gear)
     search.run()
-    return Testimony(search)
+    return Testimony(search, *structured(r, search.chosen, search.base))
 
 
 def _waves(model: Model, pieces: Sequence[Piece]) -> float:

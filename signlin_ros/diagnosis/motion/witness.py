@@ -19,7 +19,7 @@ from signlin_ros.diagnosis.motion.running import Progress, Running
 from signlin_ros.diagnosis.motion.score import level, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
 from signlin_ros.effects import EFFECTS
-from signlin_ros.errors import SignlinError, SimulationError
+from signlin_ros.errors import SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
 from signlin_ros.fitting.fit import Fit, tidied
 from signlin_ros.fitting.gains import Gains
@@ -165,17 +165,17 @@ class Motion(Decisions, Running):
         known = next((f for one, f in self._asked if one == asked), None)
         if known:
             return self.best(known)
-        if start and set(effects) <= {u.type for u in uses} and (found := self._as_given(effects, start)):
-            self._asked.append((asked, found))
-            return found
-        now = self.base
-        for name in effects:
-            now = self._with(now, [self._given(t, start) for t in trials(self.problem, [name])])
-        return now
+        found = self._as_given(effects, start) if start and set(effects) <= {u.type for u in uses} else None
+        if found is None:
+            found = self.base
+            for name in effects:
+                found = self._with(found, [self._given(t, start) for t in trials(self.problem, [name])])
+        self._asked.append((asked, found))
+        return found
 
     def stated(self, effects: Sequence[str], model: Model) -> Fitted | None:
         """Return effects with the values that a model has of them, and of its base parameters, as they are."""
-        c, theta = self._valued(effects, model)
+        c, theta = self.valued(effects, model)
         f = solved(self.short, c, self.problem.levels[0], theta, 0)
         return self._told(Found(f, windowed(self.short, c, theta, f.gains), f)) if f else None
 
@@ -191,33 +191,22 @@ class Motion(Decisions, Running):
         found = windowed(unseen, c, theta, gains)
         return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=found)
 
-    def beyond(self, f: Fitted) -> float:
-        """Return the -2 log likelihood of the known records below which another model may be a step beyond a fit, after
-        a few steps of both: two standard errors less.
-        """
-        known = solved(self.short, f.fit.candidate, self.problem.levels[1], f.fit.theta, NEXT)
-        return known.cost - self.criteria.least**2 if known else np.inf
-
-    def promises(self, effects: Sequence[str], start: Model, least: float) -> bool:
-        """Tell whether effects, from the values that a model has, come below that in a few steps."""
-        try:
-            c, theta = self._valued(effects, start)
-        except SignlinError:
-            return False
-        one = solved(self.short, c, self.problem.levels[1], theta, NEXT)
-        return one is not None and one.cost < least
+    def soon(self, c: Candidate, theta: Array) -> float:
+        """Return -2 log likelihood of the known records a few steps from some coordinates; inf where it diverges."""
+        f = solved(self.short, c, self.problem.levels[1], theta, NEXT)
+        return f.cost if f else np.inf
 
     def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
         """Return the fit of effects from the values of a model that has them all, its base parameters too."""
         if not effects:
             return self.base
-        c, theta = self._valued(effects, start)
+        c, theta = self.valued(effects, start)
         found = settled(self.short, c, [None, theta], self.check)
         held = self._held(c, theta, found)
         best = min((one for one in (found, held) if one), key=lambda one: self._level(one.known), default=None)
         return self._around(best) if best else None
 
-    def _valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
+    def valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
         """Return the candidate with some effects, and its coordinates with the values of a model that has them all."""
         c = self.base.fit.candidate
         parts = Parts.of(self.base.fit)
