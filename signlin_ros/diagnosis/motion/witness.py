@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.deciding import Decisions
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
-from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, climbed, settled, solved, without
+from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, climbed, settled, without
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.running import Progress, Running
 from signlin_ros.diagnosis.motion.score import level, windowed
@@ -21,7 +21,7 @@ from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extende
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
-from signlin_ros.fitting.fit import Fit, tidied
+from signlin_ros.fitting.fit import Fit, fit, tidied
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.prepare import prepared, stretched
 from signlin_ros.fitting.problem import Problem
@@ -176,7 +176,7 @@ class Motion(Decisions, Running):
     def stated(self, effects: Sequence[str], model: Model) -> Fitted | None:
         """Return effects with the values that a model has of them, and of its base parameters, as they are."""
         c, theta = self.valued(effects, model)
-        f = solved(self.short, c, self.problem.levels[0], theta, 0)
+        f = fit(self.short, c, self.problem.levels[0], theta, 0)
         return self._told(Found(f, windowed(self.short, c, theta, f.gains), f)) if f else None
 
     def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> Fitted:
@@ -193,7 +193,7 @@ class Motion(Decisions, Running):
 
     def soon(self, c: Candidate, theta: Array) -> float:
         """Return -2 log likelihood of the known records a few steps from some coordinates; inf where it diverges."""
-        f = solved(self.short, c, self.problem.levels[1], theta, NEXT)
+        f = fit(self.short, c, self.problem.levels[1], theta, NEXT)
         return f.cost if f else np.inf
 
     def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
@@ -225,12 +225,12 @@ class Motion(Decisions, Running):
         """Return a candidate fitted from given values with the quickest observer, which keeps a motion to what was
         measured: a slower one lets it slip from one wave to the next, and the fit walks away.
         """
-        tried = (solved(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, NEXT))
+        tried = (fit(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, NEXT))
         fits = [(windowed(self.short, c, f.theta, f.gains), f) for f in tried if f]
         known, f = min(fits, key=lambda one: self._level(one[0]), default=(None, None))
         if known is None or f is None or (found and self._level(found.known) <= self._level(known)):
             return None
-        low = solved(self.short, c, self.problem.levels[-1], f.theta, NEXT)
+        low = fit(self.short, c, self.problem.levels[-1], f.theta, NEXT)
         return Found(f, known, min((one for one in (low, found and found.low) if one), key=lambda g: g.cost, default=f))
 
     def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
@@ -286,8 +286,8 @@ class Motion(Decisions, Running):
         parts, trial = Parts.of(f).without(key), Trial(use.type, ())
         candidates = [extended(self.problem, parts, trial, completed(self.problem, EFFECTS[use.type], p)) for p in near]
         plain = {n: v for n, v in f.parameters().items() if not n.startswith(f"{key}.")}
-        fits = self.each(lambda c: solved(self.short, c, middle, c.start(plain), NEXT), candidates)
-        here = solved(self.short, f.candidate, middle, f.theta, NEXT)
+        fits = self.each(lambda c: fit(self.short, c, middle, c.start(plain), NEXT), candidates)
+        here = fit(self.short, f.candidate, middle, f.theta, NEXT)
         best = min((one for one in fits if one), key=lambda one: one.cost, default=None)
         if best is None or (here and best.cost > here.cost - 1.0):
             return found
@@ -310,7 +310,7 @@ class Motion(Decisions, Running):
             return
         theta = c.start({n: v for n, v in found.fit.parameters().items() if n in {k.name for k in c.coordinates}})
         middle = self.problem.levels[1]
-        here, there = (solved(self.short, c, middle, x, n) for x, n in ((before.fit.theta, 3), (theta, 3)))
+        here, there = (fit(self.short, c, middle, x, n) for x, n in ((before.fit.theta, 3), (theta, 3)))
         if here and there and there.cost < here.cost - 1.0:
             again = settled(self.short, c, [there.theta], self.check)
             if again:
@@ -378,7 +378,7 @@ class Motion(Decisions, Running):
         but where a ``rival`` is as good as these have to be.
         """
         base, other = (
-            solved(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, 4) if one else None
+            fit(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, 4) if one else None
             for one in (of, rival)
         )
         ordered = sorted(fits, key=lambda f: f.cost)
