@@ -33,7 +33,7 @@ def low_pass(values: Array, cutoff: float, step: float) -> Array:
         return values
     pad = min(len(values) - 1, int(3 / (step * cutoff)))
     before, after = 2 * values[:1] - values[pad:0:-1], 2 * values[-1:] - values[-2 : -pad - 2 : -1]
-    found = np.concatenate([before, values, after])
+    found = np.ascontiguousarray(np.concatenate([before, values, after]))
     passed(*_sections(cutoff, step), found.reshape(len(found), -1))
     return found[pad : pad + len(values)]
 
