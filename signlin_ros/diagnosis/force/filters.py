@@ -34,7 +34,9 @@ def low_pass(values: Array, cutoff: float, step: float) -> Array:
     pad = min(len(values) - 1, int(3 / (step * cutoff)))
     before, after = 2 * values[:1] - values[pad:0:-1], 2 * values[-1:] - values[-2 : -pad - 2 : -1]
     found = np.ascontiguousarray(np.concatenate([before, values, after]))
-    passed(*_sections(cutoff, step), found.reshape(len(found), -1))
+    (sections, settled), columns = _sections(cutoff, step), found.reshape(len(found), -1)
+    for back in (False, True):
+        passed(sections, settled[:, :, None] * columns[-back], columns, back)
     return found[pad : pad + len(values)]
 
 
