@@ -76,13 +76,15 @@ def noise_level(t: Array, y: Array, residual: Array | Sequence[Array] | None = N
     residuals = [] if residual is None else [residual] if isinstance(residual, np.ndarray) else list(residual)
     residuals = [r[good] for r in residuals if np.isfinite(r[good]).all()]
     fourth = np.array([_smooth_variance(t, r, 5) for r in (y, *residuals)])
-    second = np.array([_smooth_variance(t, r, 3) for r in (y, *residuals)])
     floor = quantum**2 / 12
     variance = max(float(fourth.min()), floor)
     if variance < (ROUNDING * float(np.abs(y).max())) ** 2:
         return Noise(0.0, even=even)
     found = [rho for rho in (_correlation(r, variance) for r in residuals) if rho is not None]
-    rho = min([*found, _largest(float(second.min()) / variance if variance > 0 else 1.0, y.size)]) if found else 0.0
+    if found:  # and so a variance
+        second = min(_smooth_variance(t, r, 3) for r in (y, *residuals))
+        found.append(_largest(second / variance, y.size))
+    rho = min(found, default=0.0)
     rho = round(rho, 2) if rho >= LEAST_CORRELATION else 0.0
     coarse = quantum if floor > 0.01 * variance else 0.0
     return Noise(float(np.sqrt(variance / fourth_difference_share(np.array(rho)))), rho, coarse, even)
@@ -173,11 +175,11 @@ def _smooth_variance(t: Array, y: Array, points: int) -> float:
     Three points take out straight lines, five take out cubics, whatever the spacing of t.
     """
     windows = np.lib.stride_tricks.sliding_window_view
-    times, values = windows(t, points), windows(y, points)
-    gaps = times[:, :, None] - times[:, None, :] + np.eye(points)
-    weights = 1.0 / np.prod(gaps / np.median(np.diff(t)), axis=2)
-    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
-    return _clipped(np.sum(weights * values, axis=1))
+    times, values = windows(t, points).T, windows(y, points).T
+    gaps = times[:, None] - times + np.eye(points)[:, :, None]
+    weights = 1.0 / np.prod(gaps / np.median(np.diff(t)), axis=1)
+    weights /= np.linalg.norm(weights, axis=0)
+    return _clipped(np.sum(weights * values, axis=0))
 
 
 def smooth_noise(t: Array, y: Array) -> float:

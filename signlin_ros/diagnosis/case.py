@@ -6,21 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from signlin_ros.fitting.prepare import held_out
-from signlin_ros.follow.data import as_list, measured_channels
-from signlin_ros.follow.segments import LEAST_SAMPLES, pieces, with_measured_position
+from signlin_ros.follow.data import as_list
+from signlin_ros.follow.segments import with_measured_position
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A model and its records: ``known`` and ``unseen`` as given or held out, and their ``parts`` without gaps."""
+    """A model and its records: ``known`` and ``unseen`` as given or held out."""
 
     model: Model
     known: tuple[ModelData, ...]
     unseen: tuple[ModelData, ...]
-    parts: tuple[tuple[ModelData, ...], tuple[ModelData, ...]]
-    given: bool
 
     @property
     def rotary(self) -> bool:
@@ -34,11 +32,7 @@ def case(
     """Return a case; without validation the last third of every record is held out. Raises `RecordError`."""
     records, given = as_list(data), None if validation is None else as_list(validation)
     known, unseen = (records, given) if given else held_out(records)
-    model = with_measured_position(model, [*known, *unseen])
-    channels = measured_channels(model, [*known, *unseen])
-    parts = tuple(tuple(p for d in side if len(d) >= LEAST_SAMPLES for p in pieces(d, channels)[0])
-                  for side in (known, unseen))  # fmt: skip
-    return Case(model, tuple(known), tuple(unseen), parts, bool(given))  # type: ignore[arg-type]
+    return Case(with_measured_position(model, [*known, *unseen]), tuple(known), tuple(unseen))
 
 
 __all__ = ["Case", "case"]

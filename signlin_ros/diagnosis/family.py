@@ -54,11 +54,11 @@ class Choice:
         """Return a set of the force witness fitted by simulation; None where that cannot be."""
         return self._fitted([n for n, _ in fit.members], partial(with_laws, self.force, fit))
 
-    def _fitted(self, names: Sequence[str], start: Callable[[], Model], before: Fitted | None = None) -> Fitted | None:
-        """Return a fit; None where that cannot be, or promises nothing beyond one ``before`` it that leaves noise."""
+    def _fitted(self, names: Sequence[str], start: Callable[[], Model], least: float = np.inf) -> Fitted | None:
+        """Return a fit; None where that cannot be, or -2 log likelihood does not soon come below the ``least``."""
         try:
             model = start()
-            if before and before.clean and not self.imposed and not self.motion.promises(before, names, model):
+            if least < np.inf and self.motion.soon(*self.motion.valued(names, model)) >= least:
                 return None
             found = self.motion.fitted(names, model)
         except SignlinError:
@@ -77,10 +77,12 @@ class Choice:
             family = laws[name].effect.family
             kin = [n for n, x in laws.items() if x.effect.family and x.effect.family == family]
             richer = [n for n in kin if n != name and n not in found.effects and n in self._single()]
-            options = []
+            options, least, fit = [], np.inf, found.fit
+            if richer and found.clean and not self.imposed:
+                least = self.motion.soon(fit.candidate, fit.theta) - self.criteria.least**2
             for other in self.worth_it(found, name, richer):
                 rest = tuple(n if n != name else other for n in found.effects)
-                one = self._fitted(rest, partial(self._started, found, name, other), found)
+                one = self._fitted(rest, partial(self._started, found, name, other), least)
                 options += [one] if one else []
             better = self.of_one_force(found, options) if self.imposed else self._asked_for(found, options)
             found = better[0] if better else found

@@ -69,7 +69,7 @@ class Ready:
         """Refit the base and return what makes rows; ``tell`` of what is done, ``cancelled`` asks whether to stop."""
         tell = tell or (lambda what: None)
         motion = Motion(self.problem, self.unseen, DEFAULT, 1, tell, cancelled)
-        return Rows(motion, force_witness(self.case, DEFAULT, tell, None))
+        return Rows(motion, force_witness(self.case, motion, tell, DEFAULT, None))
 
 
 def ready(model: Model, data: Records, validation: Records | None = None) -> Ready:
@@ -90,12 +90,12 @@ def motion_witness(
     return Motion.of(c.model, list(c.known), list(c.unseen), criteria, jobs, tell, cancelled, seen)
 
 
-def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None) -> Testimony | None:
+def force_witness(c: Case, motion: Motion, tell: Tell, criteria: Criteria, seen: Seen | None) -> Testimony | None:
     """Return the force witness; None where effort or motion are not known."""
     tell("missing force")
-    if not all(c.parts) or not _recorded(c):
+    if not _recorded(c):
         return None
-    found = hear(c.model, *c.parts, c.rotary, criteria)
+    found = hear(c.model, motion.problem.parts, motion.unseen.parts, c.rotary, criteria)
     if seen is not None:
         seen(found)
     return found
@@ -125,21 +125,17 @@ class Rows:
         """Standard deviation of every channel's noise."""
         return noise_of(self.motion.problem, self.motion.unseen)
 
-    def given(self) -> Rung:
-        """Return the row of the model as given, before anything was fitted."""
-        return self.as_it_is(self.motion.problem.base, ())
-
     def first(self) -> FirstRows:
         """Return the first rows."""
         motion, force = self.motion, self.force
         left = force_left(force, motion.base, {})
         share = None if left is None or force is None else percent(force, left)
         horizon = float(max(motion.problem.base.update_period, 2 * motion.problem.scale.step))
-        return FirstRows(self.given(), self.of(motion.base, share), horizon)
+        return FirstRows(self.as_it_is(motion.given), self.of(motion.base, share), horizon)
 
-    def as_it_is(self, model: Model, effects: tuple[str, ...]) -> Rung:
-        """Return the row of a model with the values that it has, and with the same states as the one given."""
-        found, force = self.motion.as_it_is(model, effects), self.force
+    def as_it_is(self, found: Fitted) -> Rung:
+        """Return the row of a model with the values that it has."""
+        force = self.force
         if force is None or not comparable(force, found):
             return self.of(found, None)
         return self.of(found, percent(force, written_left(force, found)))

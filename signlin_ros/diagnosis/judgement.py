@@ -133,15 +133,9 @@ class Judgement:
         return bool(shows and np.nanmean(rise) > self.criteria.worse * error)
 
     @cached_property
-    def given(self) -> Fitted:
-        """The model as given."""
-        motion = self.agreed.motion
-        return motion.as_it_is(motion.problem.base)
-
-    @cached_property
     def beside_given(self) -> Gain:
         """What the proposal explains of unseen data beyond the model as given."""
-        return gain(self.given.unseen_squares, self.final.unseen_squares, self.agreed.motion.unseen.noise)
+        return gain(self.agreed.motion.given.unseen_squares, self.final.unseen_squares, self.agreed.motion.unseen.noise)
 
     @cached_property
     def no_better(self) -> bool:
@@ -153,7 +147,7 @@ class Judgement:
         motion, force, least = self.agreed.motion, self.agreed.force, self.criteria.least
         if self.beside_given.certainty > least:
             return False
-        given, final = self.given, self.final
+        given, final = motion.given, self.final
         near = self.criteria.near * motion.problem.noise
         follows = [bool(np.all(np.sqrt(np.nanmean(f.known_squares, axis=0)) < near)) for f in (given, final)]
         if follows == [False, True] and near_noise(final, self.criteria):
@@ -264,15 +258,10 @@ class Judgement:
         motion = self.agreed.motion
         return float(max(motion.problem.base.update_period, 2 * motion.problem.scale.step))
 
-    @cached_property
-    def _without(self) -> dict[str, Fitted]:
-        motion, names = self.agreed.motion, self.final.effects
-        rest = {e: tuple(n for n in names if n != e) for e in names}
-        return {e: motion.fitted(o, self.final.model) if o else self.agreed.base for e, o in rest.items()}
-
     def without(self, effect: str) -> Fitted:
         """Return the best fit without one effect of the proposal: what removing it costs."""
-        return self._without[effect]
+        rest = [n for n in self.names if n != effect]
+        return self.agreed.motion.fitted(rest, self.final.model) if rest else self.agreed.base
 
     def left(self, f: Fitted) -> Array | None:
         """Return the mean squared force (blocks,) that a model leaves of unseen data."""

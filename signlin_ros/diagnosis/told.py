@@ -69,7 +69,7 @@ def told(j: Judgement, asked: str = "") -> Diagnosis:
         experiments=_experiments(j, ranking),
         notes=(*motion.problem.notes, *motion.unseen.notes, *_repeated(j)),
         yaml=yaml_of(model, found),
-        given=rows.given(),
+        given=rows.as_it_is(motion.given),
         horizon=j.horizon,
         remainder=words.remainder(j).strip(),
         findings=found,
@@ -217,11 +217,10 @@ def _beyond(j: Judgement) -> str:
 def _experiments(j: Judgement, ranking: Sequence[Entry]) -> tuple[str, ...]:
     """Return what to record to decide between what ties, and to see what this record cannot show."""
     found: dict[str, Any] = {}
-    for effect in j.names:
-        for tie in _ties(j, effect):
-            what = find_effect(tie, "effects").experiment
-            if what:
-                found[tie] = f"to decide on {tie.replace('_', ' ')}: {what}"
+    for tie in (tie for e in ranking if e.effect in j.names for tie in e.indistinguishable_from):
+        what = find_effect(tie, "effects").experiment
+        if what:
+            found[tie] = f"to decide on {tie.replace('_', ' ')}: {what}"
     for name in (e.effect for e in ranking if e.status == "not_excited"):
         what = find_effect(name, "effects").experiment
         if what:

@@ -48,7 +48,7 @@ def diagnose(
     prepared = case(model, data, validation)
     tell = _stages(progress)
     motion = motion_witness(prepared, jobs, tell, cancelled, criteria, seen)
-    force = force_witness(prepared, criteria, tell, seen)
+    force = force_witness(prepared, motion, tell, criteria, seen)
     tell("motion with what the force shows" if force and force.effects else "motion")
     agreed = agree(motion, force, criteria, criteria.most)
     return told(judge(prepared, agreed, criteria))
@@ -108,7 +108,7 @@ def add(
     _check_addable(prepared.model, effect)
     tell = _stages(progress)
     motion = motion_witness(prepared, jobs, tell, cancelled, criteria, seen)
-    force = force_witness(prepared, criteria, tell, seen)
+    force = force_witness(prepared, motion, tell, criteria, seen)
     tell(f"motion with {effect.replace('_', ' ')}")
     final = _asked(motion, force, effect)
     agreed = Agreed(motion, force, motion.base, final, tried=(final,), proposed=(effect,), found=(effect,))  # asked for

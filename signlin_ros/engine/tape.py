@@ -104,11 +104,12 @@ class Tape:
 
     def batch(self, columns: list[Any]) -> NDArray[np.float64]:
         """Evaluate at many points: ``columns`` (n_in) of scalars or arrays (T,); returns (n_out, T)."""
-        total = max((np.size(c) for c in columns), default=1)
+        sizes = [np.size(c) for c in columns]
+        total = max(sizes, default=1)
         result = np.empty((self.n_out, total))
         with np.errstate(all="ignore"):
             for start in range(0, total, BLOCK):
-                part = [c if np.ndim(c) == 0 else c[start : start + BLOCK] for c in columns]
+                part = [c if n == 1 else c[start : start + BLOCK] for c, n in zip(columns, sizes, strict=True)]
                 self._run(part, result[:, start : start + BLOCK])
         return result
 

@@ -55,10 +55,11 @@ def prepared(model: Model, data: Sequence[ModelData], unseen: Sequence[ModelData
     own, position = without_derived(model, [*known, *left], channels), model.plant.position
     notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
     notes += constant_inputs(model, [*data, *(unseen or ())])
-    problem = replace(prepare(model, known, own), notes=notes)
+    problem = replace(prepare(model, known, own), notes=notes, parts=tuple(known))
     segments = tuple(segment(problem.base, problem.channels, part) for part in left)
     unseen_noise, noise = (sensor_noise([(s.t, s.y) for s in one]) for one in (segments, problem.segments))
-    return replace(problem, noise=noise), replace(problem, segments=segments, noise=unseen_noise, notes=more)
+    other = replace(problem, segments=segments, noise=unseen_noise, notes=more, parts=tuple(left))
+    return replace(problem, noise=noise), other
 
 
 def _check_held_out(data: Sequence[ModelData], last: Sequence[ModelData], channels: tuple[str, ...]) -> None:

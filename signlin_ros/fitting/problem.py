@@ -47,7 +47,7 @@ class Problem:
     ``base``: the model as given (a motor whose position is measured has it as a state). ``noise`` (ny): standard
     deviation of white noise on each channel, from fourth differences. ``levels``: gains from high to low.
     ``x_scale``: size of every state by name. ``units``: of what is measured, as the records have them. ``quanta``
-    (ny): the steps in which it is shown, 0 for none.
+    (ny): the steps in which it is shown, 0 for none. ``parts``: the records without gaps, as they are given.
     """
 
     base: Model
@@ -61,6 +61,7 @@ class Problem:
     units: dict[str, str] = field(default_factory=dict)
     quanta: Array = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
+    parts: tuple[ModelData, ...] = ()
 
     @functools.cached_property
     def short(self) -> Problem:

@@ -100,7 +100,7 @@ def add_learned(
     made = ready(model, known, unseen)
     notes = dict.fromkeys(f"{record.source}: {note}" for record in (*known, *unseen) for note in record.notes)
     rows = made.rows()
-    first, last = rows.first(), rows.as_it_is(new, ("learned_force",)).to_json()
+    first, last = rows.first(), rows.as_it_is(rows.motion.as_it_is(new, ("learned_force",))).to_json()
     given, refitted = first.given.to_json(), first.refitted.to_json()
     entry = _entry(new, learned, given["validation"], last["validation"])
     return new, {

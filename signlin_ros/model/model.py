@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import Field, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -106,7 +106,7 @@ class Model:
             }
         for item in fields(self):
             value = getattr(self, item.name)
-            if item.name in OPTIONS and value != _default(item.name, self.plant):
+            if item.name in OPTIONS and value != _default(item, self.plant):
                 content[item.name] = list(value) if isinstance(value, tuple) else value
         return content | self.node_options
 
@@ -384,10 +384,9 @@ class Model:
         return self.state_vector(self.initial_state)
 
 
-def _default(name: str, plant: type[Plant]) -> Any:
-    if name == "linearization":
+def _default(item: Field[Any], plant: type[Plant]) -> Any:
+    if item.name == "linearization":
         return plant.linearization
-    item = next(f for f in fields(Model) if f.name == name)
     return item.default_factory() if callable(item.default_factory) else item.default
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis import diagnose, load_records
-from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.results import Entry, Estimate
 from signlin_ros.errors import InputError, RecordError, SimulationError
@@ -121,6 +120,6 @@ def test_what_comes_after_a_pause_starts_anew(first: int, lengths: list[int]) ->
     paused = replace(whole, t=t, u=whole.u[rows], measured=measured)
     _, unseen = prepared(MOTOR, [record()], [paused])
     assert [s.t.size for s in unseen.segments] == lengths
-    assert [len(part) for part in case(MOTOR, [record()], [paused]).parts[1]] == lengths
+    assert [len(part) for part in unseen.parts] == lengths
     said = [note for note in unseen.notes if "left out" in note or "too short" in note]
     assert len(said) == (len(lengths) == 1)

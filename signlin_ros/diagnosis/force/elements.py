@@ -41,4 +41,20 @@ def waves(q: Array, y: Array, limit: Array, first: float, step: float, count: in
     return found
 
 
-__all__ = ["jenkin", "waves"]
+@numba.njit(cache=True)
+def passed(sections: Array, state: Array, values: Array, back: bool) -> None:  # pragma: no cover - compiled
+    """Pass columns (T, c) through the sections (s, 6) of a filter, numerator first, forward or ``back``, in place; from
+    its state (s, 2, c) on, which is carried along.
+    """
+    for at in range(len(values)):
+        k = len(values) - 1 - at if back else at
+        for i in range(len(sections)):
+            b, a = sections[i, :3], sections[i, 3:]
+            for j in range(values.shape[1]):
+                x = values[k, j]
+                values[k, j] = y = b[0] * x + state[i, 0, j]
+                state[i, 0, j] = b[1] * x - a[1] * y + state[i, 1, j]
+                state[i, 1, j] = b[2] * x - a[2] * y
+
+
+__all__ = ["jenkin", "passed", "waves"]

@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfilt, sosfilt_zi
+from scipy.signal import butter, sosfilt_zi
 
 from signlin_ros.noise import quantum_of
 
@@ -27,16 +27,17 @@ nothing of coloured noise, but of a smooth signal."""
 
 def low_pass(values: Array, cutoff: float, step: float) -> Array:
     """Return values (T, ...) without what is faster than ``cutoff`` Hz, and without a phase shift."""
+    from signlin_ros.diagnosis.force.elements import passed
+
     if cutoff >= NYQUIST / step:
         return values
-    sections, settled = _sections(cutoff, step)
-    settled = settled.reshape(*settled.shape, *([1] * (values.ndim - 1)))
     pad = min(len(values) - 1, int(3 / (step * cutoff)))
     before, after = 2 * values[:1] - values[pad:0:-1], 2 * values[-1:] - values[-2 : -pad - 2 : -1]
-    found = np.concatenate([before, values, after])
-    for _ in range(2):  # once forward, once back
-        found = sosfilt(sections, found, axis=0, zi=settled * found[:1])[0][::-1]
-    return np.asarray(found[pad : pad + len(values)])
+    found = np.ascontiguousarray(np.concatenate([before, values, after]))
+    (sections, settled), columns = _sections(cutoff, step), found.reshape(len(found), -1)
+    for back in (False, True):
+        passed(sections, settled[:, :, None] * columns[-back], columns, back)
+    return found[pad : pad + len(values)]
 
 
 @functools.lru_cache(maxsize=64)

@@ -112,14 +112,15 @@ def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> float:
 
 def structured(r: Regression, fit: Fit, base: Fit) -> tuple[bool, float]:
     """Tell whether a flexible regression takes a visible part away from what a fit leaves of unseen data, and return
-    the force in per cent of the effort (RMS) that would be left then.
+    the force in per cent of the effort (RMS) that would be left then; inf where less than such a part is left.
     """
-    after = unseen_after(r, fit)
-    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: after)
-    c, gone = r.criteria, fit.error - flexible.error
-    sure = r.surely(flexible, fit) > c.flexible
-    large = gone > c.flexible_share * base.error and gone > (c.flexible_visible * r.unseen.effort) ** 2
-    return bool(sure and large), 100.0 * float(np.sqrt(flexible.error)) / max(r.unseen.effort, 1e-300)
+    c = r.criteria
+    visible = max(c.flexible_share * base.error, (c.flexible_visible * r.unseen.effort) ** 2)
+    if fit.error <= visible:
+        return False, np.inf
+    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: unseen_after(r, fit))
+    large = fit.error - flexible.error > visible
+    return large and r.surely(flexible, fit) > c.flexible, r.percent(flexible)
 
 
 def changing(r: Regression, left: Array) -> str:

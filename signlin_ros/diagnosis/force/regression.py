@@ -135,12 +135,12 @@ class Fit:
         """The laws in it."""
         return frozenset(n for n, _ in self.members)
 
-    @property
+    @functools.cached_property
     def trained(self) -> float:
         """Mean square of what is left of the data that it was fitted to."""
         return float(np.mean(self.left**2))
 
-    @property
+    @functools.cached_property
     def error(self) -> float:
         """Mean square of what is left of unseen data."""
         return float(np.mean(self.unseen**2))
@@ -293,13 +293,15 @@ def _bounded(
     """
     scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
     theta, held = np.zeros(X.shape[1]), np.zeros(X.shape[1], dtype=bool)
-    new = float(np.sqrt(np.mean(y**2))) + TINY
+    new, beyond = float(np.sqrt(np.mean(y**2))) + TINY, ~held
     for sweep in range(SWEEPS):
-        free, size = ~held, new
-        rest = y - X[:, held] @ theta[held]
-        Z = X[:, free] / scale[free]
-        A = Z.T @ Z + np.diag(np.minimum(_precision(spread, scale, size, y.size)[free], 1e12 * y.size))
-        theta[free] = np.linalg.solve(A, Z.T @ rest) / scale[free]
+        if beyond.any():
+            free = ~held
+            Z = X[:, free] / scale[free]
+            gram, side = Z.T @ Z, Z.T @ (y - X[:, held] @ theta[held])
+        size = new
+        A = gram + np.diag(np.minimum(_precision(spread, scale, size, y.size)[free], 1e12 * y.size))
+        theta[free] = np.linalg.solve(A, side) / scale[free]
         left = y - X @ theta
         new = float(np.sqrt(np.mean(left**2))) + TINY
         beyond = free & ((theta < floor) | (theta > ceiling))

@@ -189,16 +189,17 @@ class Search:
             return (1 - apart, 1 + apart)
         return (1 / (1 + step), 1 + step)
 
-    def _moved(self, f: Fit, j: int, n: str, factors: tuple[float, float]) -> Fit:
+    def _moved(self, f: Fit, j: int, n: str, factors: tuple[float, ...]) -> Fit:
         effect = self.r.laws[f.members[j][0]].effect
         least = self._slowest if n in effect.periodic[:1] else -np.inf
         for _ in range(MOVES):
-            sets = [_with(f.members, j, n, factor, effect.pars()[n]) for factor in factors]
-            tried = [self.r.fitted(one) for one in sets if dict(one[j][1])[n] >= least] or [f]
-            best = min(tried, key=lambda x: x.trained)
-            if best.trained >= f.trained * NOTHING:
+            sets = {factor: _with(f.members, j, n, factor, effect.pars()[n]) for factor in factors}
+            tried = {k: self.r.fitted(one) for k, one in sets.items() if dict(one[j][1])[n] >= least}
+            factors = tuple(k for k, g in tried.items() if g.trained < f.trained * NOTHING)
+            if not factors:
                 break
-            f = best
+            factors = (min(factors, key=lambda k: tried[k].trained),)  # the other way lies where it came from
+            f = tried[factors[0]]
         return f
 
     # ------------------------------------------------------------------ the choice
@@ -287,7 +288,7 @@ class Search:
         z = np.abs(f.theta[span]) / np.maximum(f.std[span], TINY)
         if law.parts.turning:
             return float(np.min(np.hypot(z[::2], z[1::2])))
-        if law.parts.group or law.effect.telling:
+        if law.parts.group or law.effect.telling or z.size == 1:
             return float(z[-1] if law.parts.group else np.min(z))
         at = np.arange(span.start, span.stop)[np.isfinite(f.std[span])]
         inverse = np.linalg.pinv(f.covariance[np.ix_(at, at)], hermitian=True)

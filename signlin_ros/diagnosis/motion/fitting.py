@@ -13,9 +13,7 @@ from signlin_ros.diagnosis.motion.score import level, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, extended
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate, nothing
-from signlin_ros.fitting.fit import Fit, _normal, fit, further
-from signlin_ros.fitting.following import follow_records
-from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.fit import Fit, fit, further
 from signlin_ros.fitting.narrow import narrowed
 from signlin_ros.fitting.problem import Problem
 
@@ -26,18 +24,6 @@ FEW, KEPT = 6, 2
 """Starts that are tried where an effect has many, and how many of all go on to the next gain."""
 FIRST, NEXT, LAST = 2, 4, 10
 """Steps of a fit from a start, at the middle gain, and to the end."""
-
-
-def solved(problem: Problem, c: Candidate, gains: Gains, theta: Array | None, steps: int) -> Fit | None:
-    """Return a fit at one gain; also of a model without any free parameter. None if it diverges."""
-    if c.coordinates:
-        return fit(problem, c, gains, theta, steps)
-    none = np.zeros(0)
-    found = follow_records(problem, c, none, gains, False)
-    if found is None:
-        return None
-    cost, count, gradient, hessian = _normal(problem, c, none, found)
-    return Fit(c, none, cost, count, tuple(found[0]), hessian, gains, gradient)
 
 
 @dataclass(frozen=True)
@@ -55,23 +41,25 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
     """Return a candidate fitted from the best of some starts at all gains but the highest, one after the other;
     ``check`` is called in between, and may raise.
     """
-    middle, fits, tried = problem.levels[1], list[Fit](), list[Fit]()
+    middle, tried = problem.levels[1], list[Fit]()
     for theta in starts:
         check()
-        tried += [f for f in [solved(problem, c, middle, theta, NEXT)] if f]
+        tried += [f for f in [fit(problem, c, middle, theta, NEXT)] if f]
     best = min(tried, key=_cost, default=None)
     if best is None:
         return None
-    fits = [further(problem, best, LAST) if c.coordinates else best]
+    fits = [further(problem, best, LAST)]
     for gains in problem.levels[2:]:
         check()
-        lower = solved(problem, c, gains, fits[-1].theta, LAST)
+        lower = fit(problem, c, gains, fits[-1].theta, LAST)
         if lower is None:
             break
         fits.append(lower)
     scored = [Found(f, windowed(problem, c, f.theta, f.gains), fits[-1]) for f in fits]
     found = min(scored, key=lambda one: level(one.known, problem.noise))
-    slow = solved(problem, c, found.low.gains, found.fit.theta, 0)  # on the way down a fit may lose what it had
+    if found.fit is found.low:
+        return found
+    slow = fit(problem, c, found.low.gains, found.fit.theta, 0)  # on the way down a fit may lose what it had
     return replace(found, low=slow) if slow and slow.cost < found.low.cost else found
 
 
@@ -114,11 +102,11 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit 
     candidates = [extended(problem, parts, trial, start) for start in starts]
     added = {n: v for n, v in known.items() if any(n.startswith(f"{k}.") or n == k for k in before.candidate.label)}
     ways = [added] if not before.candidate.label else [added, known]
-    first = [solved(short, c, high, c.start(way), FIRST) for c in candidates for way in ways]
+    first = [fit(short, c, high, c.start(way), FIRST) for c in candidates for way in ways]
     best = sorted((f for f in first if f), key=_cost)[:KEPT]
-    second = [solved(short, f.candidate, middle, f.theta, NEXT) for f in best]
+    second = [fit(short, f.candidate, middle, f.theta, NEXT) for f in best]
     if remembers:  # a high gain says little of what is remembered
-        second += [solved(short, c, middle, c.start(added), NEXT) for c in candidates]
+        second += [fit(short, c, middle, c.start(added), NEXT) for c in candidates]
     return min((f for f in second if f), key=_cost, default=None)
 
 
@@ -133,7 +121,7 @@ def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
     first = extended(problem, parts, trial, trial.starts[0])
     key = first.label[-1]
     starts = narrowed(problem.short, first, trial.starts, key, middle, each)
-    fits = (solved(problem, extended(problem, parts, trial, s), middle, None, LAST) for s in starts)
+    fits = (fit(problem, extended(problem, parts, trial, s), middle, None, LAST) for s in starts)
     return min((f for f in fits if f), key=_cost, default=None)
 
 
@@ -141,4 +129,4 @@ def _cost(f: Fit) -> float:
     return f.cost
 
 
-__all__ = ["Each", "Found", "bred", "climbed", "settled", "solved", "without"]
+__all__ = ["Each", "Found", "bred", "climbed", "settled", "without"]

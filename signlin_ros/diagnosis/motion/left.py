@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.motion.fitting import solved
 from signlin_ros.fitting.colour import colours
-from signlin_ros.fitting.fit import Fit
+from signlin_ros.fitting.fit import Fit, fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.problem import Problem
@@ -62,7 +61,7 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
     structure.
     """
     lowest = problem.levels[-1]
-    slow = f if f.gains is lowest else solved(problem, f.candidate, lowest, f.theta, 0)
+    slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
     lost, f = slow is None, slow or f
     shares = dependence(problem, f)
     found, result = colours(f.innovations, problem.noise), []

@@ -5,7 +5,6 @@ The state at the start of a window is estimated from the samples before it, then
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -124,17 +123,16 @@ def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> Arra
     if errors is None:
         errors = [np.sqrt(LOST) * problem.noise + np.zeros(s.y.shape) for s in problem.segments]
     group = max(1, -(-sum(len(at) - 1 for at in cuts) // BLOCKS))
-    found = []
-    for e, at in zip(errors, cuts, strict=True):
-        edges = [*at[1:-1:group], at[-1]]
-        found += [_mean_square(e[i + 1 : j + 1]) for i, j in itertools.pairwise(edges)]
-    return np.array(found)
+    edges = (np.array([*at[1:-1:group], at[-1]]) + 1 for at in cuts)
+    return np.concatenate([_mean_squares(e[: at[-1]], at[:-1]) for e, at in zip(errors, edges, strict=True)])
 
 
-def _mean_square(e: Array) -> Array:
+def _mean_squares(e: Array, begin: NDArray[np.intp]) -> Array:
+    """Return the mean squares (blocks, ny) of errors (T, ny) in blocks that ``begin`` (blocks,) at some samples."""
     there = np.isfinite(e)
-    count = there.sum(axis=0)
-    return np.where(count > 0, np.sum(np.where(there, e, 0.0) ** 2, axis=0) / np.maximum(count, 1), np.nan)
+    count = np.add.reduceat(there, begin, axis=0, dtype=float)
+    squares = np.add.reduceat(np.where(there, e, 0.0) ** 2, begin, axis=0)
+    return np.where(count > 0, squares / np.maximum(count, 1), np.nan)
 
 
 def _cuts(problem: Problem) -> list[list[int]]:
@@ -217,7 +215,7 @@ def _outputs(c: Candidate, p: Array, X: Array, u: Array) -> Array:
     """Return what the channels show (T, ny) at states (T, n) and inputs (T, m)."""
     eq, columns = c.equations, [*X.T, *u.T, *p]
     n, h, ny = X.shape[1], eq.places.h, eq.sizes[2]
-    sign = np.sign(eq.keep.batch([*columns, 0.0])[n])
+    sign = np.sign(eq.keep.batch([*columns, 0.0])[n]) if eq.sizes[5] else 1.0
     return np.asarray(eq.keep.batch([*columns, sign])[h : h + ny].T)
 
 

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.deciding import Decisions
 from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
-from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, climbed, settled, solved, without
+from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, climbed, settled, without
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.running import Progress, Running
 from signlin_ros.diagnosis.motion.score import level, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
 from signlin_ros.effects import EFFECTS
-from signlin_ros.errors import SignlinError, SimulationError
+from signlin_ros.errors import SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
-from signlin_ros.fitting.fit import Fit, tidied
+from signlin_ros.fitting.fit import Fit, fit, tidied
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.prepare import prepared, stretched
 from signlin_ros.fitting.problem import Problem
@@ -59,6 +59,7 @@ class Motion(Decisions, Running):
         super().__init__(jobs or min(os.cpu_count() or 1, 2), progress, cancelled)
         self._seen = seen or (lambda f: None)
         self._best: dict[tuple[str, ...], Fitted] = {}
+        self._asked: list[tuple[tuple[tuple[str, ...], Model | None], Fitted]] = []
         self.heard: dict[str, dict[str, float]] = {}
         self.searched: dict[tuple[str, ...], set[str]] = {}
         self._base()
@@ -91,6 +92,11 @@ class Motion(Decisions, Running):
     def base(self) -> Fitted:
         """The best fit of the model as given."""
         return self._best[()]
+
+    @functools.cached_property
+    def given(self) -> Fitted:
+        """The model as given."""
+        return self.as_it_is(self.problem.base)
 
     def _base(self) -> None:
         self.say("base model")
@@ -155,18 +161,22 @@ class Motion(Decisions, Running):
         Started from the values that ``start`` has, if it has all of them; else from those that a scan finds, one effect
         after the other, each from the values that ``start`` has of it.
         """
-        uses = start.effects.values() if start else ()
-        if start and set(effects) <= {u.type for u in uses} and (found := self._as_given(effects, start)):
-            return found
-        now = self.base
-        for name in effects:
-            now = self._with(now, [self._given(t, start) for t in trials(self.problem, [name])])
-        return now
+        uses, asked = start.effects.values() if start else (), (tuple(effects), start)
+        known = next((f for one, f in self._asked if one == asked), None)
+        if known:
+            return self.best(known)
+        found = self._as_given(effects, start) if start and set(effects) <= {u.type for u in uses} else None
+        if found is None:
+            found = self.base
+            for name in effects:
+                found = self._with(found, [self._given(t, start) for t in trials(self.problem, [name])])
+        self._asked.append((asked, found))
+        return found
 
     def stated(self, effects: Sequence[str], model: Model) -> Fitted | None:
         """Return effects with the values that a model has of them, and of its base parameters, as they are."""
-        c, theta = self._valued(effects, model)
-        f = solved(self.short, c, self.problem.levels[0], theta, 0)
+        c, theta = self.valued(effects, model)
+        f = fit(self.short, c, self.problem.levels[0], theta, 0)
         return self._told(Found(f, windowed(self.short, c, theta, f.gains), f)) if f else None
 
     def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> Fitted:
@@ -181,30 +191,22 @@ class Motion(Decisions, Running):
         found = windowed(unseen, c, theta, gains)
         return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=found)
 
-    def promises(self, before: Fitted, effects: Sequence[str], start: Model) -> bool:
-        """Tell whether effects, from the values that a model has, may be a step beyond a fit: after a few steps they
-        lower -2 log likelihood of the known records as much as two standard errors do.
-        """
-        middle = self.problem.levels[1]
-        try:
-            c, theta = self._valued(effects, start)
-        except SignlinError:
-            return False
-        one, other = solved(self.short, c, middle, theta, NEXT), before.fit
-        known = solved(self.short, other.candidate, middle, other.theta, NEXT)
-        return one is not None and (known is None or known.cost - one.cost > self.criteria.least**2)
+    def soon(self, c: Candidate, theta: Array) -> float:
+        """Return -2 log likelihood of the known records a few steps from some coordinates; inf where it diverges."""
+        f = fit(self.short, c, self.problem.levels[1], theta, NEXT)
+        return f.cost if f else np.inf
 
     def _as_given(self, effects: Sequence[str], start: Model) -> Fitted | None:
         """Return the fit of effects from the values of a model that has them all, its base parameters too."""
         if not effects:
             return self.base
-        c, theta = self._valued(effects, start)
+        c, theta = self.valued(effects, start)
         found = settled(self.short, c, [None, theta], self.check)
         held = self._held(c, theta, found)
         best = min((one for one in (found, held) if one), key=lambda one: self._level(one.known), default=None)
         return self._around(best) if best else None
 
-    def _valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
+    def valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
         """Return the candidate with some effects, and its coordinates with the values of a model that has them all."""
         c = self.base.fit.candidate
         parts = Parts.of(self.base.fit)
@@ -223,12 +225,12 @@ class Motion(Decisions, Running):
         """Return a candidate fitted from given values with the quickest observer, which keeps a motion to what was
         measured: a slower one lets it slip from one wave to the next, and the fit walks away.
         """
-        tried = (solved(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, NEXT))
+        tried = (fit(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, NEXT))
         fits = [(windowed(self.short, c, f.theta, f.gains), f) for f in tried if f]
         known, f = min(fits, key=lambda one: self._level(one[0]), default=(None, None))
         if known is None or f is None or (found and self._level(found.known) <= self._level(known)):
             return None
-        low = solved(self.short, c, self.problem.levels[-1], f.theta, NEXT)
+        low = fit(self.short, c, self.problem.levels[-1], f.theta, NEXT)
         return Found(f, known, min((one for one in (low, found and found.low) if one), key=lambda g: g.cost, default=f))
 
     def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
@@ -284,8 +286,8 @@ class Motion(Decisions, Running):
         parts, trial = Parts.of(f).without(key), Trial(use.type, ())
         candidates = [extended(self.problem, parts, trial, completed(self.problem, EFFECTS[use.type], p)) for p in near]
         plain = {n: v for n, v in f.parameters().items() if not n.startswith(f"{key}.")}
-        fits = self.each(lambda c: solved(self.short, c, middle, c.start(plain), NEXT), candidates)
-        here = solved(self.short, f.candidate, middle, f.theta, NEXT)
+        fits = self.each(lambda c: fit(self.short, c, middle, c.start(plain), NEXT), candidates)
+        here = fit(self.short, f.candidate, middle, f.theta, NEXT)
         best = min((one for one in fits if one), key=lambda one: one.cost, default=None)
         if best is None or (here and best.cost > here.cost - 1.0):
             return found
@@ -308,7 +310,7 @@ class Motion(Decisions, Running):
             return
         theta = c.start({n: v for n, v in found.fit.parameters().items() if n in {k.name for k in c.coordinates}})
         middle = self.problem.levels[1]
-        here, there = (solved(self.short, c, middle, x, n) for x, n in ((before.fit.theta, 3), (theta, 3)))
+        here, there = (fit(self.short, c, middle, x, n) for x, n in ((before.fit.theta, 3), (theta, 3)))
         if here and there and there.cost < here.cost - 1.0:
             again = settled(self.short, c, [there.theta], self.check)
             if again:
@@ -376,7 +378,7 @@ class Motion(Decisions, Running):
         but where a ``rival`` is as good as these have to be.
         """
         base, other = (
-            solved(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, 4) if one else None
+            fit(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, 4) if one else None
             for one in (of, rival)
         )
         ordered = sorted(fits, key=lambda f: f.cost)
