@@ -64,7 +64,7 @@ def written(motion: Motion, force: Testimony | None, f: Fitted, criteria: Criter
     right values.
     """
     best = motion.best(f)
-    if force is None or best.clean or not (f.effects and comparable(force, f)):
+    if force is None or near_noise(best, criteria) or not (f.effects and comparable(force, f)):
         return best
     f = min(f, best, key=lambda one: _both_left(force, one))
     fit = force.search.models.get(frozenset(f.effects))

@@ -77,10 +77,10 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
 
 def dependence(problem: Problem, f: Fit) -> Array:
     """Return which share (ny) of the squared residual of a fit follows from its own motion, on samples left out; 0 or
-    less: none; NaN where samples are too few to tell, and of a model that an extended Kalman filter follows, whose gain
-    changes.
+    less: none; NaN where samples are too few to tell. Nothing is said (0) of a model that an extended Kalman filter
+    follows, whose gain changes.
     """
-    none = np.full(len(problem.channels), np.nan)
+    none = np.zeros(len(problem.channels))
     if f.candidate.filtered:
         return none
     seen, gains, block = None, f.gains, max(int(BLOCK / problem.scale.step), LEAST)
@@ -92,7 +92,7 @@ def dependence(problem: Problem, f: Fit) -> Array:
         block, seen, gains = next(iter([*usual, *quick]), (0, None, gains))
     found = _regressors(problem, f, gains, seen, block) if block else None
     if found is None or found[1].size < ENOUGH * found[0].shape[2]:
-        return none
+        return none + np.nan
     return _predicted(found[0], found[1], found[2] % min(FOLDS, int(found[2].max()) + 1))
 
 
