@@ -7,14 +7,13 @@ witness confirms by simulation, tells richer laws of a family from simpler ones,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.fewest import Fewest
 from signlin_ros.diagnosis.force.witness import Testimony
@@ -22,22 +21,16 @@ from signlin_ros.diagnosis.measures import (
     HALF,
     acting,
     comparable,
-    force_falls,
-    force_left,
-    force_raises,
     heard,
     is_shown_to_leave_noise,
-    leaves_much,
-    not_seen,
     of_effort,
     percent,
-    sees,
-    written,
     written_left,
 )
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import tryable
+from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import joined
 
@@ -46,21 +39,34 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Agreed:
-    """What both witnesses can stand for: ``final`` beside ``base``, and why they differ, if they do.
+    """What both ``witnesses`` can stand for, ``final``, and why they differ, if they do.
 
-    ``tried``: all models that were fitted out. ``conflict``: in words, empty where they agree. ``proposed`` (force) and
-    ``found`` (motion): what each says by itself.
+    ``conflict``: in words, empty where they agree.
     """
 
-    motion: Motion
-    force: Testimony | None
-    base: Fitted
+    witnesses: Witnesses
     final: Fitted
     conflict: str = ""
-    tried: tuple[Fitted, ...] = ()
-    proposed: tuple[str, ...] = ()
-    found: tuple[str, ...] = ()
-    _left: dict[int, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def motion(self) -> Motion:
+        """The motion witness."""
+        return self.witnesses.motion
+
+    @property
+    def force(self) -> Testimony | None:
+        """The force witness; None where forces do not tell."""
+        return self.witnesses.force
+
+    @property
+    def base(self) -> Fitted:
+        """The best fit of the model as given."""
+        return self.witnesses.base
+
+    @property
+    def tried(self) -> Sequence[Fitted]:
+        """All models that were fitted out."""
+        return self.witnesses.tried
 
     def left(self, f: Fitted) -> Array | None:
         """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell: of
@@ -68,7 +74,7 @@ class Agreed:
         """
         if f is self.final and f.effects and self.force is not None and comparable(self.force, f):
             return self._written
-        return force_left(self.force, f, self._left)
+        return self.witnesses.left(f)
 
     @cached_property
     def _written(self) -> Array:
@@ -81,7 +87,7 @@ class Agreed:
         return None if left is None or self.force is None else percent(self.force, left)
 
 
-def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: int) -> Agreed:
+def agree(w: Witnesses, depth: int) -> Agreed:
     """Return what both witnesses can stand for.
 
     What the force witness proposes is fitted by simulation. Where that leaves noise, both agree. Else the motion
@@ -90,92 +96,65 @@ def agree(motion: Motion, force: Testimony | None, criteria: Criteria, depth: in
     little force is left, and seen, and none of its laws is in it, among what no force shows. Of what is as good, the
     fewest effects are stood for; and before more than noise is left, the one that leaves but noise by itself.
     """
-    left: dict[int, Array] = {}
-    tried: list[Fitted] = []
-    motion.heard = heard(force)
-    final, conflict, found = _stood_for(motion, force, criteria, depth, tried, left)
-    fewest = Fewest(motion, force, criteria, tried, left)
+    w.motion.heard = heard(w.force)
+    final, conflict = _stood_for(w, depth)
+    fewest = Fewest(w)
     final = fewest.as_good_as(final)
     whole = fewest.alone(final)
     final, conflict = (whole, "") if whole else (final, conflict)
-    proposed, final = force.effects if force else (), written(motion, force, final, criteria)
-    final = motion.base if final.effects and final.unreal else final
-    return Agreed(motion, force, motion.base, final, conflict, tuple(tried), proposed, found, left)
+    final = w.written(final)
+    return Agreed(w, w.base if final.effects and final.unreal else final, conflict)
 
 
-def _stood_for(
-    motion: Motion,
-    force: Testimony | None,
-    criteria: Criteria,
-    depth: int,
-    tried: list[Fitted],
-    left: dict[int, Array],
-) -> tuple[Fitted, str, tuple[str, ...]]:
-    """Return the model to stand for, why the witnesses differ, and what the motion witness found by itself."""
-    base, hidden = motion.base, sorted(not_seen(force))
-    first = _confirmed(motion, force, criteria, tried, left) if force and force.effects else None
+def _stood_for(w: Witnesses, depth: int) -> tuple[Fitted, str]:
+    """Return the model to stand for, and why the witnesses differ."""
+    base, force = w.base, w.force
+    first = _confirmed(w, force) if force and force.effects else None
     if first is not None and first.white:
-        return first, "", ()
-    if first is None and tried:
-        together = _together(motion, tried[0], hidden, tried, depth)
+        return first, ""
+    if first is None and w.tried:
+        together = _together(w, w.tried[0], depth)
         if together is not None:
-            return *_chosen(motion, force, [together], base, criteria, left), together.effects
-    if first is None or not _explained(force, base, first, criteria, left):
-        path = search(motion, depth, names=_searched(motion, force, criteria, left))
-        tried += [f for step in path for f in step]
-        found, options = path[-1][0], [first] if first else []
-        return *_chosen(motion, force, options, found, criteria, left), found.effects
-    found = _best_of(motion, base, hidden, tried, rival=first) or base
-    beside = _best_of(motion, first, hidden, tried, depth)
-    return *_chosen(motion, force, [f for f in (first, beside) if f], found, criteria, left), found.effects
+            return _chosen(w, [together], base)
+    if first is None or not w.explains(first):
+        path = search(w.motion, depth, names=_searched(w))
+        w.tried += [f for step in path for f in step]
+        return _chosen(w, [first] if first else [], path[-1][0])
+    found = _best_of(w, base, w.hidden, rival=first) or base
+    beside = _best_of(w, first, w.hidden, depth)
+    return _chosen(w, [f for f in (first, beside) if f], found)
 
 
-def _searched(motion: Motion, force: Testimony | None, criteria: Criteria, left: dict[int, Array]) -> list[str] | None:
+def _searched(w: Witnesses) -> list[str] | None:
     """Return the effects among which the motion witness searches, None for all of them.
 
     Where the force witness sees what the model leaves: those that it cannot see, waves, of which its band holds but
     the slower ones, and the laws that take away a visible part of it; none of these if it finds no law in a force that
     is as little as any real machine lacks.
     """
-    base = motion.base
-    if force is None or not sees(force, base, criteria, left):
+    force, share = w.force, w.percent(w.base)
+    if force is None or not w.sees(w.base):
         return None
-    share = force_left(force, base, left)
-    small = share is not None and percent(force, share) < 100.0 * criteria.large
+    small = share is not None and share < 100.0 * w.criteria.large
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
-    names = not_seen(force) | (set() if small and not force.effects else force.search.helpful | waves)
-    return [n for n in sorted(names) if tryable(motion.problem, n)]
+    names = w.hidden | (set() if small and not force.effects else force.search.helpful | waves)
+    return [n for n in sorted(names) if tryable(w.motion.problem, n)]
 
 
-def _together(motion: Motion, refused: Fitted, hidden: Sequence[str], tried: list[Fitted], depth: int) -> Fitted | None:
+def _together(w: Witnesses, refused: Fitted, depth: int) -> Fitted | None:
     """Return what the force shows, which the motion refuses by itself, with an effect beside it that no force shows,
     where both are needed: what the input lacks spoils the motion, not the force.
     """
-    both = _best_of(motion, refused, hidden, tried, depth)
-    if both is None or motion.refused(motion.base, both):
+    motion, both = w.motion, _best_of(w, refused, w.hidden, depth)
+    if both is None or motion.refused(w.base, both):
         return None
     alone = motion.fitted([n for n in both.effects if n not in refused.effects], both.model)
-    tried.append(alone)
+    w.tried.append(alone)
     return None if motion.refused(alone, both) else both
 
 
-def _explained(
-    force: Testimony | None, base: Fitted, first: Fitted, criteria: Criteria, left: dict[int, Array]
-) -> bool:
-    """Tell whether a model takes away most of a missing force that is seen."""
-    before, after = force_left(force, base, left), force_left(force, first, left)
-    if before is None or after is None or force is None or not sees(force, first, criteria, left):
-        return False
-    return not leaves_much(force, before, after, criteria)
-
-
 def _best_of(
-    motion: Motion,
-    of: Fitted,
-    names: Sequence[str],
-    tried: list[Fitted],
-    depth: int | None = None,
-    rival: Fitted | None = None,
+    w: Witnesses, of: Fitted, names: Iterable[str], depth: int | None = None, rival: Fitted | None = None
 ) -> Fitted | None:
     """Return the simplest of the best steps beyond a model with one more of some effects; None where there is none.
 
@@ -183,45 +162,37 @@ def _best_of(
     """
     if depth is not None and len(of.effects) >= depth:
         return None
-    options = motion.extensions(of, [n for n in names if tryable(motion.problem, n)], rival)
-    tried += options
-    return next(iter(motion.alike(of, options)), None)
+    options = w.motion.extensions(of, [n for n in sorted(names) if tryable(w.motion.problem, n)], rival)
+    w.tried += options
+    return next(iter(w.motion.alike(of, options)), None)
 
 
-def _chosen(
-    motion: Motion,
-    force: Testimony | None,
-    first: Sequence[Fitted],
-    second: Fitted,
-    criteria: Criteria,
-    left: dict[int, Array],
-) -> tuple[Fitted, str]:
+def _chosen(w: Witnesses, first: Sequence[Fitted], second: Fitted) -> tuple[Fitted, str]:
     """Return the model to stand for, of what force (``first``) and motion (``second``) arrived at, and why not both."""
-    base = motion.base
+    base, force = w.base, w.force
     if not first:
-        if force is not None and force.effects and _overruled(force, second, left):
-            return base, _both(force, base, second, left)
-        if second.effects and force_raises(force, base, second, criteria, left):
+        if force is not None and force.effects and _overruled(w, force, second):
+            return base, _both(w, force, second)
+        if second.effects and w.raises(base, second):
             return base, f"{_words(second)} would follow the motion, but leaves more force than the model as it is"
         if force is not None and _bent(force, second):
             return base, f"{_words(second)} would follow the motion, but by the force only with base parameters bent"
         return second, ""
     now = first[0]
     for other in (*first[1:], second):
-        if set(other.effects) != set(now.effects) and _beyond(motion, force, now, other, criteria, left):
+        if set(other.effects) != set(now.effects) and _beyond(w, now, other):
             now = other
-    g = motion.gain(now, second)
-    if now is not second and g.certainty >= criteria.certainty and g.share >= HALF and second.effects:
+    g = w.motion.gain(now, second)
+    if now is not second and g.certainty >= w.criteria.certainty and g.share >= HALF and second.effects:
         return now, f"{_words(second)} would follow the motion better than {_words(now)}, but leaves more force"
     return now, ""
 
 
-def _overruled(force: Testimony, second: Fitted, left: dict[int, Array]) -> bool:
+def _overruled(w: Witnesses, force: Testimony, second: Fitted) -> bool:
     """Tell whether a model that leaves more than noise would stand in the place of laws that take away most of the
     missing force, and does not take that away itself.
     """
-    before = force.search.base.error
-    own = force_left(force, second, left)
+    before, own = force.search.base.error, w.left(second)
     explains = own is not None and float(np.mean(own)) < HALF * before
     return not second.white and force.fit.error < HALF * before and not explains
 
@@ -232,58 +203,51 @@ def _bent(force: Testimony, second: Fitted) -> bool:
     return fit is not None and force.search.bends(fit)
 
 
-def _both(force: Testimony, base: Fitted, second: Fitted, left: dict[int, Array]) -> str:
+def _both(w: Witnesses, force: Testimony, second: Fitted) -> str:
     """Return what both witnesses say where the motion refuses what the force shows, beside the row of the base."""
-    after, shown, laws = (
-        percent(force, np.array([force.fit.error])),
-        force_left(force, base, left),
-        _listed(force.effects),
-    )
-    before = "" if shown is None else f" in place of {percent(force, shown):.3g} %"
-    told = f"by the force {laws} would leave {after:.3g} % {of_effort(force)}{before}, but the motion"
+    after, shown = percent(force, np.array([force.fit.error])), w.percent(w.base)
+    before = "" if shown is None else f" in place of {shown:.3g} %"
+    told = f"by the force {_listed(force.effects)} would leave {after:.3g} % {of_effort(force)}{before}, but the motion"
     other = f"; {_words(second)} would follow it better" if second.effects else ""
     return f"{told} that they make is not the one that was measured{other}"
 
 
-def _beyond(
-    motion: Motion, force: Testimony | None, now: Fitted, other: Fitted, criteria: Criteria, left: dict[int, Array]
-) -> bool:
+def _beyond(w: Witnesses, now: Fitted, other: Fitted) -> bool:
     """Tell whether another model is to be stood for instead: it leaves noise where this one does not, and no more of
     unseen data, or surely less of the motion, and not more of the force; what the force witness can see, it must see.
     """
-    if is_shown_to_leave_noise(other, criteria) and not now.white and other.level <= now.level:
-        return not force_raises(force, now, other, criteria, left)
-    g = motion.gain(now, other)
-    if g.worsens(criteria.worse, criteria.alike) or force_raises(force, now, other, criteria, left):
+    if is_shown_to_leave_noise(other, w.criteria) and not now.white and other.level <= now.level:
+        return not w.raises(now, other)
+    c, g = w.criteria, w.motion.gain(now, other)
+    if g.worsens(c.worse, c.alike) or w.raises(now, other):
         return False
-    surely = g.certainty >= criteria.certainty and g.share >= criteria.share
-    if not surely or not sees(force, now, criteria, left):
+    surely = g.certainty >= c.certainty and g.share >= c.share
+    if not surely or not w.sees(now):
         return surely
     added = set(other.effects) - set(now.effects)
     if any(find_effect(name, "effects").floating for name in added):
         return False  # a load that floats follows any motion; only what leaves noise is one
-    return added <= not_seen(force) or force_falls(force, now, other, criteria, left)
+    return added <= w.hidden or w.falls(now, other)
 
 
-def _confirmed(
-    motion: Motion, force: Testimony, criteria: Criteria, tried: list[Fitted], left: dict[int, Array]
-) -> Fitted | None:
-    """Return the model that the force witness proposes, fitted by simulation; None where the motion refuses it."""
-    choice = Choice(motion, force, criteria, tried, left)
+def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
+    """Return the model that the force witness proposes, fitted by simulation, or with the values of the force, where
+    it alone knows them and the motion is surely better for it; None where the motion refuses it.
+    """
+    c, motion, choice = w.criteria, w.motion, Choice(w, force)
     found = choice.simulated(force.fit)
     if found is None:
         return None
-    stated = written(motion, force, found, criteria) if found.vague(criteria) else found
-    known = stated is not found and motion.gain(motion.base, stated).certainty >= criteria.certainty
-    found = stated if known else found  # the force knows these values
-    g = motion.gain(motion.base, found)
-    falls = 0.0 if _explained(force, motion.base, found, criteria, left) else criteria.least
-    if g.certainty < falls or g.worsens(criteria.worse, criteria.alike):
+    stated = w.written(found) if found.vague(c) else found
+    known = stated is not found and motion.gain(w.base, stated).certainty >= c.certainty
+    found = stated if known else found
+    g = motion.gain(w.base, found)
+    if g.certainty < (0.0 if w.explains(found) else c.least) or g.worsens(c.worse, c.alike):
         return None
-    if not known and found.vague(criteria):
+    if not known and found.vague(c):
         plain = motion.plainer(found)
-        tried += plain
-        sound = motion.alike(motion.base, plain)
+        w.tried += plain
+        sound = motion.alike(w.base, plain)
         if not sound:
             return None
         found = sound[0]

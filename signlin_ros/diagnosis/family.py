@@ -7,38 +7,33 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.measures import (
-    HALF,
-    force_falls,
-    force_left,
-    force_raises,
-    is_shown_to_leave_noise,
-    near_noise,
-    sees,
-    with_laws,
-    within,
-)
+from signlin_ros.diagnosis.measures import HALF, is_shown_to_leave_noise, near_noise, with_laws, within
 from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Both witnesses of a choice among laws. ``tried``: keeps what is fitted; ``left``: the forces left, by model."""
+    """Both witnesses of a choice among laws; ``force``: that one of them."""
 
-    motion: Motion
+    witnesses: Witnesses
     force: Testimony
-    criteria: Criteria
-    tried: list[Fitted]
-    left: dict[int, Array]
+
+    @property
+    def motion(self) -> Motion:
+        """The motion witness."""
+        return self.witnesses.motion
+
+    @property
+    def criteria(self) -> Criteria:
+        """What decides."""
+        return self.witnesses.criteria
 
     @property
     def imposed(self) -> bool:
@@ -63,7 +58,7 @@ class Choice:
             found = self.motion.fitted(names, model)
         except SignlinError:
             return None
-        self.tried.append(found)
+        self.witnesses.tried.append(found)
         return found
 
     # ------------------------------------------------------------ a richer law of the same family
@@ -92,7 +87,7 @@ class Choice:
         """Return the laws that the motion should be asked of in place of ``name``: where the force is seen, those that
         take a visible part of it away, or the best of them to compare with; not far above the noise all of them.
         """
-        if self.imposed or not self._sees(found) or within(found, self.criteria.complete):
+        if self.imposed or not self.witnesses.sees(found) or within(found, self.criteria.complete):
             return list(richer)
         models, names = self.force.search.models, frozenset(found.effects)
         errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
@@ -104,7 +99,7 @@ class Choice:
 
     def _asked_for(self, found: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
         better = self.motion.alike(found, options)
-        if not self._sees(found):
+        if not self.witnesses.sees(found):
             return better
         return [one for one in better if self.completes(found, one) or self._shows(found, one)]
 
@@ -118,13 +113,9 @@ class Choice:
         """Tell whether a richer law surely takes away force, and a visible part of all that is missing, not of a
         remainder.
         """
-        a, b = (force_left(self.force, f, self.left) for f in (before, after))
+        a, b = (self.witnesses.left(f) for f in (before, after))
         gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
-        surely = force_falls(self.force, before, after, self.criteria, self.left)
-        return surely and gone > self.criteria.each * self.force.search.base.error
-
-    def _sees(self, found: Fitted) -> bool:
-        return sees(self.force, found, self.criteria, self.left)
+        return self.witnesses.falls(before, after) and gone > self.criteria.each * self.force.search.base.error
 
     def _single(self) -> set[str]:
         return {next(iter(n)) for n in self.force.search.models if len(n) == 1}
@@ -161,8 +152,7 @@ class Choice:
         visible = [
             one
             for one in options
-            if not force_raises(self.force, found, one, c, self.left)
-            and np.any(before - np.nanmean(one.unseen_squares, axis=0) > shown)
+            if not self.witnesses.raises(found, one) and np.any(before - np.nanmean(one.unseen_squares, axis=0) > shown)
         ]
         gains = [(one, motion.gain(found, one)) for one in visible if not one.vague(c)]
         halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.least]

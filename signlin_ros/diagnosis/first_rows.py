@@ -17,10 +17,11 @@ from signlin_ros.diagnosis.case import Case, case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.equations import depends_on_place
 from signlin_ros.diagnosis.force.witness import Testimony, hear
-from signlin_ros.diagnosis.measures import comparable, force_left, noise_percent, percent, written_left
+from signlin_ros.diagnosis.measures import comparable, noise_percent, percent, written_left
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.score import of_windows
 from signlin_ros.diagnosis.results import Rung, Scores
+from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import load_entry_points
 from signlin_ros.fitting.prepare import prepared
 from signlin_ros.fitting.problem import Problem
@@ -127,9 +128,8 @@ class Rows:
 
     def first(self) -> FirstRows:
         """Return the first rows."""
-        motion, force = self.motion, self.force
-        left = force_left(force, motion.base, {})
-        share = None if left is None or force is None else percent(force, left)
+        motion = self.motion
+        share = Witnesses(motion, self.force, motion.criteria).percent(motion.base)
         horizon = float(max(motion.problem.base.update_period, 2 * motion.problem.scale.step))
         return FirstRows(self.as_it_is(motion.given), self.of(motion.base, share), horizon)
 

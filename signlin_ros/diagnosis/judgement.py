@@ -23,7 +23,6 @@ from signlin_ros.diagnosis.measures import (
     near_any_noise,
     near_noise,
     noise_percent,
-    sees,
     written_left,
 )
 from signlin_ros.diagnosis.motion import Fitted
@@ -89,7 +88,7 @@ class Judgement:
     @property
     def sees(self) -> bool:
         """Whether the force witness can tell what is in the force that is left."""
-        return sees(self.agreed.force, self.final, self.criteria, self.agreed._left)
+        return self.agreed.witnesses.sees(self.final)
 
     @cached_property
     def structure(self) -> tuple[bool, float]:

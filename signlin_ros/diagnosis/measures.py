@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.equations import depends_on_place
 from signlin_ros.diagnosis.force.record import effort_gain
-from signlin_ros.diagnosis.force.regression import APART, TINY, Fit, mean_certainty, scaling
+from signlin_ros.diagnosis.force.regression import APART, Fit
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.trials import free_key
@@ -33,20 +33,6 @@ def of_effort(force: Testimony | None) -> str:
     return "of the inertial force" if free else "of the effort"
 
 
-def force_left(force: Testimony | None, f: Fitted, known: dict[int, Array]) -> Array | None:
-    """Return the mean squared force (blocks,) that a set of effects leaves of unseen data; None where forces do not
-    tell: with the values that the motion gave or those that the force gave, whichever leave less. So that what is held
-    against a set is the best of it.
-    """
-    if force is None or not comparable(force, f):
-        return None
-    if id(f) not in known:
-        left, own = written_left(force, f), force.search.models.get(acting(force, f))
-        better = own is not None and own.error < float(np.mean(left))
-        known[id(f)] = force.search.r.unseen.by_block(own.unseen) if own and better else left
-    return known[id(f)]
-
-
 def written_left(force: Testimony, f: Fitted) -> Array:
     """Return the mean squared force (blocks,) that a model leaves of unseen data, with the values that are written in
     it, in the size of the effort as given. Effort and motion may be stamped apart by half a sample.
@@ -56,32 +42,6 @@ def written_left(force: Testimony, f: Fitted) -> Array:
     late = r.unseen.X[:, -1]
     left = left - late * np.clip(float(late @ left) / max(float(late @ late), 1e-300), -APART, APART)
     return r.unseen.by_block(left)
-
-
-def written(motion: Motion, force: Testimony | None, f: Fitted, criteria: Criteria) -> Fitted:
-    """Return the best model with some effects: with the values that the motion gave, or with those that the force gave,
-    where these leave less force beyond doubt, and less of both together. What leaves but noise of the motion has the
-    right values.
-    """
-    best = motion.best(f)
-    if force is None or near_noise(best, criteria) or not (f.effects and comparable(force, f)):
-        return best
-    f = min(f, best, key=lambda one: _both_left(force, one))
-    fit = force.search.models.get(frozenset(f.effects))
-    if fit is None:
-        return f
-    model = with_laws(force, fit)
-    untold = set(f.model.plant.pars()) - {*force.search.r.base.names, *scaling(force.search.r.current)}
-    model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
-    stated = motion.stated([n for n, _ in fit.members], model)
-    if stated is None or mean_certainty(written_left(force, f), written_left(force, stated)) < criteria.certainty:
-        return f
-    return min(f, stated, key=lambda one: _both_left(force, one))
-
-
-def _both_left(force: Testimony, f: Fitted) -> float:
-    """Return the sum of the logarithms of what a model leaves of the force and of every channel of the motion."""
-    return f.level + float(np.log(np.mean(written_left(force, f)) + TINY))
 
 
 def leaves_noise(f: Fitted, criteria: Criteria) -> bool:
@@ -129,12 +89,6 @@ def noise_percent(force: Testimony) -> float:
     """Return what the sensors' noise leaves of a force, in per cent of the effort (RMS)."""
     unseen = force.search.r.unseen
     return 100.0 * float(np.sqrt(unseen.noise)) / max(unseen.effort, 1e-300)
-
-
-def sees(force: Testimony | None, f: Fitted, criteria: Criteria, known: dict[int, Array]) -> bool:
-    """Tell whether the force witness can tell what is in the force that a model leaves."""
-    left = force_left(force, f, known)
-    return left is not None and force is not None and percent(force, left) > criteria.sees * noise_percent(force)
 
 
 def leaves_much(force: Testimony, before: Array, after: Array, criteria: Criteria) -> bool:
@@ -199,27 +153,6 @@ def not_seen(force: Testimony | None) -> set[str]:
     return {n for n in EFFECTS if force is None or n not in force.search.r.laws}
 
 
-def force_falls(
-    force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]
-) -> bool:
-    """Tell whether a model leaves surely less force than another one."""
-    a, b = force_left(force, before, left), force_left(force, after, left)
-    return a is None or b is None or mean_certainty(a, b) >= criteria.certainty
-
-
-def force_raises(
-    force: Testimony | None, before: Fitted, after: Fitted, criteria: Criteria, left: dict[int, Array]
-) -> bool:
-    """Tell whether a model leaves more force than another one, beyond doubt, and so that it shows: more than the
-    sensors' noise.
-    """
-    a, b = force_left(force, before, left), force_left(force, after, left)
-    if a is None or b is None or force is None:
-        return False
-    shows = float(np.mean(b)) > max((1 + criteria.alike) ** 2 * float(np.mean(a)), force.search.r.unseen.noise)
-    return shows and mean_certainty(a, b) < -criteria.tie
-
-
 def with_laws(force: Testimony, fit: Fit) -> Model:
     """Return the model with the laws of a fit of the force witness, all values as found there."""
     r, model = force.search.r, force.search.r.model
@@ -248,9 +181,6 @@ __all__ = [
     "acting",
     "changes_effort",
     "comparable",
-    "force_falls",
-    "force_left",
-    "force_raises",
     "heard",
     "is_shown_to_leave_noise",
     "leaves_much",
@@ -261,9 +191,7 @@ __all__ = [
     "not_seen",
     "of_effort",
     "percent",
-    "sees",
     "with_laws",
     "within",
-    "written",
     "written_left",
 ]

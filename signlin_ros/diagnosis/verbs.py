@@ -16,6 +16,7 @@ from signlin_ros.diagnosis.measures import with_laws
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.told import told
+from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError, SignlinError
 from signlin_ros.model import Model
@@ -50,7 +51,7 @@ def diagnose(
     motion = motion_witness(prepared, jobs, tell, cancelled, criteria, seen)
     force = force_witness(prepared, motion, tell, criteria, seen)
     tell("motion with what the force shows" if force and force.effects else "motion")
-    agreed = agree(motion, force, criteria, criteria.most)
+    agreed = agree(Witnesses(motion, force, criteria), criteria.most)
     return told(judge(prepared, agreed, criteria))
 
 
@@ -111,7 +112,7 @@ def add(
     force = force_witness(prepared, motion, tell, criteria, seen)
     tell(f"motion with {effect.replace('_', ' ')}")
     final = _asked(motion, force, effect)
-    agreed = Agreed(motion, force, motion.base, final, tried=(final,), proposed=(effect,), found=(effect,))  # asked for
+    agreed = Agreed(Witnesses(motion, force, criteria, [final]), final)  # asked for
     return told(judge(prepared, agreed, criteria), asked=effect)
 
 

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis import agreement, family, fewest, judgement, words
+from signlin_ros.diagnosis import agreement, family, fewest, judgement, witnesses, words
 from signlin_ros.diagnosis.agreement import Agreed, agree
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import acting, comparable
 from signlin_ros.diagnosis.motion.score import elsewhere, gain
+from signlin_ros.diagnosis.witnesses import Witnesses
 
 BLOCKS, NOISE, EFFORT, SPREAD = 40, 0.1, 10.0, 9.0
 
@@ -120,7 +121,7 @@ def force_witness(
 
 @pytest.fixture(autouse=True)
 def what_is_written_leaves_what_it_leaves(monkeypatch):
-    for module in (agreement, judgement):
+    for module in (agreement, judgement, witnesses):
         monkeypatch.setattr(module, "written_left", lambda force, f: around(f.force, 0))
 
 
@@ -129,12 +130,16 @@ def left(*fits: Fit) -> dict[int, np.ndarray]:
     return {id(f): around(f.force, 3 * k) for k, f in enumerate(fits)}
 
 
+def both(motion: Any, force: Any, *fits: Fit) -> Witnesses:
+    return Witnesses(motion, force, DEFAULT, [], left(*fits))
+
+
 def chosen(force: Any, base: Fit, first: list[Fit], second: Fit) -> tuple[Fit, str]:
-    return agreement._chosen(Motion(base), force, first, second, DEFAULT, left(base, *first, second))
+    return agreement._chosen(both(Motion(base), force, base, *first, second), first, second)
 
 
 def choice(force: Any, squares: dict[int, np.ndarray], motion: Any = None) -> Choice:
-    return Choice(motion, force, DEFAULT, [], squares)
+    return Choice(Witnesses(motion, force, DEFAULT, [], squares), force)
 
 
 BASE = Fit((), (3.0,), 2.0)
@@ -144,7 +149,7 @@ LAWS = ("coulomb_friction", "stribeck_friction", "gravity_load")
 def test_a_silent_force_witness_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
     monkeypatch.setattr(agreement, "search", lambda motion, depth, names=None: [[motion.base], [second]])
-    found = agree(Motion(BASE), None, DEFAULT, 3)
+    found = agree(Witnesses(Motion(BASE), None, DEFAULT), 3)
     assert found.final is second
     assert found.conflict == ""
     assert found.percent(second) is None
@@ -206,7 +211,7 @@ def test_a_richer_model_that_gains_nothing_gains_nothing():
 
 
 def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", given: Fit | None = None) -> Judgement:
-    agreed = Agreed(Motion(base, given), force, base, final, conflict, (), (), (), left(base, final))
+    agreed = Agreed(both(Motion(base, given), force, base, final), final, conflict)
     steps = (base, final) if final is not base else (base,)
     plant = SimpleNamespace(motion_is_imposed=lambda: False)
     case: Any = SimpleNamespace(rotary=True, model=SimpleNamespace(plant=plant), known=(), unseen=())
@@ -497,7 +502,7 @@ def any_effect(monkeypatch):
 def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_alone():
     motion = with_limit(together=0.3, limit=1.0)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    both = agreement._together(motion, tried[0], ["input_saturation"], tried, 3)
+    both = agreement._together(Witnesses(motion, None, DEFAULT, tried), tried[0], 3)
     assert both is motion.fits[frozenset({"coulomb_friction", "input_saturation"})]
     assert motion.asked == [("input_saturation",)]
 
@@ -507,7 +512,7 @@ def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_
 def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
     motion = with_limit(together=0.3, limit=limit)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    assert agreement._together(motion, tried[0], ["input_saturation"], tried, 3) is None
+    assert agreement._together(Witnesses(motion, None, DEFAULT, tried), tried[0], 3) is None
 
 
 @pytest.fixture
@@ -522,7 +527,7 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     monkeypatch.setattr(Refusing, "as_good", lambda self, best, f: f.rms[0] <= 1.01 * best.rms[0], raising=False)
     monkeypatch.setattr(Fit, "size", property(lambda f: 1), raising=False)
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
-    return fewest.Fewest(motion, None, DEFAULT, [], {}).alone(final)
+    return fewest.Fewest(Witnesses(motion, None, DEFAULT)).alone(final)
 
 
 @pytest.mark.usefixtures("any_effect")
@@ -561,7 +566,7 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
     """For all that there is where the force is not seen; for no law where there is little force, and none found."""
     force = force_witness(*LAWS, helpful=("stribeck_friction",))
     squares = {id(BASE): np.full(BLOCKS, (share * EFFORT) ** 2)}
-    names = agreement._searched(Motion(BASE), force, DEFAULT, squares)
+    names = agreement._searched(Witnesses(Motion(BASE), force, DEFAULT, [], squares))
     assert (names is None) == (laws is None)
     assert names is None or (set(names) & set(LAWS) == laws and {"input_delay", "sensor_offset"} <= set(names))
 
@@ -570,13 +575,13 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
 def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is():
     force = force_witness(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
     squares = {id(BASE): np.full(BLOCKS, (0.04 * EFFORT) ** 2)}
-    assert "coulomb_friction" in (agreement._searched(Motion(BASE), force, DEFAULT, squares) or ())
+    assert "coulomb_friction" in (agreement._searched(Witnesses(Motion(BASE), force, DEFAULT, [], squares)) or ())
 
 
 @pytest.mark.parametrize(("seen", "apart"), [(True, 10.0), (False, 10.0), (True, 3.0)])
 def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, apart, monkeypatch):
     """And of the best rival; where the force is not seen, or the motion not far above the noise, of all."""
-    monkeypatch.setattr(family, "sees", lambda *_: seen)
+    monkeypatch.setattr(Witnesses, "sees", lambda *_: seen)
     errors = {"coulomb_friction": 1.0, "stribeck_friction": 0.5, "lugre_friction": 0.9, "dahl_presliding": 0.995}
     force = force_witness(*LAWS)
     force.search.models = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}
