@@ -96,11 +96,13 @@ class Judgement:
         force = self.agreed.force
         if force is None or self.percent is None:
             return False, np.inf
+        r, search = force.search.r, force.search
         if acting(force, self.final) == set(force.effects):
             return force.structure, force.flexible
-        r = force.search.r
+        if not self.names:
+            return structured(r, search.base, search.base)
         left, unseen = (s.missing(self.final.model) for s in (r.known, r.unseen))
-        return structured(r, Fit((("final", ()),), np.zeros(0), left, lambda: unseen), force.search.base)
+        return structured(r, Fit((("final", ()),), np.zeros(0), left, lambda: unseen), search.base)
 
     @cached_property
     def changing(self) -> str:

@@ -127,7 +127,7 @@ def remainder(j: Judgement) -> str:
     if j.percent is None or not j.sees or not j.noise_percent:
         return ""
     left, (flexible, after) = f" What is left is {_digits(j.percent)} % {of_effort(j.agreed.force)}", j.structure
-    if flexible:
+    if flexible and after < (1 - j.criteria.alike) * j.percent:
         return f"{left}; a flexible curve would leave {_digits(after)} %: {LEARN}."
     if j.changing:
         return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
