@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -261,8 +262,7 @@ class Judgement:
 
     def without(self, effect: str) -> Fitted:
         """Return the best fit without one effect of the proposal: what removing it costs."""
-        rest = [n for n in self.names if n != effect]
-        return self.agreed.motion.fitted(rest, self.final.model) if rest else self.agreed.base
+        return _part(self.agreed, [n for n in self.names if n != effect])
 
     def left(self, f: Fitted) -> Array | None:
         """Return the mean squared force (blocks,) that a model leaves of unseen data."""
@@ -274,12 +274,20 @@ def judge(case: Case, agreed: Agreed, criteria: Criteria) -> Judgement:
     final, motion = agreed.final, agreed.motion
     steps = [agreed.base]
     for k in range(1, len(final.effects)):
-        part = motion.fitted(final.effects[:k], final.model)
-        if not motion.gain(steps[-1], part).worsens(criteria.worse, criteria.alike):
+        part = _part(agreed, final.effects[:k])
+        if part.effects and not motion.gain(steps[-1], part).worsens(criteria.worse, criteria.alike):
             steps.append(part)
     if final.effects:
         steps.append(final)
     return Judgement(case, agreed, criteria, final, tuple(steps))
+
+
+def _part(agreed: Agreed, names: Sequence[str]) -> Fitted:
+    """Return the best fit of some of the effects that are stood for; the base where it diverges without the others."""
+    try:
+        return agreed.motion.fitted(names, agreed.final.model) if names else agreed.base
+    except SignlinError:
+        return agreed.base
 
 
 __all__ = ["Judgement", "judge"]
