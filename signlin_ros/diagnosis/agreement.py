@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.family import Choice
-from signlin_ros.diagnosis.fewest import Fewest
+from signlin_ros.diagnosis.fewest import alone, as_good_as
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.measures import (
     HALF,
-    acting,
     comparable,
     heard,
     is_shown_to_leave_noise,
@@ -31,7 +30,7 @@ from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import tryable
 from signlin_ros.diagnosis.witnesses import Witnesses
-from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import joined
 
 Array = NDArray[np.float64]
@@ -98,11 +97,9 @@ def agree(w: Witnesses, depth: int) -> Agreed:
     """
     w.motion.heard = heard(w.force)
     final, conflict = _stood_for(w, depth)
-    fewest = Fewest(w)
-    final = fewest.as_good_as(final)
-    whole = fewest.alone(final)
-    final, conflict = (whole, "") if whole else (final, conflict)
-    final = w.written(final)
+    final = as_good_as(w, final)
+    whole = alone(w, final)
+    final, conflict = (w.written(whole), "") if whole else (w.written(final), conflict)
     return Agreed(w, w.base if final.effects and final.unreal else final, conflict)
 
 
@@ -175,8 +172,6 @@ def _chosen(w: Witnesses, first: Sequence[Fitted], second: Fitted) -> tuple[Fitt
             return base, _both(w, force, second)
         if second.effects and w.raises(base, second):
             return base, f"{_words(second)} would follow the motion, but leaves more force than the model as it is"
-        if force is not None and _bent(force, second):
-            return base, f"{_words(second)} would follow the motion, but by the force only with base parameters bent"
         return second, ""
     now = first[0]
     for other in (*first[1:], second):
@@ -197,12 +192,6 @@ def _overruled(w: Witnesses, force: Testimony, second: Fitted) -> bool:
     return not second.white and force.fit.error < HALF * before and not explains
 
 
-def _bent(force: Testimony, second: Fitted) -> bool:
-    """Tell whether what the motion found takes away force only with a base parameter moved beyond its tolerance."""
-    fit = force.search.models.get(acting(force, second))
-    return fit is not None and force.search.bends(fit)
-
-
 def _both(w: Witnesses, force: Testimony, second: Fitted) -> str:
     """Return what both witnesses say where the motion refuses what the force shows, beside the row of the base."""
     after, shown = percent(force, np.array([force.fit.error])), w.percent(w.base)
@@ -221,13 +210,9 @@ def _beyond(w: Witnesses, now: Fitted, other: Fitted) -> bool:
     c, g = w.criteria, w.motion.gain(now, other)
     if g.worsens(c.worse, c.alike) or w.raises(now, other):
         return False
-    surely = g.certainty >= c.certainty and g.share >= c.share
-    if not surely or not w.sees(now):
-        return surely
-    added = set(other.effects) - set(now.effects)
-    if any(find_effect(name, "effects").floating for name in added):
-        return False  # a load that floats follows any motion; only what leaves noise is one
-    return added <= w.hidden or w.falls(now, other)
+    if g.certainty < c.certainty or not w.sees(now):
+        return g.certainty >= c.certainty
+    return set(other.effects) - set(now.effects) <= w.hidden or w.falls(now, other)
 
 
 def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:

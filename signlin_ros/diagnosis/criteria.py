@@ -15,13 +15,9 @@ class Criteria:
     and each step chooses the best of them."""
     least: float = 2.0
     """Standard errors by which it lowers it on unseen data by themselves, where known and unseen data together tell."""
-    share: float = 0.05
-    """Least part of the squared error beyond the sensors' noise that one effect takes away,"""
     each: float = 0.02
-    """and so much more for each parameter beyond its first; of all the force that is missing where a simpler law of its
-    family stands in its place."""
-    visible: float = 0.003
-    """Least part of the effort (RMS) that a force takes away: no sensor of an effort is better."""
+    """Least part of the squared force left without it that a law takes away for each of its parameters, and of all that
+    is missing where a simpler law of its family stands in its place."""
     small: float = 0.002
     """Least part of the missing squared force that a law takes away where what is left is not told from noise;
     elsewhere it is `each`: beside a remainder a smaller part has no name."""
@@ -47,10 +43,6 @@ class Criteria:
     # ------------------------------------------------------------ what is known beforehand
     far: float = 5.0
     """Tolerances by which a base parameter may be off before that is told first."""
-    bent: float = 2.5
-    """Tolerances by which a base parameter may move for the sake of a law,"""
-    bent_share: float = 0.05
-    """where it carries at least this part of the effort."""
 
     # ------------------------------------------------------------ what can be seen
     noise: float = 0.0175
@@ -63,8 +55,6 @@ class Criteria:
     # ------------------------------------------------------------ what counts as left over
     near: float = 2.0
     """Times the sensors' noise beneath which the windows of a model are near it: what is left must be noise then."""
-    complete: float = 5.0
-    """Times that noise from which on no other law of a family makes a model complete: it need not be tried."""
     dependent: float = 0.02
     """Part of the squared residual that follows from the model's own motion. Right models leave 0.007 at most."""
     flexible: float = 3.0

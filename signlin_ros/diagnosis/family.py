@@ -11,7 +11,7 @@ import numpy as np
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.measures import HALF, is_shown_to_leave_noise, near_noise, with_laws, within
+from signlin_ros.diagnosis.measures import HALF, with_laws
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.errors import SignlinError
@@ -65,7 +65,7 @@ class Choice:
 
     def in_family(self, found: Fitted) -> Fitted:
         """Return a model with a richer law of the same family in place of one, where the motion surely asks for it, and
-        the force too, if it is seen; or where it completes the model.
+        the force too, if it is seen.
         """
         laws = self.force.search.r.laws
         for name in found.effects:
@@ -85,9 +85,9 @@ class Choice:
 
     def worth_it(self, found: Fitted, name: str, richer: Sequence[str]) -> list[str]:
         """Return the laws that the motion should be asked of in place of ``name``: where the force is seen, those that
-        take a visible part of it away, or the best of them to compare with; not far above the noise all of them.
+        take a visible part of it away, or the best of them to compare with.
         """
-        if self.imposed or not self.witnesses.sees(found) or within(found, self.criteria.complete):
+        if self.imposed or not self.witnesses.sees(found):
             return list(richer)
         models, names = self.force.search.models, frozenset(found.effects)
         errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
@@ -101,13 +101,7 @@ class Choice:
         better = self.motion.alike(found, options)
         if not self.witnesses.sees(found):
             return better
-        return [one for one in better if self.completes(found, one) or self._shows(found, one)]
-
-    def completes(self, before: Fitted, after: Fitted) -> bool:
-        """Tell whether a model leaves nothing but noise of the motion, and near it, where another one does not: what
-        tells them apart may be too short for the force.
-        """
-        return not before.white and is_shown_to_leave_noise(after, self.criteria) and near_noise(after, self.criteria)
+        return [one for one in better if self._shows(found, one)]
 
     def _shows(self, before: Fitted, after: Fitted) -> bool:
         """Tell whether a richer law surely takes away force, and a visible part of all that is missing, not of a

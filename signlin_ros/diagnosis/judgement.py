@@ -143,17 +143,12 @@ class Judgement:
     def no_better(self) -> bool:
         """Whether unseen data do not surely show the proposal to be better than the model as given, as its row shows,
         in force or in motion: what is gained beside a base that was refitted, and does not carry over, is nothing
-        gained. Not so where the proposal follows all data to about the noise, and the model as given does not: it was
-        fitted to none of them, and the unseen ones hold nothing of what is missing.
+        gained.
         """
         motion, force, least = self.agreed.motion, self.agreed.force, self.criteria.least
         if self.beside_given.certainty > least:
             return False
         given, final = motion.given, self.final
-        near = self.criteria.near * motion.problem.noise
-        follows = [bool(np.all(np.sqrt(np.nanmean(f.known_squares, axis=0)) < near)) for f in (given, final)]
-        if follows == [False, True] and near_noise(final, self.criteria):
-            return False
         if force is None or not (comparable(force, given) and comparable(force, final)):
             return True
         return mean_certainty(written_left(force, given), written_left(force, final)) <= least
@@ -195,7 +190,7 @@ class Judgement:
             return "once"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
-        if self.sees or self.small:
+        if self.sees:
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             near = near_noise(self.final, self.criteria)
             if large and self.elsewhere:
@@ -212,23 +207,12 @@ class Judgement:
     @property
     def within_noise(self) -> bool:
         """Whether all that is shown is within the sensors' noise: the force, and the motion over the horizon. What is
-        slower than that, as what noise in the input makes, is in neither. Several effects that leave structure all the
-        same imitate another.
+        slower than that, as what noise in the input makes, is in neither. Effects that leave structure all the same
+        imitate another.
         """
-        if len(self.names) > 1:
+        if self.names:
             return False
         return self.percent is not None and self.percent <= self.noise_percent and near_noise(self.final, self.criteria)
-
-    @cached_property
-    def small(self) -> bool:
-        """Whether the model as it is leaves as little as any real machine lacks, seen or not: of the force beside the
-        effort, and of every channel over the horizon beside what it varies by.
-        """
-        unseen, most = self.agreed.motion.unseen, self.criteria.large
-        if self.names or self.percent is None or self.percent > 100.0 * most:
-            return False
-        fits = [one.fit_percent for one in of_windows(unseen, self.final.unseen_squares, unseen.noise).values()]
-        return all(fit is not None and fit >= 100.0 * (1.0 - most) for fit in fits)
 
     @property
     def little(self) -> bool:

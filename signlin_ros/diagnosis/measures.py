@@ -64,12 +64,7 @@ def near_noise(f: Fitted, criteria: Criteria) -> bool:
     """Tell whether a model predicts every channel to about its sensor's noise: what is left then tells by itself
     whether the model is complete. Far above it any real drive lacks more than one thing.
     """
-    return within(f, criteria.near)
-
-
-def within(f: Fitted, times: float) -> bool:
-    """Tell whether a model predicts every channel to less than so many times its sensor's noise."""
-    return bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < times * f.noise))
+    return bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < criteria.near * f.noise))
 
 
 def near_any_noise(motion: Motion, f: Fitted, criteria: Criteria) -> bool:
@@ -192,6 +187,5 @@ __all__ = [
     "of_effort",
     "percent",
     "with_laws",
-    "within",
     "written_left",
 ]

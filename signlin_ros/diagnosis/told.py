@@ -192,7 +192,7 @@ def _by_force(j: Judgement, name: str, tie: tuple[str, ...]) -> Entry:
     a, b = j.agreed.percent(j.agreed.base) or force.percent(force.search.base), force.percent(fit)
     why = f"alone it leaves {b:.3g} % {of_effort(force)} on unseen data, the model without it {a:.3g} %"
     effect = find_effect(name, "effects")
-    unseen = effect.only_beyond and b > a - 100.0 * j.criteria.visible
+    unseen = effect.only_beyond and b > (1.0 - j.criteria.alike) * a
     return Entry(
         name,
         "not_excited" if unseen else "rejected",

@@ -191,7 +191,7 @@ def why_not(j: Judgement, f: Fitted) -> str:
     """Return why an effect that was tried alone is not named."""
     why = j.agreed.motion.refused(j.agreed.base, f)
     if why:
-        return f"on unseen data {why}" if why.startswith(("the error of", "it takes away")) else why
+        return f"on unseen data {why}" if why.startswith("the error of") else why
     a, b = j.agreed.percent(j.agreed.base), j.agreed.percent(f)
     if a is not None and b is not None and b > a:
         return f"it leaves {_digits(b)} % {of_effort(j.agreed.force)}, the model as it is {_digits(a)} %"

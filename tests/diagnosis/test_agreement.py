@@ -331,14 +331,6 @@ def test_what_is_gained_beside_a_refitted_base_alone_is_nothing_gained(rms, forc
         )
 
 
-@pytest.mark.parametrize(("fitted", "verdict"), [(30 * NOISE, "missing"), (NOISE, "unexplained")])
-def test_what_unseen_data_hold_nothing_of_is_missing_where_it_alone_follows_the_others(fitted, verdict):
-    """A voltage that was limited in the first record and never in the second: the model as given follows that."""
-    given = Fit((), (NOISE,), 0.005, known=(fitted,))
-    final = Fit(("input_saturation",), (NOISE,), 0.005, white=True)
-    assert judged(final, given=given).verdict == verdict
-
-
 @pytest.mark.parametrize(("tested", "verdict"), [(True, "adequate"), (False, "unexplained")])
 def test_a_large_force_is_noise_only_if_that_was_tested(tested, verdict):
     """Some two hundred samples of a damper, 42 % of whose force was left and "nothing was missing"."""
@@ -385,13 +377,6 @@ def test_what_follows_nothing_is_not_adequate_however_noisy_its_channel():
 def test_a_large_force_that_nothing_takes_away_is_not_adequate():
     odd = Fit((), (3.0,), 0.1 * EFFORT)
     assert judged(odd, odd, force_witness(*LAWS)).verdict == "unexplained"
-
-
-@pytest.mark.parametrize(("error", "verdict"), [(0.04, "adequate"), (0.07, "unexplained")])
-def test_as_little_as_any_machine_lacks_is_adequate_where_the_force_cannot_be_seen_too(error, verdict):
-    """A force that is too small for its sensors' noise; the motion follows to 4 or 7 % of what it varies by."""
-    plain = Fit((), (error * SPREAD,), 0.02)
-    assert judged(plain, plain, force_witness(*LAWS)).verdict == verdict
 
 
 # ---------------------------------------------------------------- words
@@ -472,7 +457,7 @@ class Refusing(Motion):
 
     def refused(self, before: Fit, after: Fit) -> str:
         g = self.gain(before, after)
-        return "" if g.certainty >= DEFAULT.certainty and g.share >= DEFAULT.share else "too little"
+        return "" if g.certainty >= DEFAULT.certainty else "too little"
 
     def alike(self, before: Fit, options: list[Fit]) -> list[Fit]:
         good = [f for f in options if not self.refused(before, f)]
@@ -527,7 +512,7 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     monkeypatch.setattr(Refusing, "as_good", lambda self, best, f: f.rms[0] <= 1.01 * best.rms[0], raising=False)
     monkeypatch.setattr(Fit, "size", property(lambda f: 1), raising=False)
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
-    return fewest.Fewest(Witnesses(motion, None, DEFAULT)).alone(final)
+    return fewest.alone(Witnesses(motion, None, DEFAULT), final)
 
 
 @pytest.mark.usefixtures("any_effect")
@@ -539,16 +524,6 @@ def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
     assert alone(part, replace(whole, rms=(0.5,)), monkeypatch) is None
     assert alone(part, replace(whole, tested=False), monkeypatch) is None
     assert alone(part, replace(whole, away={"m": 6.0}), monkeypatch) is None
-
-
-@pytest.mark.usefixtures("everything_applies")
-def test_one_effect_is_named_in_place_of_two_that_explain_no_more(monkeypatch):
-    one = Fit(("lugre_friction",), (NOISE,), 1.0, white=True)
-    two = Fit(("dahl_presliding", "viscous_friction"), (NOISE,), 1.0, white=True)
-    monkeypatch.setattr(fewest.Fewest, "_as_little", lambda *_: ["lugre_friction"])
-    assert alone(two, one, monkeypatch) is one
-    assert alone(replace(two, rms=(0.8 * NOISE,)), one, monkeypatch) is None
-    assert alone(Fit(("dahl_presliding",), (NOISE,), 1.0, white=True), one, monkeypatch) is None
 
 
 @pytest.mark.parametrize(("current", "compared"), [(True, True), (False, False)])
@@ -578,22 +553,20 @@ def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is()
     assert "coulomb_friction" in (agreement._searched(Witnesses(Motion(BASE), force, DEFAULT, [], squares)) or ())
 
 
-@pytest.mark.parametrize(("seen", "apart"), [(True, 10.0), (False, 10.0), (True, 3.0)])
-def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, apart, monkeypatch):
-    """And of the best rival; where the force is not seen, or the motion not far above the noise, of all."""
+@pytest.mark.parametrize("seen", [True, False])
+def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, monkeypatch):
+    """And of the best rival; where the force is not seen, of all."""
     monkeypatch.setattr(Witnesses, "sees", lambda *_: seen)
     errors = {"coulomb_friction": 1.0, "stribeck_friction": 0.5, "lugre_friction": 0.9, "dahl_presliding": 0.995}
     force = force_witness(*LAWS)
     force.search.models = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}
     force.search.base = SimpleNamespace(error=2.0)
-    found = Fit(("coulomb_friction",), (apart * NOISE,), 1.0)
-    few = seen and apart > 5.0
-    richer = list(errors)[1:]
+    found, richer = Fit(("coulomb_friction",), (10.0 * NOISE,), 1.0), list(errors)[1:]
     asked = choice(force, {}).worth_it(found, "coulomb_friction", richer)
-    assert asked == (richer[:2] if few else richer)
+    assert asked == (richer[:2] if seen else richer)
     force.search.models[frozenset({"coulomb_friction"})].error = 0.5
     rival = choice(force, {}).worth_it(found, "coulomb_friction", richer)
-    assert rival == (richer[:1] if few else richer)
+    assert rival == (richer[:1] if seen else richer)
 
 
 def test_where_the_motion_is_imposed_the_motion_is_asked_of_every_law_of_a_family():
@@ -640,22 +613,3 @@ def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed
     monkeypatch.setattr(family, "with_laws", lambda force, fit: None)
     kept = choice(force, left(base, found, other), motion).in_all_band(found)
     assert kept is (other if taken else found)
-
-
-def test_what_bends_a_known_parameter_by_the_force_is_not_stood_for():
-    """A dynamometer: "load-dependent friction", with a mass that is 36 % lighter."""
-    force = force_witness(*LAWS)
-    force.search.models[frozenset({"coulomb_friction"})] = SimpleNamespace(error=0.5)
-    second = Fit(("coulomb_friction",), (1.0,), 0.5)
-    for bent in (False, True):
-        force.search.bends = lambda fit, bent=bent: bent
-        final, conflict = chosen(force, BASE, [], second)
-        assert final is (BASE if bent else second)
-        assert ("bent" in conflict) is bent
-
-
-@pytest.mark.parametrize(("white", "rms", "completes"), [(True, 1.1, True), (False, 1.1, False), (True, 3.0, False)])
-def test_what_leaves_but_noise_of_the_motion_completes_a_model(white, rms, completes):
-    simple = Fit(("coulomb_friction",), (2.0 * NOISE,), 1.0)
-    richer = Fit(("stribeck_friction",), (rms * NOISE,), 1.0, white=white)
-    assert choice(force_witness(*LAWS), {}).completes(simple, richer) is completes

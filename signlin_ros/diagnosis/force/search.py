@@ -236,18 +236,8 @@ class Search:
         return frozenset(n for f in fits for n in f.names if self.without(f, n).error - f.error > shown)
 
     def sound(self, f: Fit) -> bool:
-        """Tell whether every law of a fit is needed on unseen data, and its level known; and nothing known is bent."""
-        return not self.bends(f) and all(self.needed(f, n) for n, _ in f.members)
-
-    def bends(self, f: Fit) -> bool:
-        """Tell whether a fit moves a base parameter that carries force beyond its tolerance, and further than the base
-        model alone does.
-        """
-        c, r = self.r.criteria, self.r
-        spread, theta, alone = (x[: r.b - 1] for x in (r.base.spread, f.theta, self.base.theta))
-        moved, before = (np.abs(np.log1p(np.maximum(x, -1 + 1e-12))) / spread for x in (theta, alone))
-        carried = np.abs(theta) * np.sqrt(np.mean(r.unseen.X[:, :-1] ** 2, axis=0)) > c.bent_share * r.unseen.effort
-        return bool(f.members) and bool(np.any((moved > c.bent) & (moved > before + 1.0) & carried & (spread < 0.5)))
+        """Tell whether every law of a fit is needed on unseen data, and its level known."""
+        return all(self.needed(f, n) for n, _ in f.members)
 
     def needed(self, f: Fit, name: str) -> bool:
         """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part
@@ -276,8 +266,7 @@ class Search:
         """
         c, gone = self.r.criteria, reference.error - f.error
         clean = whole or f.error < c.sees**2 * self.r.unseen.noise
-        least = max((c.visible * self.r.unseen.effort) ** 2, (c.small if clean else c.each) * self.base.error)
-        large = f.error < reference.error * (1 - c.share - c.each * (free - 1)) and gone > least
+        large = gone > max(c.each * free * reference.error, (c.small if clean else c.each) * self.base.error)
         return large and self.r.surely(f, reference) >= c.certainty
 
     def level(self, f: Fit, name: str) -> float:

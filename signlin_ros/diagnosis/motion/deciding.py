@@ -61,8 +61,6 @@ class Decisions:
         freed = 0.0 if further or rises else max(before.strain - after.strain, 0.0)
         if certainty * abs(certainty) + freed < c.certainty**2:
             return f"the error on unseen data falls by {certainty:.1f} standard errors"
-        if freed < c.certainty**2 and g.share < c.share:
-            return f"it takes away {100 * g.share:.1f} % of the error beyond the noise"
         if g.worsens(c.worse, c.alike):
             return "the error of a channel rises"
         return after.vague(c) or self._elsewhere(after)
