@@ -56,6 +56,8 @@ OFF: dict[str, float | int] = {
     "waves": 1.0,
     "once": ALWAYS,
     "far": NEVER,
+    "bent": NEVER,
+    "bent_share": NEVER,
     "noise": 0.1,
     "wider": 1.0,
     "sees": ALWAYS,

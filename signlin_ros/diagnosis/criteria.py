@@ -43,6 +43,10 @@ class Criteria:
     # ------------------------------------------------------------ what is known beforehand
     far: float = 5.0
     """Tolerances by which a base parameter may be off before that is told first."""
+    bent: float = 2.5
+    """Tolerances by which a base parameter may move for the sake of a law,"""
+    bent_share: float = 0.05
+    """where it carries at least this part of the effort."""
 
     # ------------------------------------------------------------ what can be seen
     noise: float = 0.0175

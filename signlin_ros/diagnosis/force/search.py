@@ -236,8 +236,18 @@ class Search:
         return frozenset(n for f in fits for n in f.names if self.without(f, n).error - f.error > shown)
 
     def sound(self, f: Fit) -> bool:
-        """Tell whether every law of a fit is needed on unseen data, and its level known."""
-        return all(self.needed(f, n) for n, _ in f.members)
+        """Tell whether every law of a fit is needed on unseen data, and its level known; and nothing known is bent."""
+        return not self.bends(f) and all(self.needed(f, n) for n, _ in f.members)
+
+    def bends(self, f: Fit) -> bool:
+        """Tell whether a fit moves a base parameter that carries force beyond its tolerance, and further than the base
+        model alone does.
+        """
+        c, r = self.r.criteria, self.r
+        spread, theta, alone = (x[: r.b - 1] for x in (r.base.spread, f.theta, self.base.theta))
+        moved, before = (np.abs(np.log1p(np.maximum(x, -1 + 1e-12))) / spread for x in (theta, alone))
+        carried = np.abs(theta) * np.sqrt(np.mean(r.unseen.X[:, :-1] ** 2, axis=0)) > c.bent_share * r.unseen.effort
+        return bool(f.members) and bool(np.any((moved > c.bent) & (moved > before + 1.0) & carried & (spread < 0.5)))
 
     def needed(self, f: Fit, name: str) -> bool:
         """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part
