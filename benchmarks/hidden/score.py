@@ -97,7 +97,7 @@ def group_of(truth: Mapping[str, Any]) -> str:
     if hidden == ["none"]:
         return "none_coloured" if truth["kind"] == "coloured" else "none"
     if hidden[0].startswith("("):
-        return next((g for g, laws in UNLISTED.items() if truth["laws"][0] in laws), "outside")
+        return next((g for g, laws in UNLISTED.items() if truth.get("laws", hidden)[0] in laws), "outside")
     if len(hidden) > 1:
         return "pair"
     if truth.get("laws", hidden) != hidden or truth.get("values", {}).get(hidden[0], {}).get("n") == 1.5:
