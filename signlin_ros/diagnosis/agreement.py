@@ -115,7 +115,7 @@ def _stood_for(w: Witnesses, depth: int) -> tuple[Fitted, str]:
             return _chosen(w, [together], base)
     if first is None or not w.explains(first):
         path = search(w.motion, depth, names=_searched(w))
-        w.tried += [f for step in path for f in step]
+        w.keep(*(f for step in path for f in step))
         return _chosen(w, [first] if first else [], path[-1][0])
     found = _best_of(w, base, w.hidden, rival=first) or base
     beside = _best_of(w, first, w.hidden, depth)
@@ -146,7 +146,7 @@ def _together(w: Witnesses, refused: Fitted, depth: int) -> Fitted | None:
     if both is None or motion.refused(w.base, both):
         return None
     alone = motion.fitted([n for n in both.effects if n not in refused.effects], both.model)
-    w.tried.append(alone)
+    w.keep(alone)
     return None if motion.refused(alone, both) else both
 
 
@@ -160,7 +160,7 @@ def _best_of(
     if depth is not None and len(of.effects) >= depth:
         return None
     options = w.motion.extensions(of, [n for n in sorted(names) if tryable(w.motion.problem, n)], rival)
-    w.tried += options
+    w.keep(*options)
     return next(iter(w.motion.alike(of, options)), None)
 
 
@@ -231,7 +231,7 @@ def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
         return None
     if not known and found.vague(c):
         plain = motion.plainer(found)
-        w.tried += plain
+        w.keep(*plain)
         sound = motion.alike(w.base, plain)
         if not sound:
             return None

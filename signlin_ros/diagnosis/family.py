@@ -58,7 +58,7 @@ class Choice:
             found = self.motion.fitted(names, model)
         except SignlinError:
             return None
-        self.witnesses.tried.append(found)
+        self.witnesses.keep(found)
         return found
 
     # ------------------------------------------------------------ a richer law of the same family

@@ -86,13 +86,15 @@ def _unsure(j: Judgement) -> str:
     """Return which effects alone take most of what is missing away from unseen data, but not surely; empty if none."""
     motion, c, found = j.agreed.motion, j.criteria, dict[str, float]()
     for f in sorted((f for f in j.agreed.tried if len(f.effects) == 1), key=lambda f: f.size):
-        g = motion.gain(j.agreed.base, f)
-        if g.share > HALF and c.least < g.certainty < c.certainty and not g.worsens(c.worse, c.alike):
-            found[f.effects[0]] = g.certainty
+        g, certainty = motion.gain(j.agreed.base, f), motion.certainty(j.agreed.base, f)
+        if g.share > HALF and c.least < certainty < c.certainty and not g.worsens(c.worse, c.alike):
+            found[f.effects[0]] = certainty
     if not found:
         return ""
-    names, most = " or ".join(n.replace("_", " ") for n in [*found][:FEW]), max([*found.values()][:FEW])
-    surely = f"the error on unseen data falls by {most:.1f} standard errors, {c.certainty:g} are asked"
+    found = {n: found[n] for n in [*found][:FEW]}
+    names, most = " or ".join(n.replace("_", " ") for n in found), "at most " if len(found) > 1 else ""
+    by = f"{most}{max(found.values()):.1f} standard errors"
+    surely = f"the error on unseen data falls by {by}, {c.certainty:g} are asked"
     return f"Too little was recorded to tell what is missing: {names} would take most of it away, but {surely}"
 
 

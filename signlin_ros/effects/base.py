@@ -162,10 +162,15 @@ class Effect(HasPars):
 
     @classmethod
     def free_within(cls, p: Mapping[str, float]) -> float:
-        """Return the distance from position zero within which it does nothing: a record that never came so near shows a
-        spring and a load, and no limit.
-        """
+        """Return the distance from position zero within which it does nothing, where it acts only beyond one."""
         return inf
+
+    @classmethod
+    def is_met(cls, p: Mapping[str, float], low: float, high: float) -> bool:
+        """Tell whether a record between two positions ever comes to where it does nothing, if it acts only beyond a
+        limit: else it shows a spring and a load, and no limit.
+        """
+        return cls.free_within(p) >= max(low, -high, 0.0)
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         """Return the force on the moving mass."""

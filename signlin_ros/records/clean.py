@@ -223,9 +223,8 @@ def _without_repeats(table: Table, t: Array) -> tuple[Table, Array]:
             rows = f"{table.rows.name(i - 1)} and {table.rows.name(i)}"
             values = f"{head.label!r} is {_shown(column[i - 1])} and {_shown(column[i])}"
             others = int(np.count_nonzero(differ)) - 1
-            more = f"; so do {others} more" if others else ""
-            evenly = ": where the rows are evenly spaced, --dt says by how much" if others else ""
-            raise RecordError(f"{table.source}: {rows} have the same time stamp but differ: {values}{more}{evenly}")
+            more = f"; so do {others} more: where the rows are evenly spaced, --dt says by how much" if others else ""
+            raise RecordError(f"{table.source}: {rows} have the same time stamp but differ: {values}{more}")
     keep = np.ones(t.size, dtype=np.bool_)
     keep[again] = False
     count = "1 repeated row" if again.size == 1 else f"{again.size} repeated rows"

@@ -425,6 +425,19 @@ def test_a_sentence_names_what_falls_and_by_how_much():
     assert b < a
 
 
+@pytest.mark.parametrize(("certainty", "told"), [(3.14, True), (1.9, False), (3.6, False)])
+def test_what_would_take_most_away_but_not_surely_is_told_with_the_number_of_its_row(certainty, told, monkeypatch):
+    """A leg's joint of 2 s: "no listed effect explains" beside Coulomb friction at 3.2 of 3.5 standard errors."""
+    monkeypatch.setattr(Motion, "certainty", lambda self, before, after: certainty, raising=False)
+    monkeypatch.setattr(Fit, "size", 1, raising=False)
+    odd = Fit((), (3.0,), 0.1 * EFFORT)
+    j = judged(odd, odd, force_witness(*LAWS))
+    j.agreed.witnesses.keep(COULOMB)
+    text = words.sentence(j)
+    assert ("Too little was recorded to tell what is missing: coulomb friction would" in text) is told
+    assert ("falls by 3.1 standard errors, 3.5 are asked" in text) is told
+
+
 def test_a_parameter_that_is_far_is_told_first():
     far = Fit(("coulomb_friction",), (0.5,), 0.4, away={"K_m": 45.0})
     text = words.sentence(judged(far, force=sees()))

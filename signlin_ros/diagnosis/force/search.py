@@ -143,10 +143,10 @@ class Search:
         return max((float(row[-1]) for row in self._orders if row.size), default=0.0)
 
     @functools.cached_property
-    def _nearest(self) -> float:
-        """The distance to position zero that the records came nearest to."""
+    def _stretch(self) -> tuple[float, float]:
+        """Smallest and largest position of the records."""
         q = [p.values[self.r.model.plant.position] for p in self.r.known.pieces]
-        return max(min(float(x.min()) for x in q), -max(float(x.max()) for x in q), 0.0)
+        return min(float(x.min()) for x in q), max(float(x.max()) for x in q)
 
     @functools.cached_property
     def _slowest(self) -> float:
@@ -266,13 +266,13 @@ class Search:
         """Tell whether the level of a law is known, its parameters are possible, and the records show what it is."""
         law = self.r.laws[name]
         values = law.parameters(dict(f.members)[name], f.theta[f.spans[name]])
-        possible = law.effect.plausible(values) and law.effect.free_within(values) >= self._nearest
+        possible = law.effect.plausible(values) and law.effect.is_met(values, *self._stretch)
         return possible and self.level(f, name) >= self.r.criteria.coefficient
 
     def worth(self, f: Fit, reference: Fit, free: int, whole: bool = False) -> bool:
-        """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error: of the effort, and of
-        all that is missing where more than noise is seen to be left: a small part beside that has no name, but where it
-        is one more of an effect that has one (``whole``).
+        """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error, and of all that is
+        missing where more than noise is seen to be left: a small part beside that has no name, but where it is one more
+        of an effect that has one (``whole``).
         """
         c, gone = self.r.criteria, reference.error - f.error
         clean = whole or f.error < c.sees**2 * self.r.unseen.noise

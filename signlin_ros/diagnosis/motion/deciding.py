@@ -74,7 +74,7 @@ class Decisions:
         for key in (k for k in f.fit.candidate.label if k in f.model.effects):
             use = f.model.effects[key]
             effect = EFFECTS[use.type]
-            if effect.free_within(use.parameters) < max(low, -high, 0.0):
+            if not effect.is_met(use.parameters, low, high):
                 return f"the records lie all beyond {key}"
             for name in () if known else effect.periodic[:1]:
                 waves = use.parameters[name] * (high - low) / (2 * np.pi)
