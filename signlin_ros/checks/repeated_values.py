@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 REGULAR = 0.9
 """Share of the runs of equal values that are of two neighbouring lengths."""
 LONGER = 1.4
-"""Least mean length of such runs."""
+"""Least mean length of those."""
 STEPS = 4.0
 """Values of a slow sensor change by more than so many of their own steps (median)."""
 
@@ -37,20 +37,20 @@ class RepeatedValues(Check):
         for name in look.channels:
             values = look.of(name)
             begins = _begins(values)
-            lengths = np.diff(begins)
-            if lengths.size < LEAST or lengths.mean() < LONGER or not _regular(lengths):
+            regular = _regular(np.diff(begins))
+            if regular.size < LEAST or regular.mean() < LONGER:
                 continue
             quantum, changes = look.quantum(name), np.abs(np.diff(values[begins]))
             if quantum and np.median(changes) < STEPS * quantum:
                 continue
             drop = np.ones(values.size, dtype=bool)
             drop[begins] = False
-            rate = look.step * float(lengths.mean())
+            rate = look.step * float(regular.mean())
             yield Finding(
                 self.name,
                 name,
                 "note",
-                f"the {name} repeats each value for {lengths.mean():.3g} samples: its sensor measures every {rate:.3g}"
+                f"the {name} repeats each value for {regular.mean():.3g} samples: its sensor measures every {rate:.3g}"
                 f" s, the log every {look.step:.3g} s",
                 cure="own_rate",
                 remedy="repetitions are left out",
@@ -64,6 +64,11 @@ def _begins(values: Array) -> NDArray[np.intp]:
     return np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
 
 
-def _regular(lengths: NDArray[np.intp]) -> bool:
-    counts = np.bincount(lengths)
-    return bool((counts[1:] + counts[:-1]).max() >= REGULAR * lengths.size)
+def _regular(lengths: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Return the lengths of runs that are one of two neighbouring numbers; none where nine in ten are not. What rests
+    is a long run among others, and no sensor's rate.
+    """
+    counts = np.bincount(lengths, minlength=2)
+    short = int(np.argmax(counts[1:] + counts[:-1]))
+    alike = lengths[(lengths == short) | (lengths == short + 1)]
+    return alike if alike.size >= REGULAR * lengths.size else alike[:0]

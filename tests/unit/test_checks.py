@@ -201,6 +201,15 @@ def test_a_slow_sensor_is_taken_at_its_own_rate() -> None:
     np.testing.assert_array_equal(after.measured["current"][::4], data.measured["current"][::4])
 
 
+def test_a_stage_that_rests_is_no_slow_sensor() -> None:
+    def rests(x: Array) -> Array:
+        held = np.arange(x.size) % (x.size // 4)
+        return np.where(held < x.size // 10, x[np.arange(x.size) - held], x)
+
+    model, data = changed("position", rests)
+    assert "repeated_values" not in found(model, data)[1]
+
+
 def test_a_dead_channel_is_left_out() -> None:
     model, data = changed("speed", np.zeros_like)
     after, findings = found(model, data)
