@@ -14,7 +14,7 @@ from signlin_ros.diagnosis.agreement import Agreed
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.cycles import seldom
-from signlin_ros.diagnosis.force.flexible import changing, structured
+from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.measures import (
     acting,
@@ -92,18 +92,18 @@ class Judgement:
         return self.agreed.witnesses.sees(self.final)
 
     @cached_property
-    def structure(self) -> tuple[bool, float]:
-        """Whether a flexible curve takes a visible part away from the force that is left, and what it would leave."""
+    def flexible(self) -> Curve:
+        """What a flexible curve makes of the force that is left."""
         force = self.agreed.force
         if force is None or self.percent is None:
-            return False, np.inf
+            return Curve(False, np.inf)
         r, search = force.search.r, force.search
         if acting(force, self.final) == set(force.effects):
-            return force.structure, force.flexible
+            return force.flexible
         if not self.names:
-            return structured(r, search.base, search.base)
+            return structured(search, search.base)
         left, unseen = (s.missing(self.final.model) for s in (r.known, r.unseen))
-        return structured(r, Fit((("final", ()),), np.zeros(0), left, lambda: unseen), search.base)
+        return structured(search, Fit((("final", ()),), np.zeros(0), left, lambda: unseen))
 
     @cached_property
     def changing(self) -> str:
@@ -197,7 +197,7 @@ class Judgement:
                 return "elsewhere"
             noise = self.final.clean or (near and self.final.white)
             more = (self.little or near or self.changing) and not self.final.white
-            return "structure" if ((large or self.structure[0]) and not noise) or more else ""
+            return "structure" if ((large or self.flexible.visible) and not noise) or more else ""
         noise = leaves_noise(self.final, self.criteria)
         near = near_any_noise(self.agreed.motion, self.final, self.criteria)
         if self.names and not near and (noise or self.percent is None):

@@ -128,9 +128,11 @@ def remainder(j: Judgement) -> str:
     """Return what is left, and what would take it away."""
     if j.percent is None or not j.sees or not j.noise_percent:
         return ""
-    left, (flexible, after) = f" What is left is {_digits(j.percent)} % {of_effort(j.agreed.force)}", j.structure
-    if flexible and after < (1 - j.criteria.alike) * j.percent:
-        return f"{left}; a flexible curve would leave {_digits(after)} %: {LEARN}."
+    left, curve = f" What is left is {_digits(j.percent)} % {of_effort(j.agreed.force)}", j.flexible
+    if curve.visible and curve.percent < (1 - j.criteria.alike) * j.percent:
+        if curve.along:
+            return f"{left}; most with a {curve.along}: with such waves {_digits(curve.percent)} % would be left."
+        return f"{left}; a flexible curve would leave {_digits(curve.percent)} %: {LEARN}."
     if j.changing:
         return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
     return f"{left}, {_digits(j.percent / j.noise_percent)} times what the sensors' noise makes of it."

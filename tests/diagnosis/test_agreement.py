@@ -15,6 +15,7 @@ from signlin_ros.diagnosis import agreement, family, fewest, judgement, witnesse
 from signlin_ros.diagnosis.agreement import Agreed, agree
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.family import Choice
+from signlin_ros.diagnosis.force.flexible import Curve
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import acting, comparable
 from signlin_ros.diagnosis.motion.score import elsewhere, gain
@@ -116,7 +117,7 @@ def force_witness(
     regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current, model=model)
     models = {frozenset(effects): SimpleNamespace(unseen=np.zeros(1))}
     search = SimpleNamespace(r=regression, models=models, helpful=frozenset(helpful), finest=math.inf)
-    return SimpleNamespace(search=search, effects=effects, structure=structure, flexible=flexible)
+    return SimpleNamespace(search=search, effects=effects, flexible=Curve(structure, flexible))
 
 
 @pytest.fixture(autouse=True)
@@ -391,7 +392,7 @@ def in_the_tables(j: Judgement) -> set[str]:
     fits, motion = (j.agreed.base, j.final), j.agreed.motion
     rms = [float(x) for f in fits for x in np.sqrt(np.mean(f.unseen_squares, axis=0))]
     forces = [p for f in fits if (p := j.agreed.percent(f)) is not None]
-    more = [j.horizon, j.noise_percent, j.structure[1], *(abs(x) for x in j.far.values())]
+    more = [j.horizon, j.noise_percent, j.flexible.percent, *(abs(x) for x in j.far.values())]
     assert motion.problem.channels
     return {f"{x:.3g}" for x in (*rms, *forces, *more, *(p / j.noise_percent for p in forces))}
 

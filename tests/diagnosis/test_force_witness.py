@@ -230,7 +230,7 @@ def test_noise_has_no_name():
     for noise in (1e-5, 1e-3):
         found = heard(lambda q, v: 0.0 * q, noise=noise)
         assert found.effects == ()
-        assert not found.structure
+        assert not found.flexible.visible
 
 
 def test_the_simplest_law_of_a_family_is_named():
@@ -325,8 +325,23 @@ def test_several_harmonics_are_one_effect():
 
 def test_a_force_of_no_listed_shape_is_told_as_structure():
     found = heard(lambda q, v: -2.0 * (1.0 + 0.8 * np.tanh(q)) * v, seconds=30.0)
-    assert found.structure
-    assert found.flexible < 0.5 * found.percent()
+    assert found.flexible.visible
+    assert found.flexible.percent < 0.5 * found.percent()
+
+
+def test_viscosity_that_varies_along_the_way_is_told_as_structure_with_its_period():
+    found = heard(lambda q, v: -2.0 * (1.0 + 0.6 * np.sin(9.0 * q)) * v, turns=3.0, seconds=30.0)
+    assert found.flexible.visible
+    assert found.flexible.percent < 0.1 * found.percent()
+    assert found.flexible.along == "viscous friction that repeats 9 times a turn"
+
+
+def test_what_a_curve_over_the_speed_takes_away_is_structure():
+    """Friction that pushes at low speed, as an oscillator's negative resistance."""
+    found = heard(lambda q, v: 1.5 * v * (1.0 - (v / 2.0) ** 2), seconds=30.0)
+    assert found.flexible.visible
+    assert found.flexible.percent < 0.25 * found.percent()
+    assert not found.flexible.along
 
 
 # ---------------------------------------------------------------- what changes along the record

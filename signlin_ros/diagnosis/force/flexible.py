@@ -1,14 +1,18 @@
 """Whether anything is left that goes with the motion, whatever its law, or that changes along the record.
 
-A flexible regression, judged on unseen data; and forces whose size changes slowly, judged on blocks left out.
+A flexible regression, judged on unseen data; and forces whose size changes slowly, judged on blocks left out. Which
+one, and the weight of its ridge, is chosen by blocks of known data:
 
-Position, velocity, their past and what bristles of several lengths would do, through random cosine features [Rahimi and
-Recht, Advances in Neural Information Processing Systems 20, 2007]; ridge regression, its weight chosen by blocks.
+- a curve over the speed;
+- loads, dry and viscous friction that repeat along the way;
+- position, velocity, their past and what bristles of several lengths would do, through random cosine features [Rahimi
+  and Recht, Advances in Neural Information Processing Systems 20, 2007].
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +21,12 @@ from scipy.signal import lfilter
 
 from signlin_ros.diagnosis.force.filters import low_pass
 from signlin_ros.diagnosis.force.record import Piece
-from signlin_ros.diagnosis.force.regression import Fit, Regression, mean_certainty
+from signlin_ros.diagnosis.force.regression import Fit, Regression, Side, mean_certainty
+from signlin_ros.diagnosis.force.search import Search
 
 Array = NDArray[np.float64]
+Columns = Callable[[Piece], Array]
+"""What gives the columns (K, n) of a piece."""
 
 FEATURES, WIDTHS = 160, (0.35, 0.8)
 """Random cosines, and how fine they are: inverse widths in standard deviations of a coordinate."""
@@ -29,6 +36,8 @@ BRISTLES = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
 """Half widths of elements that slip, as parts of the travel."""
 WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
 """Weights of the ridge that are tried,"""
+KNOTS = 11
+"""Knots of a curve over the speed, at quantiles of it."""
 FOLDS = 5
 """each on so many parts of the record, left out in turn."""
 CHANGES = (6, 24)
@@ -36,6 +45,18 @@ CHANGES = (6, 24)
 reversals at most."""
 APART, HALF = 3, 0.5
 """Blocks that a spline function spans; part of what is left beyond the noise that such a change takes away."""
+
+
+class Curve(NamedTuple):
+    """What a flexible regression makes of the force that is left of unseen data.
+
+    ``visible``: whether it surely takes a visible part away; ``percent`` of the effort (RMS) would be left then, inf
+    where less than such a part is there; ``along``: which force repeats along the way, and how often, if that is it.
+    """
+
+    visible: bool
+    percent: float
+    along: str = ""
 
 
 def slipping(q: Array, widths: Array) -> Array:
@@ -61,43 +82,99 @@ def _coordinates(piece: Piece, position: str, velocity: str) -> Array:
     return np.column_stack(columns)
 
 
-def unseen_after(r: Regression, fit: Fit) -> Array:
-    """Return what is left (K,) of unseen data after a flexible regression on what a fit leaves."""
-    plant = r.model.plant
+def _everything(r: Regression) -> Columns:
+    """Return random cosines of all that a force may go with, and what bristles of several lengths do."""
+    plant, known = r.model.plant, r.known.pieces
     position, velocity = plant.position, plant.velocity
-    sides = [[_coordinates(p, position, velocity) for p in s.pieces] for s in (r.known, r.unseen)]
-    everything = np.concatenate(sides[0])
-    mean, spread = everything.mean(axis=0), everything.std(axis=0) + 1e-12
+    every = np.concatenate([_coordinates(p, position, velocity) for p in known])
+    mean, spread = every.mean(axis=0), every.std(axis=0) + 1e-12
     rng = np.random.default_rng(0)
-    W = rng.standard_normal((everything.shape[1], FEATURES)) * np.repeat(WIDTHS, FEATURES // len(WIDTHS))
+    W = rng.standard_normal((every.shape[1], FEATURES)) * np.repeat(WIDTHS, FEATURES // len(WIDTHS))
     phase = rng.uniform(0.0, 2 * np.pi, FEATURES)
-    travel = max(float(np.ptp(p.values[position])) for p in r.known.pieces) + 1e-300
+    widths = np.array(BRISTLES) * (max(float(np.ptp(p.values[position])) for p in known) + 1e-300)
 
-    def features(piece: Piece, Z: Array) -> Array:
-        Z = np.clip((Z - mean) / spread, -3.0, 3.0)
-        widths = np.array(BRISTLES) * travel
+    def columns(piece: Piece) -> Array:
+        Z = np.clip((_coordinates(piece, position, velocity) - mean) / spread, -3.0, 3.0)
         direction = np.sign(piece.values[velocity])[:, None]
         seen = [piece.seen(slipping(piece.values[position], widths) / widths)]
         seen += [piece.seen(np.cos(Z @ W[:, part] + phase[part])) for part in piece.at_once(FEATURES)]
         return np.hstack([*seen, *(piece.seen(one) for one in (Z, Z[:, :1] * Z[:, 1:], direction, direction * Z))])
 
-    A, V = (
-        np.vstack([features(p, z) for p, z in zip(s.pieces, zs, strict=True)])
-        for s, zs in zip((r.known, r.unseen), sides, strict=True)
-    )
+    return columns
+
+
+def _over_speed(r: Regression) -> Columns:
+    """Return splines of the velocity, beside what dry friction does."""
+    velocity = r.model.plant.velocity
+    speeds = np.concatenate([p.values[velocity][p.kept] for p in r.known.pieces])
+    inner = np.unique(np.quantile(speeds, np.linspace(0.0, 1.0, KNOTS)))
+    knots = np.concatenate([inner[:1].repeat(3), inner, inner[-1:].repeat(3)])
+
+    def columns(piece: Piece) -> Array:
+        v = np.clip(piece.values[velocity], inner[0], inner[-1])
+        curves = BSpline.design_matrix(v, knots, 3).toarray() if inner.size > 1 else v[:, None]
+        return piece.seen(np.column_stack([curves, piece.sign, piece.sign * np.abs(v)]))
+
+    return columns
+
+
+def _along_the_way(search: Search, left: Array) -> tuple[Columns | None, list[str]]:
+    """Return the waves of forces that repeat along the way, at the orders at which what is left (K,) of known data does
+    most, and what each is; None where the position was not measured, or travels too little.
+    """
+    plant, known = search.r.model.plant, search.r.known
+    kinds = forces(plant.velocity) if all(p.position_measured for p in known.pieces) else {}
+    waves = [
+        (name, N)
+        for name, kind in kinds.items()
+        for N in search.repeating(left * np.concatenate([kind(p)[p.kept] for p in known.pieces]))
+    ]
+
+    def columns(piece: Piece) -> Array:
+        q = piece.values[plant.position]
+        return piece.seen(np.column_stack([kinds[n](piece) * f(N * q) for n, N in waves for f in (np.sin, np.cos)]))
+
+    return columns if waves else None, [search.repeats(name, N) for name, N in waves]
+
+
+def forces(velocity: str) -> Mapping[str, Columns]:
+    """Return the forces (T,) whose size may change along a record or along the way."""
+    return {
+        "load": lambda p: np.ones_like(p.t),
+        "dry friction": lambda p: p.sign,
+        "viscous friction": lambda p: p.values[velocity],
+    }
+
+
+def unseen_after(search: Search, fit: Fit) -> tuple[Array, str]:
+    """Return what is left (K,) of unseen data after a flexible regression on what a fit leaves, and which force repeats
+    along the way, if that is the regression.
+    """
+    r, (along, waves) = search.r, _along_the_way(search, fit.left)
+    curves = [c for c in (along, _over_speed(r), _everything(r)) if c]
+    known = [_scaled(r.known, c) for c in curves]
+    tried = [_chosen(A, fit.left, r.known.blocks) for A, _, _ in known]
+    k = int(np.argmin([error for error, _ in tried]))
+    A, centre, scale = known[k]
+    theta = _ridge(A, fit.left, tried[k][1])
+    V = np.vstack([curves[k](p) for p in r.unseen.pieces])
+    most = int(np.argmax(np.abs(theta))) // 2
+    return np.asarray(fit.unseen - (V - centre) / scale @ theta), waves[most] if curves[k] is along else ""
+
+
+def _scaled(side: Side, columns: Columns) -> tuple[Array, Array, Array]:
+    """Return the columns (K, n) of a side, less their mean and over their spread, and both (n,)."""
+    A = np.vstack([columns(p) for p in side.pieces])
     centre, scale = A.mean(axis=0), A.std(axis=0) + 1e-12
-    A, V = (A - centre) / scale, (V - centre) / scale
-    weight = _chosen(A, fit.left, r.known.blocks)
-    coefficients = _ridge(A, fit.left, weight)
-    return np.asarray(fit.unseen - V @ coefficients)
+    return (A - centre) / scale, centre, scale
 
 
 def _ridge(A: Array, y: Array, weight: float) -> Array:
     return np.asarray(np.linalg.solve(A.T @ A + weight * len(y) * np.eye(A.shape[1]), A.T @ y))
 
 
-def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> float:
-    """Return the weight of the ridge that predicts blocks of time best that it was not fitted to."""
+def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> tuple[float, float]:
+    """Return the squared error of blocks of time that a ridge was not fitted to, and its weight: the best of them."""
     fold = blocks * FOLDS // (int(blocks.max()) + 1)
     errors = np.zeros(len(WEIGHTS))
     for out in (fold == k for k in range(FOLDS)):
@@ -107,38 +184,32 @@ def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> float:
         projected, seen = vectors.T @ (A[~out].T @ y[~out]), A[out] @ vectors
         left = [y[out] - seen @ (projected / (values + w * np.count_nonzero(~out))) for w in WEIGHTS]
         errors += [float(e @ e) for e in left]
-    return WEIGHTS[int(np.argmin(errors))]
+    return min(zip(errors.tolist(), WEIGHTS, strict=True))
 
 
-def structured(r: Regression, fit: Fit, base: Fit) -> tuple[bool, float]:
-    """Tell whether a flexible regression takes a visible part away from what a fit leaves of unseen data, and return
-    the force in per cent of the effort (RMS) that would be left then; inf where less than such a part is left.
-    """
-    c = r.criteria
-    visible = max(c.flexible_share * base.error, (c.flexible_visible * r.unseen.effort) ** 2)
+def structured(search: Search, fit: Fit) -> Curve:
+    """Return what a flexible regression makes of what a fit leaves of unseen data."""
+    r, c = search.r, search.r.criteria
+    visible = max(c.flexible_share * search.base.error, (c.flexible_visible * r.unseen.effort) ** 2)
     if fit.error <= visible:
-        return False, np.inf
-    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: unseen_after(r, fit))
+        return Curve(False, np.inf)
+    left, along = unseen_after(search, fit)
+    flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: left)
     large = fit.error - flexible.error > visible
-    return large and r.surely(flexible, fit) > c.flexible, r.percent(flexible)
+    return Curve(large and r.surely(flexible, fit) > c.flexible, r.percent(flexible), along)
 
 
 def changing(r: Regression, left: Array) -> str:
     """Return which force changes slowly along the unseen records, and by its change is most of what is left (K,) beyond
     the sensors' noise; empty if none does. Each block of time is predicted from those around it.
     """
-    unseen, velocity, found = r.unseen, r.model.plant.velocity, dict[float, str]()
-    kinds: dict[str, Callable[[Piece], Array]] = {
-        "load": lambda p: np.ones_like(p.t),
-        "dry friction": lambda p: p.sign,
-        "viscous friction": lambda p: p.values[velocity],
-    }
+    unseen, found = r.unseen, dict[float, str]()
     beyond = float(np.mean(left**2)) - unseen.noise
-    for name, kind in kinds.items():
+    for name, kind in forces(r.model.plant.velocity).items():
         whole = np.concatenate([p.seen(kind(p)) for p in unseen.pieces])
         steady = left - whole * float(whole @ left) / max(float(whole @ whole), 1e-300)
         pairs = zip(unseen.pieces, unseen.split(steady), strict=True)
-        after = np.concatenate([_along(p, part, kind(p)) for p, part in pairs])
+        after = np.concatenate([_changed(p, part, kind(p)) for p, part in pairs])
         gone = float(np.mean(steady**2) - np.mean(after**2))
         sure = mean_certainty(unseen.by_block(steady), unseen.by_block(after)) > r.criteria.flexible
         if gone > HALF * beyond and sure:
@@ -146,7 +217,7 @@ def changing(r: Regression, left: Array) -> str:
     return found[max(found)] if found else ""
 
 
-def _along(piece: Piece, left: Array, force: Array) -> Array:
+def _changed(piece: Piece, left: Array, force: Array) -> Array:
     """Return what is left (K,) after a force whose size is a spline of time, each block predicted from the others; all
     of it where the motion comes back too rarely: what changes with time is then not told from what goes with it.
     """
@@ -157,7 +228,7 @@ def _along(piece: Piece, left: Array, force: Array) -> Array:
     of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), 1e-300), knots, 3).tocsc()
     A = np.column_stack([piece.seen(of_time[:, [k]].toarray()[:, 0] * force) for k in range(number)])
     A = A / (A.std() + 1e-300)
-    weight, fold, after = _chosen(A, left, piece.blocks), piece.blocks % (FOLDS - 1), left.copy()
+    weight, fold, after = _chosen(A, left, piece.blocks)[1], piece.blocks % (FOLDS - 1), left.copy()
     for out in (fold == k for k in range(FOLDS - 1)):
         if out.any() and not out.all():
             after[out] = left[out] - A[out] @ _ridge(A[~out], left[~out], weight)
@@ -170,4 +241,4 @@ def _reversals(piece: Piece) -> int:
     return int(np.count_nonzero(np.diff(side)))
 
 
-__all__ = ["changing", "structured", "unseen_after"]
+__all__ = ["Curve", "changing", "structured", "unseen_after"]

@@ -69,7 +69,7 @@ class Search:
             return None
         rest, best, orders = [m for m in f.members if m is not wave], f, wave[1]
         for _ in range(HARMONICS):
-            more = [N for N in self._repeating(best) if all(abs(N - other) > 1e-9 for _, other in orders)]
+            more = [N for N in self.repeating(best.left) if all(abs(N - other) > 1e-9 for _, other in orders)]
             tried = [self.r.fitted([*rest, (name, (*orders, (wave[1][0][0], N)))]) for N in more]
             found = min(tried, key=lambda g: g.trained, default=None)
             if found is None or not self.worth(found, best, 3, whole=True):
@@ -114,7 +114,7 @@ class Search:
         for name in (n for n in self._others(f) if self.r.laws[n].effect.periodic and n in self.shapes):
             if isinstance(self.r.laws[name], Ripple):
                 continue
-            for N in self._repeating(f):
+            for N in self.repeating(f.left):
                 self._grown(name, ((self.r.laws[name].effect.periodic[0], N),))
 
     def _grown(self, name: str, shape: Shape) -> None:
@@ -127,10 +127,15 @@ class Search:
             self._grown(name, shape)
         return Subsets(self.r, self.shapes)
 
-    def _repeating(self, f: Fit) -> list[float]:
-        """Return the orders at which what a fit leaves repeats most."""
+    def repeating(self, left: Array) -> list[float]:
+        """Return the orders at which something (K,) of known data repeats most over the position."""
         plant, known = self.r.model.plant, self.r.known
-        return strongest(known.pieces, known.split(f.left), self._orders, plant.position, plant.velocity, WAVES)
+        return strongest(known.pieces, known.split(left), self._orders, plant.position, plant.velocity, WAVES)
+
+    def repeats(self, what: str, N: float) -> str:
+        """Return in words that something repeats over the position at an order."""
+        unit = self.r.model.plant.position_unit
+        return f"{what} that repeats {f'{N:g} times a turn' if self.whole else f'every {2 * np.pi / N:.3g} {unit}'}"
 
     @functools.cached_property
     def _orders(self) -> list[Array]:

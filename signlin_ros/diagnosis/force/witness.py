@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.force.flexible import structured
+from signlin_ros.diagnosis.force.flexible import Curve, structured
 from signlin_ros.diagnosis.force.laws import laws
 from signlin_ros.diagnosis.force.record import Piece, best_cutoff, piece
 from signlin_ros.diagnosis.force.regression import TINY, Base, Fit, Regression, base_of, side, telling
@@ -32,13 +32,11 @@ APART = 1.2
 class Testimony:
     """What the force witness found: ``search`` with every set of laws that it fitted, and the least that suffices.
 
-    ``structure``: whether a flexible curve still takes away a visible part on unseen data, which would leave
-    ``flexible`` per cent of the effort.
+    ``flexible``: what a flexible curve makes of what that leaves.
     """
 
     search: Search
-    structure: bool
-    flexible: float
+    flexible: Curve
 
     @property
     def fit(self) -> Fit:
@@ -67,11 +65,11 @@ def hear(
     first = _in_band(model, known, unseen, rotary, criteria, cutoff)
     step = first.search.r.known.pieces[0].step
     wide = min(criteria.wider * cutoff, 0.12 / step)
-    if (first.effects and not first.structure) or wide < APART * cutoff:
+    if (first.effects and not first.flexible.visible) or wide < APART * cutoff:
         return first
     second = _in_band(model, known, unseen, rotary, criteria, wide)
-    better = (second.effects and not second.structure) or (
-        not first.effects and not first.structure and second.structure and second.effects
+    better = (second.effects and not second.flexible.visible) or (
+        not first.effects and not first.flexible.visible and second.flexible.visible and second.effects
     )
     return second if better else first
 
@@ -101,7 +99,7 @@ def _in_band(
     )
     search = Search(r, scale_of(model, found), rotary, model.gear)
     search.run()
-    return Testimony(search, *structured(r, search.chosen, search.base))
+    return Testimony(search, structured(search, search.chosen))
 
 
 def _waves(model: Model, pieces: Sequence[Piece]) -> float:
