@@ -8,11 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.measures import HALF, with_laws
-from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.measures import HALF, values, with_laws
+from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
@@ -26,19 +25,9 @@ class Choice:
     force: Testimony
 
     @property
-    def motion(self) -> Motion:
-        """The motion witness."""
-        return self.witnesses.motion
-
-    @property
-    def criteria(self) -> Criteria:
-        """What decides."""
-        return self.witnesses.criteria
-
-    @property
     def imposed(self) -> bool:
         """Whether the motion is imposed: both witnesses speak of one force then, the motion's of all its band."""
-        return self.force.search.r.model.plant.motion_is_imposed()
+        return self.witnesses.case.model.plant.motion_is_imposed()
 
     def among(self, found: Fitted) -> Fitted:
         """Return a confirmed model with the laws that it should have."""
@@ -51,11 +40,12 @@ class Choice:
 
     def _fitted(self, names: Sequence[str], start: Callable[[], Model], least: float = np.inf) -> Fitted | None:
         """Return a fit; None where that cannot be, or -2 log likelihood does not soon come below the ``least``."""
+        motion = self.witnesses.motion
         try:
             model = start()
-            if least < np.inf and self.motion.soon(*self.motion.valued(names, model)) >= least:
+            if least < np.inf and motion.soon(*motion.valued(names, model)) >= least:
                 return None
-            found = self.motion.fitted(names, model)
+            found = motion.fitted(names, model)
         except SignlinError:
             return None
         self.witnesses.keep(found)
@@ -67,14 +57,14 @@ class Choice:
         """Return a model with a richer law of the same family in place of one, where the motion surely asks for it, and
         the force too, if it is seen.
         """
-        laws = self.force.search.r.laws
+        w, laws = self.witnesses, self.force.search.r.laws
         for name in found.effects:
             family = laws[name].effect.family
             kin = [n for n, x in laws.items() if x.effect.family and x.effect.family == family]
-            richer = [n for n in kin if n != name and n not in found.effects and n in self._single()]
+            richer = [n for n in kin if n not in found.effects and n in w.laws]
             options, least, fit = [], np.inf, found.fit
             if richer and found.clean and not self.imposed:
-                least = self.motion.soon(fit.candidate, fit.theta) - self.criteria.least**2
+                least = w.motion.soon(fit.candidate, fit.theta) - w.criteria.least**2
             for other in self.worth_it(found, name, richer):
                 rest = tuple(n if n != name else other for n in found.effects)
                 one = self._fitted(rest, partial(self._started, found, name, other), least)
@@ -93,15 +83,13 @@ class Choice:
         errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
         if names not in models or not errors:
             return list(richer)
-        most = models[names].error - self.criteria.each * self.force.search.base.error
+        most = models[names].error - self._shown
         best = min(errors, key=lambda n: errors[n])
         return [n for n in richer if n == best or errors.get(n, 0.0) < most]
 
     def _asked_for(self, found: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        better = self.motion.alike(found, options)
-        if not self.witnesses.sees(found):
-            return better
-        return [one for one in better if self._shows(found, one)]
+        better = self.witnesses.motion.alike(found, options)
+        return [one for one in better if self._shows(found, one)] if self.witnesses.sees(found) else better
 
     def _shows(self, before: Fitted, after: Fitted) -> bool:
         """Tell whether a richer law surely takes away force, and a visible part of all that is missing, not of a
@@ -109,19 +97,19 @@ class Choice:
         """
         a, b = (self.witnesses.left(f) for f in (before, after))
         gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
-        return self.witnesses.falls(before, after) and gone > self.criteria.each * self.force.search.base.error
+        return self.witnesses.falls(before, after) and gone > self._shown
 
-    def _single(self) -> set[str]:
-        return {next(iter(n)) for n in self.force.search.models if len(n) == 1}
+    @property
+    def _shown(self) -> float:
+        """A visible part of all the squared force that is missing."""
+        return self.witnesses.criteria.each * self.force.search.base.error
 
     def _started(self, found: Fitted, name: str, other: str) -> Model:
         """Return a fitted model with another law in place of one, as the force witness fitted it alone."""
         model = found.model
         for key in [k for k, use in model.effects.items() if use.type == name]:
             model = model.without_effect(key)
-        fit = self.force.search.models[frozenset({other})]
-        law, shape = self.force.search.r.laws[other], fit.members[0][1]
-        return model.with_effect(other, None, **law.parameters(shape, fit.theta[fit.spans[other]]))
+        return model.with_effect(other, None, **values(self.force, self.witnesses.laws[other], other))
 
     # ------------------------------------------------------------ where the motion is imposed
 
@@ -131,7 +119,7 @@ class Choice:
         """
         search = self.force.search
         others = [f for f in search.models.values() if f.error < search.chosen.error and search.sound(f)]
-        best = sorted(others, key=lambda f: f.error)[: self.criteria.beam]
+        best = sorted(others, key=lambda f: f.error)[: self.witnesses.criteria.beam]
         better = self.of_one_force(found, [one for one in map(self.simulated, best) if one])
         return better[0] if better else found
 
@@ -140,13 +128,13 @@ class Choice:
         part of the force in all its band, beyond doubt or half of what is left, and do not leave more in the band of
         the force witness.
         """
-        c, motion = self.criteria, self.motion
+        w, c, motion = self.witnesses, self.witnesses.criteria, self.witnesses.motion
         shown = c.each * np.nanmean(motion.best(motion.base).unseen_squares, axis=0)
         before = np.nanmean(found.unseen_squares, axis=0)
         visible = [
             one
             for one in options
-            if not self.witnesses.raises(found, one) and np.any(before - np.nanmean(one.unseen_squares, axis=0) > shown)
+            if not w.raises(found, one) and np.any(before - np.nanmean(one.unseen_squares, axis=0) > shown)
         ]
         gains = [(one, motion.gain(found, one)) for one in visible if not one.vague(c)]
         halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.least]

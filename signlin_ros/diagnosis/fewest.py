@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from itertools import combinations, product
 
-from signlin_ros.diagnosis.measures import is_shown_to_leave_noise, near_any_noise
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.trials import completed, free_key, tryable
 from signlin_ros.diagnosis.witnesses import Witnesses
@@ -43,7 +42,7 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     motion, base = w.motion, w.base
     names = [n for n in EFFECTS if n not in motion.searched.get((), ()) and tryable(motion.problem, n)]
     w.keep(*(motion.extensions(base, names) if names else []))
-    whole = [f for f in w.tried if len(f.effects) == 1 and _complete(w, f)]
+    whole = [f for f in w.single if _complete(w, f)]
     whole = [f for f in whole if not motion.refused(base, f) and not w.raises(base, f)]
     best = min(whole, key=lambda f: f.level, default=None)
     as_good = [f for f in whole if best and motion.as_good(best, f)]
@@ -52,7 +51,7 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
 
 def _complete(w: Witnesses, f: Fitted) -> bool:
     """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
-    return near_any_noise(w.motion, f, w.criteria) and is_shown_to_leave_noise(f, w.criteria) and not f.far(w.criteria)
+    return w.near_any_noise(f) and f.clean and not f.far(w.criteria)
 
 
 def _as_one(motion: Motion, final: Fitted) -> list[Fitted]:

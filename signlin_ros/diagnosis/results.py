@@ -18,10 +18,6 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-STATUSES = ("confirmed", "ambiguous", "not_excited", "rejected", "not_applicable")
-VERDICTS = ("adequate", "missing", "unexplained")
-
-
 @dataclass(frozen=True)
 class Estimate:
     """A parameter: value, standard error (None: not known), unit; ``note`` says what is odd about it, if anything."""
@@ -43,15 +39,14 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Scores:
-    """Scores by channel; ``kind`` is ``free_run`` or ``windowed``."""
+    """Scores by channel, over windows of the horizon."""
 
-    kind: str
     channels: Mapping[str, Score]
 
     def to_json(self) -> dict[str, Any]:
         """Return what the contract calls SCORES, with the key ``score``."""
         channels = {name: {k: _finite(v) for k, v in s.to_json().items()} for name, s in self.channels.items()}
-        return {**channels, "score": self.kind}
+        return {**channels, "score": "windowed"}
 
     @property
     def over_noise(self) -> float:
@@ -61,16 +56,14 @@ class Scores:
 
 @dataclass(frozen=True)
 class Entry:
-    """One effect in the ranking, and why it stands there. ``evidence``: fall of -2 log likelihood, priced."""
+    """One effect in the ranking: confirmed, ambiguous, not_excited, rejected or not_applicable, and ``why``."""
 
     effect: str
     status: str
-    parameters: Mapping[str, Estimate]
-    validation: Scores | None
-    indistinguishable_from: tuple[str, ...]
-    why: str
-    evidence: float = 0.0
-    certainty: float = 0.0
+    parameters: Mapping[str, Estimate] = field(default_factory=dict)
+    validation: Scores | None = None
+    indistinguishable_from: tuple[str, ...] = ()
+    why: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return one entry of ``ranking``."""
@@ -176,4 +169,4 @@ class Diagnosis:
         return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{errors}{table}"
 
 
-__all__ = ["STATUSES", "VERDICTS", "Diagnosis", "Entry", "Estimate", "Rung", "Scores"]
+__all__ = ["Diagnosis", "Entry", "Estimate", "Rung", "Scores"]
