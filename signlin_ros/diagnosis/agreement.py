@@ -1,8 +1,7 @@
 """Two witnesses, one rule of agreement: which effects both of them can stand for.
 
-Every model that either of them proposes is measured in the same two ways on unseen data: the force that it leaves, in
-per cent of the effort, and the motion over the horizon. The force witness goes first where forces are seen; the motion
-witness confirms by simulation, tells richer laws of a family from simpler ones, and adds what no force shows.
+The force witness goes first where forces are seen; the motion witness confirms by simulation, tells richer laws of a
+family from simpler ones, and adds what no force shows.
 """
 
 from __future__ import annotations
@@ -25,11 +24,10 @@ from signlin_ros.effects import EFFECTS
 def agree(w: Witnesses) -> tuple[Fitted, str]:
     """Return the model that both witnesses can stand for, and in words why they differ, empty where they agree.
 
-    What the force witness proposes is fitted by simulation. Where that leaves noise, both agree. Else the motion
-    witness looks for what no force shows, beside it and instead of it; what it adds must not leave more force. If
-    the force witness proposes nothing, or nothing that the motion confirms, the motion witness searches by itself; if
-    little force is left, and seen, and none of its laws is in it, among what no force shows. Of what is as good, the
-    fewest effects are stood for; and before more than noise is left, the one that leaves but noise by itself.
+    What the force witness proposes is fitted by simulation. Unless that leaves noise, the motion witness looks for what
+    no force shows, beside it and instead of it; if nothing is proposed or confirmed, among all that the force does not
+    rule out. Of what is as good, the fewest effects are stood for; and before more than noise is left, the one that
+    leaves but noise by itself.
     """
     if w.force:
         w.motion.heard = {n: values(w.force, f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])}
@@ -49,7 +47,7 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
     if first is None and w.tried:
         together = _together(w, w.tried[0])
         if together is not None:
-            return _chosen(w, [together], base)
+            return together, ""
     if first is None or not w.explains(first):
         path = search(w.motion, w.criteria.most, names=_searched(w))
         w.keep(*(f for step in path for f in step))
@@ -62,11 +60,10 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
 def _searched(w: Witnesses) -> list[str] | None:
     """Return the effects among which the motion witness searches, None for all of them.
 
-    Where the force witness sees what the model leaves: those that it cannot see, waves, of which its band holds but
-    the slower ones, and the laws that take away a visible part of it; none of these if it finds no law in a force that
-    is as little as any real machine lacks.
+    Where the force witness sees what is left: what it cannot see, waves, of which its band holds but the slower ones,
+    and the laws that take away a visible part; neither of both if it finds no law in as little as any machine lacks.
     """
-    force, share = w.force, w.percent(w.base)
+    force, share = w.force, w.percent(w.left(w.base))
     if force is None or not w.sees(w.base):
         return None
     small = share is not None and share < 100.0 * w.criteria.large
@@ -76,9 +73,7 @@ def _searched(w: Witnesses) -> list[str] | None:
 
 
 def _together(w: Witnesses, refused: Fitted) -> Fitted | None:
-    """Return what the force shows, which the motion refuses by itself, with an effect beside it that no force shows,
-    where both are needed: what the input lacks spoils the motion, not the force.
-    """
+    """Return what the motion refuses by itself with an effect that no force shows beside it, if both are needed."""
     motion, both = w.motion, _best_of(w, refused, w.hidden)
     if both is None or motion.refused(w.base, both):
         return None
@@ -88,10 +83,7 @@ def _together(w: Witnesses, refused: Fitted) -> Fitted | None:
 
 
 def _best_of(w: Witnesses, of: Fitted, names: Iterable[str], rival: Fitted | None = None) -> Fitted | None:
-    """Return the simplest of the best steps beyond a model with one more of some effects; None where there is none.
-
-    ``rival``: a model that it would have to hold its own against.
-    """
+    """Return the simplest of the best steps beyond a model, beside a ``rival`` if there is one; None where none is."""
     if len(of.effects) >= w.criteria.most:
         return None
     options = w.motion.extensions(of, [n for n in sorted(names) if tryable(w.motion.problem, n)], rival)
@@ -121,9 +113,7 @@ def _chosen(w: Witnesses, first: Sequence[Fitted], second: Fitted) -> tuple[Fitt
 
 
 def _overruled(w: Witnesses, force: Testimony, second: Fitted) -> bool:
-    """Tell whether a model that leaves more than noise would stand in the place of laws that take away most of the
-    missing force, and does not take that away itself.
-    """
+    """Tell whether a model would take the place of laws that explain most of the force, and leaves it and no noise."""
     before, own = force.search.base.error, w.left(second)
     explains = own is not None and float(np.mean(own)) < HALF * before
     return not second.white and force.fit.error < HALF * before and not explains
@@ -131,7 +121,7 @@ def _overruled(w: Witnesses, force: Testimony, second: Fitted) -> bool:
 
 def _both(w: Witnesses, force: Testimony, second: Fitted) -> str:
     """Return what both witnesses say where the motion refuses what the force shows, beside the row of the base."""
-    after, shown = w.as_percent(force.fit.error), w.percent(w.base)
+    after, shown = w.percent(force.fit.error), w.percent(w.left(w.base))
     before = "" if shown is None else f" in place of {shown:.3g} %"
     told = f"by the force {listed(force.effects)} would leave {after:.3g} % {w.of_effort}{before}, but the motion"
     other = f"; {listed(second.effects)} would follow it better" if second.effects else ""
@@ -173,7 +163,7 @@ def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
         if not sound:
             return None
         found = sound[0]
-    return choice.among(found)
+    return choice.in_all_band(choice.in_family(found))
 
 
 __all__ = ["agree"]

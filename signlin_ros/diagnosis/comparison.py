@@ -23,7 +23,8 @@ from signlin_ros.comparison.missing import Missing, missing
 from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
 from signlin_ros.comparison.whiteness import ResidualTest, residual_test
 from signlin_ros.diagnosis.case import Case, Records, case
-from signlin_ros.diagnosis.first_rows import FirstRows, first_rows, refitted
+from signlin_ros.diagnosis.results import FirstRows
+from signlin_ros.diagnosis.witnesses import refitted
 from signlin_ros.errors import InputError
 from signlin_ros.follow.data import Stretch, as_list, measured_channels, stretches, unit_asked
 from signlin_ros.follow.freerun import FreeRun, free_run
@@ -33,6 +34,7 @@ from signlin_ros.follow.tracking import mean_square
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, sensor_noise
 from signlin_ros.predict import windows
+from signlin_ros.records import ModelData
 from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
@@ -115,9 +117,7 @@ class Comparison:
 
     @cached_property
     def first_rows(self) -> FirstRows | None:
-        """The model as given and its base refitted, as `diagnose` shows them of the same records: fitted when they are
-        first asked for. None where `without_rows` says why.
-        """
+        """The model as given and its base refitted, when first asked for; None where `without_rows` says why."""
         return self._first_rows[0]
 
     @property
@@ -156,11 +156,8 @@ class Comparison:
 
 def compare_efforts(model: Model, data: Records, cutoff: float | None = None) -> Efforts | None:
     """Return the efforts of records, with outliers left out as by `compare`; None where they are not known."""
-    records = as_list(data)
-    channels = measured_channels(model, records)
-    cleaned = [without_outliers(record, channels)[0] for record in records]
-    parts, _ = stretches(model, cleaned, channels)
-    return Efforts.of(model, parts, channels, _observer(model, parts, channels).noise, cutoff)
+    observer, _ = _observed(model, as_list(data))
+    return Efforts.of(model, observer.stretches, observer.channels, observer.noise, cutoff)
 
 
 @one_thread
@@ -184,33 +181,36 @@ def compare(
     the model predicts is measured, `InputError` for a horizon or a cut-off that the sampling cannot serve.
     """
     records = as_list(data)
-    channels, units = measured_channels(model, records), dict(records[0].units)
-    cleaned, left_out = zip(*(without_outliers(record, channels) for record in records), strict=True)
-    parts, notes = stretches(model, cleaned, channels)
-    observer = _observer(model, parts, channels)
-    horizon = _horizon(model, horizon, observer.step)
+    observer, notes = _observed(model, records)
+    units, horizon = dict(records[0].units), _horizon(model, horizon, observer.step)
     free, window = _free(observer, notes), _windowed(observer, horizon, notes)
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
-    prepared = _prepared(model, data, validation)
+    try:
+        prepared: Case | InputError = case(model, data, validation)
+    except InputError as error:
+        prepared = error  # the records cannot be used as `diagnose` uses them
     scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Case) else {})
-    effort, where = inverse(model, parts, channels, observer.noise, units, cutoff), locate(observer, lacking, units)
-    given = [f"{record.source}: {note}" for record in records for note in record.notes]
+    parts, channels, noise = observer.stretches, observer.channels, observer.noise
+    effort, where = inverse(model, parts, channels, noise, units, cutoff), locate(observer, lacking, units)
 
     def refit() -> FirstRows:
         if isinstance(prepared, InputError):
             raise prepared
-        return first_rows(refitted(prepared, progress, cancelled))
+        return refitted(prepared, progress, cancelled).first_rows()
 
     return Comparison(
         model=model,
         channels=scored,
         inverse={effort.name: effort} if effort else {},
         where=where,
-        residual_tests=_tests(observer, residuals),
+        residual_tests={
+            name: residual_test([e[:, j] for e in residuals], [s.u for s in parts], noise[j].rho)
+            for j, name in enumerate(channels)
+        },
         horizon=horizon,
         samples=sum(len(record) for record in records),
         sources=tuple(record.source for record in records),
-        notes=(*given, *chain(*left_out), *notes, *_remarks(observer, scored, lacking, where)),
+        notes=(*notes, *_remarks(observer, scored, lacking, where)),
         directions={m.name: by_direction(observer, m, units) for m in lacking if m.clear},
         units=units,
         traces=tuple(
@@ -220,14 +220,6 @@ def compare(
         missing=lacking,
         refit=refit,
     )
-
-
-def _prepared(model: Model, data: Records, validation: Records | None) -> Case | InputError:
-    """Return the case of the first rows, or why records cannot be used as `diagnose` uses them."""
-    try:
-        return case(model, data, validation)
-    except InputError as error:
-        return error
 
 
 def _horizon(model: Model, given: float | None, step: float) -> float:
@@ -260,12 +252,17 @@ def _remarks(
     return found
 
 
-def _observer(model: Model, parts: list[Stretch], channels: tuple[str, ...]) -> Observer:
-    """Return the observers of the model, the noise known from what they leave of the measurements."""
+def _observed(model: Model, records: Sequence[ModelData]) -> tuple[Observer, list[str]]:
+    """Return the observers of the model, their noise from what they leave; and the notes on the records."""
+    channels = measured_channels(model, records)
+    cleaned, left_out = zip(*(without_outliers(record, channels) for record in records), strict=True)
+    parts, notes = stretches(model, cleaned, channels)
     white = [_noise(parts, j, []) for j in range(len(channels))]
     observer = Observer(model, parts, channels, white)
     left = [[run.innovation for run in observer.runs(observer.design(trust))] for trust in FOR_NOISE]
-    return Observer(model, parts, channels, [_noise(parts, j, left) for j in range(len(channels))])
+    noise = [_noise(parts, j, left) for j in range(len(channels))]
+    given = [f"{record.source}: {note}" for record in records for note in record.notes]
+    return Observer(model, parts, channels, noise), [*given, *chain(*left_out), *notes]
 
 
 def _noise(parts: list[Stretch], j: int, residuals: list[list[Array]]) -> Noise:
@@ -298,9 +295,7 @@ def _windowed(observer: Observer, horizon: float, notes: list[str]) -> list[Arra
 
 
 def _shown_in_windows(observer: Observer, states: list[Array], starts: list[list[int]]) -> list[Array]:
-    """Return the channels (T, ny) predicted from the states (T, n) at the starts; NaN in the first window, before
-    which nothing was measured.
-    """
+    """Return the channels (T, ny) predicted from states (T, n) at the starts; NaN in the first window."""
     shown = []
     for tracker, x, at in zip(observer.trackers, states, starts, strict=True):
         run = tracker.restarted(x, np.array(at))
@@ -329,14 +324,6 @@ def _scored(
             score(y[:, j], windowed[:, j], sigmas[name]),
         )
         for j, (name, noise) in enumerate(zip(observer.channels, observer.noise, strict=True))
-    }
-
-
-def _tests(observer: Observer, residuals: list[Array]) -> dict[str, ResidualTest]:
-    inputs = [s.u for s in observer.stretches]
-    return {
-        name: residual_test([e[:, j] for e in residuals], inputs, observer.noise[j].rho)
-        for j, name in enumerate(observer.channels)
     }
 
 

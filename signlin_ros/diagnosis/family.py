@@ -29,11 +29,6 @@ class Choice:
         """Whether the motion is imposed: both witnesses speak of one force then, the motion's of all its band."""
         return self.witnesses.case.model.plant.motion_is_imposed()
 
-    def among(self, found: Fitted) -> Fitted:
-        """Return a confirmed model with the laws that it should have."""
-        found = self.in_family(found)
-        return self.in_all_band(found) if self.imposed else found
-
     def simulated(self, fit: Fit) -> Fitted | None:
         """Return a set of the force witness fitted by simulation; None where that cannot be."""
         return self._fitted([n for n, _ in fit.members], partial(with_laws, self.force, fit))
@@ -54,13 +49,11 @@ class Choice:
     # ------------------------------------------------------------ a richer law of the same family
 
     def in_family(self, found: Fitted) -> Fitted:
-        """Return a model with a richer law of the same family in place of one, where the motion surely asks for it, and
-        the force too, if it is seen.
-        """
+        """Return a model with a richer law in place of one if motion surely asks for it, and force where it is seen."""
         w, laws = self.witnesses, self.force.search.r.laws
         for name in found.effects:
             family = laws[name].effect.family
-            kin = [n for n, x in laws.items() if x.effect.family and x.effect.family == family]
+            kin = [n for n, law in laws.items() if family and law.effect.family == family]
             richer = [n for n in kin if n not in found.effects and n in w.laws]
             options, least, fit = [], np.inf, found.fit
             if richer and found.clean and not self.imposed:
@@ -92,9 +85,7 @@ class Choice:
         return [one for one in better if self._shows(found, one)] if self.witnesses.sees(found) else better
 
     def _shows(self, before: Fitted, after: Fitted) -> bool:
-        """Tell whether a richer law surely takes away force, and a visible part of all that is missing, not of a
-        remainder.
-        """
+        """Tell whether a richer law surely takes away force, and a visible part of all that is missing."""
         a, b = (self.witnesses.left(f) for f in (before, after))
         gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
         return self.witnesses.falls(before, after) and gone > self._shown
@@ -118,18 +109,19 @@ class Choice:
         force witness holds sound, and no worse within its own band: it took the one with the fewest parameters.
         """
         search = self.force.search
+        if not self.imposed:
+            return found
         others = [f for f in search.models.values() if f.error < search.chosen.error and search.sound(f)]
         best = sorted(others, key=lambda f: f.error)[: self.witnesses.criteria.beam]
         better = self.of_one_force(found, [one for one in map(self.simulated, best) if one])
         return better[0] if better else found
 
     def of_one_force(self, found: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        """Return the options to stand in a model's place where the motion is imposed: those that take away a visible
-        part of the force in all its band, beyond doubt or half of what is left, and do not leave more in the band of
-        the force witness.
+        """Return the options to stand in a model's place where the motion is imposed: they take away a visible part of
+        the force in all its band, beyond doubt or half of what is left, and do not leave more in the low-pass.
         """
         w, c, motion = self.witnesses, self.witnesses.criteria, self.witnesses.motion
-        shown = c.each * np.nanmean(motion.best(motion.base).unseen_squares, axis=0)
+        shown = c.each * np.nanmean(motion.base.unseen_squares, axis=0)
         before = np.nanmean(found.unseen_squares, axis=0)
         visible = [
             one

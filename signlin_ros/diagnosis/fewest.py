@@ -14,8 +14,7 @@ from signlin_ros.errors import SignlinError
 
 def as_good_as(w: Witnesses, final: Fitted) -> Fitted:
     """Return the model with the fewest effects that is as good: each of several must be missed where it is left out,
-    and one effect takes the place of two that it is about the same as. What no force shows does not stand in the place
-    of what takes force away.
+    and one takes the place of two that it is about the same as; what no force shows not of what takes force away.
     """
     if len(final.effects) < 2:
         return final
@@ -55,9 +54,7 @@ def _complete(w: Witnesses, f: Fitted) -> bool:
 
 
 def _as_one(motion: Motion, final: Fitted) -> list[Fitted]:
-    """Return models with one effect in place of two that it is about the same as, from their values and from its own
-    starts.
-    """
+    """Return models with one effect in place of two that it is about the same as, from their values and its starts."""
     found, uses = list[Fitted](), {use.type: use.parameters for use in final.model.effects.values()}
     for pair, (name, effect) in product(combinations(final.effects, 2), EFFECTS.items()):
         others = {n: uses.get(n, {}) for n in pair}

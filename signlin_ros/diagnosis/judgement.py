@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.scores import unfollowed
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.cycles import seldom
 from signlin_ros.diagnosis.force.flexible import changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.motion import Fitted, Motion
@@ -29,8 +28,7 @@ Array = NDArray[np.float64]
 class Judgement:
     """What follows from what both witnesses stand for: the `verdict`, and every number that it rests on.
 
-    ``final``: the model to stand for; ``conflict``: why they differ, empty where they agree; ``asked``: the effect that
-    `add` was asked for.
+    ``final``: that model; ``conflict``: why they differ, empty where they agree; ``asked``: what `add` was asked for.
     """
 
     witnesses: Witnesses
@@ -64,6 +62,11 @@ class Judgement:
         return self.final.effects
 
     @cached_property
+    def refused(self) -> str:
+        """Why the records do not ask for what `add` was asked for; empty where they do."""
+        return self.motion.refused(self.base, self.final) if self.asked else ""
+
+    @cached_property
     def reversed(self) -> str:
         """The signal with whose sign reversed the model as given follows much better, if there is one."""
         return reversed_signal(self.motion.problem, self.base.fit)
@@ -75,26 +78,18 @@ class Judgement:
 
     @cached_property
     def same_at_nominal(self) -> bool:
-        """Whether the proposal is confirmed with the parameters that are far held at nominal too: beside what the base
-        model leaves with these held, and beside what it leaves at its best.
-        """
-        free = self.motion
+        """Whether what is far, held at nominal, changes nothing: beside the base with it held, and beside its best."""
         try:
-            held = free.holding(self.far)
+            held = self.motion.holding(self.far)
             found = held.fitted(self.names)
         except SignlinError:
             return False
-        return not held.refused(held.base, found) and not free.refused(self.base, found)
+        return not held.refused(held.base, found) and not self.motion.refused(self.base, found)
 
     @cached_property
     def percent(self) -> float | None:
         """Force that is left, in per cent of the effort."""
         return self.percent_of(self.final)
-
-    @property
-    def sees(self) -> bool:
-        """Whether the force witness can tell what is in the force that is left."""
-        return self.witnesses.sees(self.final)
 
     @cached_property
     def structure(self) -> tuple[bool, float]:
@@ -102,7 +97,7 @@ class Judgement:
         force = self.witnesses.force
         if force is None or self.percent is None:
             return False, np.inf
-        r, search = force.search.r, force.search
+        search, r = force.search, force.search.r
         if self.witnesses.acting(self.final) == set(force.effects):
             return force.structure, force.flexible
         if not self.names:
@@ -116,20 +111,15 @@ class Judgement:
         force = self.witnesses.force
         if force is None or self.percent is None or self.final.white:
             return ""
-        fit = force.search.models.get(self.witnesses.acting(self.final))
-        r = force.search.r
+        fit, r = force.search.models.get(self.witnesses.acting(self.final)), force.search.r
         return changing(r, fit.unseen if fit else r.unseen.missing(self.final.model))
 
     @cached_property
     def worse(self) -> str:
-        """The channel whose printed error rises from the base model to the proposal beyond its standard error, or the
-        missing force, if one does.
-        """
-        motion, base = self.motion, self.base
-        if self.final is base:
-            return ""
-        pairs = zip(motion.problem.channels, base.unseen_squares.T, self.final.unseen_squares.T, strict=True)
-        rows = [*pairs, ("the missing force", self.left(base), self.left(self.final))]
+        """The channel whose printed error rises beyond its standard error beside the base, or the missing force."""
+        base, final = self.base, self.final
+        pairs = zip(self.motion.problem.channels, base.unseen_squares.T, final.unseen_squares.T, strict=True)
+        rows = [*pairs, ("the missing force", self.left(base), self.left(final))]
         return next((n for n, a, b in rows if a is not None and b is not None and self._rises(a, b)), "")
 
     def _rises(self, before: Array, after: Array) -> bool:
@@ -146,9 +136,8 @@ class Judgement:
 
     @cached_property
     def no_better(self) -> bool:
-        """Whether unseen data do not surely show the proposal to be better than the model as given, as its row shows,
-        in force or in motion: what is gained beside a base that was refitted, and does not carry over, is nothing
-        gained.
+        """Whether unseen data do not surely show the proposal to be better than the model as given, in force or motion:
+        what is gained beside a base that was refitted, and does not carry over, is nothing gained.
         """
         if self.beside_given.certainty > self.criteria.least:
             return False
@@ -171,9 +160,8 @@ class Judgement:
     @cached_property
     def elsewhere(self) -> bool:
         """Whether the model follows unseen data far worse than those that it was fitted to."""
-        motion, final = self.motion, self.final
-        here, there = motion.problem.noise, motion.unseen.noise
-        return elsewhere(final.known_squares, final.unseen_squares, here, there, self.criteria.near)
+        noise, final = (self.motion.problem.noise, self.motion.unseen.noise), self.final
+        return elsewhere(final.known_squares, final.unseen_squares, *noise, self.criteria.near)
 
     @cached_property
     def unexplained(self) -> str:
@@ -188,11 +176,11 @@ class Judgement:
             return "worse"
         if self.names and self.no_better:
             return "given"
-        if self.remembers and seldom(self.case.model, self.case.records):
+        if self.remembers and self.case.seldom:
             return "once"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
-        if self.sees:
+        if self.witnesses.sees(self.final):
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             near = self.witnesses.near_noise(self.final)
             if large and self.elsewhere:
@@ -208,13 +196,9 @@ class Judgement:
 
     @property
     def within_noise(self) -> bool:
-        """Whether all that is shown is within the sensors' noise: the force, and the motion over the horizon. What is
-        slower than that, as what noise in the input makes, is in neither. Effects that leave structure all the same
-        imitate another.
-        """
-        if self.names or self.percent is None:
-            return False
-        return self.percent <= self.witnesses.noise_percent and self.witnesses.near_noise(self.final)
+        """Whether no effect is named, and force and motion, as shown, are within the sensors' noise."""
+        small = self.percent is not None and self.percent <= self.witnesses.noise_percent
+        return not self.names and small and self.witnesses.near_noise(self.final)
 
     @property
     def little(self) -> bool:
@@ -224,16 +208,15 @@ class Judgement:
 
     @property
     def little_motion(self) -> bool:
-        """Whether a proposal leaves the larger part of what the motion lacks, of unseen data or of those that it was
-        fitted to.
-        """
-        motion, base = self.motion, self.base
-        known = gain(base.known_squares, self.final.known_squares, motion.problem.noise)
-        return min(motion.gain(base, self.final).share, known.share) < 1.0 - self.criteria.part
+        """Whether a proposal leaves the larger part of what the motion lacks, of unseen data or of known ones."""
+        known = gain(self.base.known_squares, self.final.known_squares, self.motion.problem.noise)
+        return min(self.motion.gain(self.base, self.final).share, known.share) < 1.0 - self.criteria.part
 
     @property
     def verdict(self) -> str:
-        """One of adequate, missing and unexplained."""
+        """One of adequate, missing and unexplained: of the model as it is where what was asked for is worth nothing."""
+        if self.refused:
+            return replace(self, final=self.base, asked="").verdict
         if self.unexplained:
             return "unexplained"
         return "missing" if self.names else "adequate"
@@ -246,7 +229,7 @@ class Judgement:
             part = self._part(self.names[:k])
             if part.effects and not self.motion.gain(steps[-1], part).worsens(c.worse, c.alike):
                 steps.append(part)
-        return (*steps, self.final) if self.names else tuple(steps)
+        return (*steps, *([self.final] if self.names else []))
 
     def without(self, effect: str) -> Fitted:
         """Return the best fit without one effect of the proposal: what removing it costs."""
@@ -260,14 +243,12 @@ class Judgement:
             return self.base
 
     def left(self, f: Fitted) -> Array | None:
-        """Return the mean squared force (blocks,) that a model leaves of unseen data; None where forces do not tell: of
-        the effects that are stood for as they are written, of others at their best.
-        """
+        """Return the mean squared force (blocks,) left of unseen data: by the proposal as written, else at best."""
         return self.witnesses.as_written(f) if f is self.final and f.effects else self.witnesses.left(f)
 
     def percent_of(self, f: Fitted) -> float | None:
         """Return that force in per cent of the effort (RMS)."""
-        return self.witnesses.as_percent(self.left(f))
+        return self.witnesses.percent(self.left(f))
 
 
 __all__ = ["Judgement"]

@@ -43,11 +43,10 @@ def yaml_of(model: Model, judgement: Judgement) -> str:
 
 
 def printed(result: Diagnosis, original: Model, output: str | None, records: Sequence[ModelData]) -> Diagnosis:
-    """Return a diagnosis with the text of its model as a file of its own, and what the reader did to the records before
-    its own notes.
+    """Return a diagnosis with its model as a file of its own, and what the reader did to the records before its notes.
 
-    The model file names the position only if the model as given did or an effect needs it (`load_records` adds it for
-    the comparison where it is measured), and effect files from where it stands.
+    The file names the position only if the model as given did or an effect needs it (`load_records` adds it where it is
+    measured), and effect files from where it stands.
     """
     model = result.model
     if model.with_position and not original.with_position:

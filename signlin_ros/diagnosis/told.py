@@ -2,32 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 from signlin_ros.diagnosis import words
-from signlin_ros.diagnosis.cycles import one_cycle
-from signlin_ros.diagnosis.first_rows import row
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import listed
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
-from signlin_ros.diagnosis.results import Diagnosis, Entry, Scores
+from signlin_ros.diagnosis.results import Diagnosis, Entry
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import SignlinError
 
 
 def told(j: Judgement) -> Diagnosis:
     """Return the diagnosis that a judgement amounts to."""
-    w, case, given = j.witnesses, j.case, j.motion.given
-    ladder, ranking = tuple(row(w, f, j.left(f)) for f in j.steps), _ranking(j)
+    w, case = j.witnesses, j.case
+    ladder, ranking = tuple(w.row(f, j.left(f)) for f in j.steps), _ranking(j)
     model = rounded(j.final.model, j.final.parameters)
-    cycle = one_cycle(case.model, case.records) if j.names else ""
     return Diagnosis(
-        verdict=_verdict(j),
-        sentence=_added(j) if j.asked else words.sentence(j),
+        verdict=j.verdict,
+        sentence=words.sentence(j),
         base=j.base.parameters,
-        base_validation=ladder[0].validation,
         parameters=j.final.parameters,
         ranking=ranking,
         ladder=ladder,
@@ -35,31 +31,12 @@ def told(j: Judgement) -> Diagnosis:
         range=dict(case.problem.ranges),
         noise=case.noise,
         experiments=_experiments(j, ranking),
-        notes=(*case.problem.notes, *case.unseen.notes, *([cycle] if cycle else [])),
+        notes=(*case.problem.notes, *case.unseen.notes, *([words.ONE_CYCLE] if j.names and case.one_cycle else [])),
         yaml=yaml_of(model, j),
-        given=row(w, given, w.as_written(given)),
+        given=w.first_rows().given,
         horizon=case.horizon,
-        remainder=words.remainder(j).strip(),
         findings=j,
     )
-
-
-def _refused(j: Judgement) -> str:
-    """Return why the records do not ask for what `add` was asked for; empty where they do."""
-    return j.motion.refused(j.base, j.final) if j.asked else ""
-
-
-def _verdict(j: Judgement) -> str:
-    """Return the verdict; that on the model as it is where what was asked for is worth nothing."""
-    return replace(j, final=j.base).verdict if _refused(j) else j.verdict
-
-
-def _added(j: Judgement) -> str:
-    """Return what adding an effect is worth."""
-    name, why = listed([j.asked]), _refused(j)
-    if why:
-        return f"The record does not ask for {name}: {why}."
-    return f"With {name}, {words.falls(j, j.base, j.final)}.{words.remainder(j)}"
 
 
 # -------------------------------------------------------------------- ranking
@@ -78,12 +55,9 @@ def _ranking(j: Judgement) -> tuple[Entry, ...]:
             others.append(_by_force(j, name, tied.get(name, "")))
         elif not _applies(j, name):
             absent.append(Entry(name, "not_applicable", why=f"does not apply to {j.case.model.plant.name}"))
-    levels = {name: f.level for name, f in single.items()}
-
-    def place(e: Entry) -> tuple[bool, float]:
-        return e.status != "ambiguous", levels.get(e.effect, 0.0 if e.indistinguishable_from else float("inf"))
-
-    return (*(_named(j, e, ties[e]) for e in j.names), *sorted(others, key=place), *absent)
+    levels = dict.fromkeys(tied, 0.0) | {name: f.level for name, f in single.items()}
+    others.sort(key=lambda e: (e.status != "ambiguous", levels.get(e.effect, math.inf)))
+    return (*(_named(j, e, ties[e]) for e in j.names), *others, *absent)
 
 
 def _applies(j: Judgement, name: str) -> bool:
@@ -95,9 +69,7 @@ def _applies(j: Judgement, name: str) -> bool:
 
 
 def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
-    """Return what could as well stand in the place of an effect, by the force or by the motion, and is refused by
-    neither: a richer law whose own parameter is unknown is none.
-    """
+    """Return what could as well stand in the place of an effect, by force or by motion, and is refused by neither."""
     force, rest, found = j.witnesses.force, set(j.names) - {effect}, set[str]()
     if force and set(force.effects) == set(j.names):
         found |= set(force.search.ties(force.fit, effect))
@@ -115,14 +87,10 @@ def _named(j: Judgement, effect: str, ties: tuple[str, ...]) -> Entry:
     plain = [t for t in ties if not _richer(t, effect)]
     once = j.unexplained == "once" and effect in j.remembers
     status = "ambiguous" if plain or once else "confirmed"
-    if j.unexplained in ("conflict", "worse", "given", "far", "reversed") or _refused(j):
+    if j.unexplained in ("conflict", "worse", "given", "far", "reversed") or j.refused:
         status = "rejected"
     own = words.own_parameters(j.final, effect)
-    return Entry(effect, status, own, _scores(j, j.final), ties, words.why_named(j, effect))
-
-
-def _scores(j: Judgement, f: Fitted) -> Scores:
-    return row(j.witnesses, f, None).validation
+    return Entry(effect, status, own, j.witnesses.row(j.final, None).validation, ties, words.why_named(j, effect))
 
 
 def _richer(a: str, b: str) -> bool:
@@ -140,7 +108,7 @@ def _other(j: Judgement, name: str, f: Fitted, tied: str) -> Entry:
         status, why = status if simpler else "ambiguous", f"as good on unseen data as {listed([tied])}"
         why += ", which is the simpler law" if simpler else ""
     own, tie = words.own_parameters(f, name), (tied,) if tied else ()
-    return Entry(name, status, own, _scores(j, f), tie, why or words.why_not(j, f))
+    return Entry(name, status, own, j.witnesses.row(f, None).validation, tie, why or words.why_not(j, f))
 
 
 def _by_force(j: Judgement, name: str, tied: str) -> Entry:

@@ -1,4 +1,9 @@
-"""Both witnesses of a case together: what they measure of a model on unseen data, and what was fitted so far."""
+"""Both witnesses of a case together: what they measure of a model on unseen data, and what was fitted so far.
+
+The tables of `compare`, `diagnose`, `add` and `refine` show a row of each model: errors of the motion over the horizon,
+missing force in per cent of the effort, over noise that is the sensors' alone. The first rows are the same in all four
+for the same files: the model as given, and its base parameters moved within their tolerances.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.case import Case
-from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.equations import depends_on_place
 from signlin_ros.diagnosis.force.regression import TINY, Fit, mean_certainty, scaling
 from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.measures import changes_effort, only_input, with_laws, written_left
 from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.motion.score import of_windows
+from signlin_ros.diagnosis.results import FirstRows, Rung, Scores
 from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
@@ -78,17 +86,15 @@ class Witnesses:
     # ------------------------------------------------------------ the force that a model leaves
 
     def acting(self, f: Fitted) -> frozenset[str]:
-        """Return the effects of a model that bear on the force: where the current is measured it is known what acts, be
-        the voltage limited or late.
-        """
+        """Return the effects that bear on the force: where the current is measured, those of the voltage do not."""
         current = self.force is not None and self.force.search.r.current
         return frozenset(n for n in f.effects if not (current and only_input(find_effect(n, "effects"))))
 
     def comparable(self, f: Fitted) -> bool:
-        """Tell whether the force that a model leaves can be compared with the base model's: not where the effort
-        itself, or what is measured, is what was changed, nor where a load floats, which only an observer keeps where it
-        is, nor where it depends on a position that was not measured, or has waves that its band does not hold; nor
-        where an effect that the force witness cannot see leaves but noise of the motion.
+        """Tell whether the force that a model leaves can be compared with the base model's.
+
+        Not where the effort itself or what is measured was changed, a load floats, or a position matters that was not
+        measured; nor waves that the band does not hold, nor where what no force shows leaves but noise of the motion.
         """
         if self.force is None:
             return False
@@ -124,15 +130,11 @@ class Witnesses:
         better = own is not None and own.error < float(np.mean(left))
         return self.force.search.r.unseen.by_block(own.unseen) if own and better else left
 
-    def as_percent(self, left: Array | float | None) -> float | None:
+    def percent(self, left: Array | float | None) -> float | None:
         """Return mean squared forces (blocks,) in per cent of the effort (RMS)."""
         if left is None or self.force is None:
             return None
         return 100.0 * float(np.sqrt(np.mean(left))) / max(self.force.search.r.unseen.effort, TINY)
-
-    def percent(self, f: Fitted) -> float | None:
-        """Return the force that a set of effects leaves in per cent of the effort, None where forces do not tell."""
-        return self.as_percent(self.left(f))
 
     @property
     def noise(self) -> float:
@@ -142,8 +144,8 @@ class Witnesses:
     @property
     def noise_percent(self) -> float:
         """The same in per cent of the effort."""
-        percent = self.as_percent(self.noise)
-        return np.inf if percent is None else percent
+        told = self.percent(self.noise)
+        return np.inf if told is None else told
 
     @property
     def of_effort(self) -> str:
@@ -157,9 +159,7 @@ class Witnesses:
         return left is not None and float(np.mean(left)) > self.criteria.sees**2 * self.noise
 
     def remaining(self, left: Array | None) -> float | None:
-        """Return which part of the base model's squared force beyond the sensors' noise is left (mean squares by
-        block); None where forces do not tell.
-        """
+        """Return the part of the base model's squared force, beyond the sensors' noise, that is left (blocks,)."""
         before = self.left(self.base)
         if left is None or before is None:
             return None
@@ -176,9 +176,7 @@ class Witnesses:
         return a is None or b is None or mean_certainty(a, b) >= self.criteria.certainty
 
     def raises(self, before: Fitted, after: Fitted) -> bool:
-        """Tell whether a model leaves more force than another one, beyond doubt, and so that it shows: more than the
-        sensors' noise.
-        """
+        """Tell whether a model leaves more force than another one, beyond doubt, and more than the sensors' noise."""
         a, b = self.left(before), self.left(after)
         if a is None or b is None:
             return False
@@ -186,9 +184,9 @@ class Witnesses:
         return float(np.mean(b)) > max(alike, self.noise) and mean_certainty(a, b) < -self.criteria.tie
 
     def valued(self, f: Fitted) -> Fitted:
-        """Return the best model with some effects: with the values that the motion gave, or with those that the force
-        gave, where these leave less force beyond doubt, and less of both together. What is near the noise of the motion
-        has the right values.
+        """Return the best model with some effects, with the values of the motion or those of the force.
+
+        The latter where they leave less force beyond doubt, and less of both; near the noise the motion's are right.
         """
         motion, force, best = self.motion, self.force, self.motion.best(f)
         if force is None or self.near_noise(best) or not (f.effects and self.comparable(f)):
@@ -208,12 +206,24 @@ class Witnesses:
         less = stated is not None and mean_certainty(written_left(force, f), written_left(force, stated))
         return min(f, stated, key=both) if stated and less >= self.criteria.certainty else f
 
+    # ------------------------------------------------------------ rows of the tables
+
+    def row(self, f: Fitted, left: Array | None) -> Rung:
+        """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of unseen data."""
+        case, noise = self.case, np.array(list(self.case.noise.values()))
+        sides = ((case.problem, f.known_squares), (case.unseen, f.unseen_squares))
+        first, second = (Scores(of_windows(problem, squares, noise)) for problem, squares in sides)
+        return Rung(f.effects, first, second, self.percent(left), self.noise_percent if self.force else None)
+
+    def first_rows(self) -> FirstRows:
+        """Return the first rows."""
+        given = self.row(self.motion.given, self.as_written(self.motion.given))
+        return FirstRows(given, self.row(self.base, self.left(self.base)), self.case.horizon)
+
     # ------------------------------------------------------------ what counts as noise of the motion
 
     def leaves_noise(self, f: Fitted) -> bool:
-        """Tell whether a model leaves nothing but noise. Of a load that floats its residual says nothing, since a
-        filter holds it to what is measured: its windows must be near the noise.
-        """
+        """Tell whether a model leaves but noise: of a load that floats, and is held by a filter, over windows too."""
         return f.white and (not _floats(f) or self.near_noise(f))
 
     def near_noise(self, f: Fitted) -> bool:
@@ -235,6 +245,14 @@ class Witnesses:
         return all(bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) < own * noise)) for squares, noise in pairs)
 
 
+@one_thread
+def refitted(c: Case, tell: Tell | None = None, cancelled: Callable[[], bool] | None = None) -> Witnesses:
+    """Refit the base of a case and return what makes rows; ``tell`` of what is done, ``cancelled``: whether to stop."""
+    tell = tell or (lambda what: None)
+    motion = Motion(c.problem, c.unseen, DEFAULT, 1, tell, cancelled)
+    return Witnesses(c, motion, force_witness(c, DEFAULT, tell))
+
+
 def _floats(f: Fitted) -> bool:
     return any(find_effect(name, "effects").floating for name in f.effects)
 
@@ -248,4 +266,4 @@ def _orders(f: Fitted) -> list[float]:
     return found
 
 
-__all__ = ["Seen", "Tell", "Witnesses", "force_witness"]
+__all__ = ["Seen", "Tell", "Witnesses", "force_witness", "refitted"]

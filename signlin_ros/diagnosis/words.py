@@ -17,11 +17,25 @@ from signlin_ros.par import gathered
 NOTHING = "Nothing is missing that this record could show"
 FEW = 3
 """Most effects that are told where none is sure, the simplest."""
+ONE_CYCLE = (
+    "every swing of these records has the same stroke and pace: a force that goes with the speed and one that "
+    "remembers the way look alike here; a record of another amplitude or frequency would tell them apart"
+)
+BUT = {
+    "once": "the motion turns back only once in a record: a force that remembers the way and one that changes with "
+    "time look alike there",
+    "far": "only with base parameters that far from nominal",
+    "elsewhere": "follows the data it was fitted to far better than the unseen ones",
+}
 LEARN = "`signlin add learned_force` learns it as a curve"
 
 
 def sentence(j: Judgement) -> str:
-    """Return the verdict in a few sentences."""
+    """Return the verdict in a few sentences, or what adding the effect that was asked for is worth."""
+    if j.refused:
+        return f"The record does not ask for {listed([j.asked])}: {j.refused}."
+    if j.asked:
+        return f"With {listed([j.asked])}, {falls(j, j.base, j.final)}.{remainder(j)}"
     if j.reversed:
         return (
             f"With the sign of {j.reversed} reversed the model as it is follows this record much better: "
@@ -61,18 +75,10 @@ def _unexplained(j: Judgement) -> str:
         return f"{known} of what the refitted model leaves, {rest}."
     if j.names:
         what = falls(j, j.base, j.final)
-        if why == "once":
-            rest = "a force that remembers the way and one that changes with time look alike there"
-            return f"{known} ({what}), but the motion turns back only once in a record: {rest}."
-        if why == "far":
-            return f"{known} ({what}), but only with base parameters that far from nominal."
-        if why == "elsewhere":
-            return f"{known} ({what}), but follows the data it was fitted to far better than the unseen ones."
-        return f"{known}: {what}.{remainder(j)}"
-    rest, unsure = remainder(j), _unsure(j)
-    if unsure:
-        return f"{unsure}.{rest}"
-    return f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}.{rest}"
+        return f"{known} ({what}), but {BUT[why]}." if why in BUT else f"{known}: {what}.{remainder(j)}"
+    rest = remainder(j)
+    none = f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}"
+    return f"{_unsure(j) or none}.{rest}"
 
 
 def _unsure(j: Judgement) -> str:
@@ -118,7 +124,7 @@ def _freed(before: Fitted, after: Fitted) -> str:
 def remainder(j: Judgement) -> str:
     """Return what is left, and what would take it away."""
     noise = j.witnesses.noise_percent
-    if j.percent is None or not j.sees or not noise:
+    if j.percent is None or not j.witnesses.sees(j.final) or not noise:
         return ""
     left, (flexible, after) = f" What is left is {j.percent:.3g} % {j.witnesses.of_effort}", j.structure
     if flexible and after < (1 - j.criteria.alike) * j.percent:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.inverse import Efforts
 from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.comparison import compare_efforts
-from signlin_ros.diagnosis.first_rows import first_rows, refitted, row
+from signlin_ros.diagnosis.witnesses import refitted
 from signlin_ros.effects.learned_force import OVER
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import held_out
@@ -102,7 +102,7 @@ def add_learned(
     notes = dict.fromkeys(f"{record.source}: {note}" for record in (*known, *unseen) for note in record.notes)
     w = refitted(made)
     after = w.motion.as_it_is(new, ("learned_force",))
-    first, last = first_rows(w), row(w, after, w.as_written(after)).to_json()
+    first, last = w.first_rows(), w.row(after, w.as_written(after)).to_json()
     given, base = first.given.to_json(), first.refitted.to_json()
     entry = _entry(new, learned, given["validation"], last["validation"])
     return new, {

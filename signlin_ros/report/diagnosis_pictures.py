@@ -41,7 +41,7 @@ def words(effects: Sequence[str]) -> str:
 
 def ladder(d: Diagnosis) -> Any:
     """The error of every channel on unseen data, from the model as given to the proposal, and the noise floor below."""
-    channels, rungs = list(d.base_validation.channels), [*([d.given] if d.given else []), *d.ladder]
+    channels, rungs = list(d.ladder[0].validation.channels), [*([d.given] if d.given else []), *d.ladder]
     labels = [
         *([AS_GIVEN] if d.given else []),
         REFITTED,

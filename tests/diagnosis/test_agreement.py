@@ -153,7 +153,7 @@ def test_a_silent_force_witness_is_no_veto(monkeypatch):
     monkeypatch.setattr(agreement, "search", lambda motion, depth, names=None: [[motion.base], [second]])
     w = both(Motion(BASE), None)
     assert agree(w) == (second, "")
-    assert w.percent(second) is None
+    assert w.percent(w.left(second)) is None
 
 
 def test_a_model_that_leaves_more_force_than_the_base_is_not_stood_for():
@@ -231,7 +231,7 @@ def sees(**options: Any) -> Any:
 
 def test_what_both_stand_for_is_missing_though_something_is_left():
     found = judged(COULOMB, force=sees())
-    assert found.sees
+    assert found.witnesses.sees(found.final)
     assert not found.final.white
     assert found.verdict == "missing"
 
