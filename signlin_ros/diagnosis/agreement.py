@@ -34,8 +34,8 @@ def agree(w: Witnesses) -> tuple[Fitted, str]:
     final, conflict = _stood_for(w)
     final = as_good_as(w, final)
     whole = alone(w, final)
-    final, conflict = (w.valued(whole), "") if whole else (w.valued(final), conflict)
-    return w.base if final.unreal else final, conflict
+    final = w.valued(whole or final)
+    return w.base if final.unreal else final, "" if whole else conflict
 
 
 def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
@@ -113,7 +113,7 @@ def _chosen(w: Witnesses, first: Sequence[Fitted], second: Fitted) -> tuple[Fitt
 
 
 def _overruled(w: Witnesses, force: Testimony, second: Fitted) -> bool:
-    """Tell whether a model would take the place of laws that explain most of the force, and leaves it and no noise."""
+    """Tell whether laws that explain most of the force would give way to what explains neither it nor the motion."""
     before, own = force.search.base.error, w.left(second)
     explains = own is not None and float(np.mean(own)) < HALF * before
     return not second.white and force.fit.error < HALF * before and not explains

@@ -14,7 +14,7 @@ from signlin_ros.errors import SignlinError
 
 def as_good_as(w: Witnesses, final: Fitted) -> Fitted:
     """Return the model with the fewest effects that is as good: each of several must be missed where it is left out,
-    and one takes the place of two that it is about the same as; what no force shows not of what takes force away.
+    and one takes the place of two that it is about the same as. What no force shows displaces nothing that one does.
     """
     if len(final.effects) < 2:
         return final

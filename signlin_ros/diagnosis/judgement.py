@@ -78,7 +78,7 @@ class Judgement:
 
     @cached_property
     def same_at_nominal(self) -> bool:
-        """Whether what is far, held at nominal, changes nothing: beside the base with it held, and beside its best."""
+        """Whether it is confirmed with what is far held at nominal, too: beside the base held so, and at its best."""
         try:
             held = self.motion.holding(self.far)
             found = held.fitted(self.names)

@@ -21,12 +21,13 @@ ONE_CYCLE = (
     "every swing of these records has the same stroke and pace: a force that goes with the speed and one that "
     "remembers the way look alike here; a record of another amplitude or frequency would tell them apart"
 )
-BUT = {
+OBJECTIONS = {
     "once": "the motion turns back only once in a record: a force that remembers the way and one that changes with "
     "time look alike there",
     "far": "only with base parameters that far from nominal",
     "elsewhere": "follows the data it was fitted to far better than the unseen ones",
 }
+"""What follows "explains a part, but", by `Judgement.unexplained`."""
 LEARN = "`signlin add learned_force` learns it as a curve"
 
 
@@ -75,7 +76,7 @@ def _unexplained(j: Judgement) -> str:
         return f"{known} of what the refitted model leaves, {rest}."
     if j.names:
         what = falls(j, j.base, j.final)
-        return f"{known} ({what}), but {BUT[why]}." if why in BUT else f"{known}: {what}.{remainder(j)}"
+        return f"{known} ({what}), but {OBJECTIONS[why]}." if why in OBJECTIONS else f"{known}: {what}.{remainder(j)}"
     rest = remainder(j)
     none = f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}"
     return f"{_unsure(j) or none}.{rest}"
