@@ -4,35 +4,93 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
 
-from signlin_ros.fitting.prepare import held_out
-from signlin_ros.follow.data import as_list
-from signlin_ros.follow.segments import with_measured_position
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.effects import load_entry_points
+from signlin_ros.fitting.prepare import held_out, prepared
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.follow.data import as_list, travelled
 from signlin_ros.model import Model
+from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData
+
+Array = NDArray[np.float64]
+Records = ModelData | Sequence[ModelData]
+
+TURN = 0.1
+"""A swing turns back where the speed is beyond this part of its largest on the other side."""
+ALIKE = 1.15
+"""Largest ratio of strokes, and of paces, of swings that are alike."""
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A model and its records: ``known`` and ``unseen`` as given or held out."""
+    """The records as given or held out, what is fitted to (``problem``) and what is not (``unseen``)."""
 
-    model: Model
-    known: tuple[ModelData, ...]
-    unseen: tuple[ModelData, ...]
+    records: tuple[ModelData, ...]
+    problem: Problem
+    unseen: Problem
+
+    @property
+    def model(self) -> Model:
+        """The model as given, with its position as a state where that is measured."""
+        return self.problem.base
 
     @property
     def rotary(self) -> bool:
         """Whether the axis turns: as the model, its plant or the records' units say."""
-        return self.model.turns(self.known[0].units)
+        return self.model.turns(self.records[0].units)
+
+    @property
+    def horizon(self) -> float:
+        """Seconds over which the motion is predicted."""
+        return float(max(self.model.update_period, 2 * self.problem.scale.step))
+
+    @cached_property
+    def noise(self) -> dict[str, float]:
+        """Standard deviation of every channel's noise, from all records: of the sensors alone."""
+        parts = [(s.t, s.y) for s in (*self.problem.segments, *self.unseen.segments)]
+        return dict(zip(self.problem.channels, sensor_noise(parts).tolist(), strict=True))
+
+    @cached_property
+    def _swings(self) -> list[Array]:
+        """Stroke and largest speed (n, 2) of every whole swing, from one turning point to the next, by record; nothing
+        where the motion is not imposed: what follows of it there depends on the force.
+        """
+        plant, found = self.model.plant, list[Array]()
+        for record in self.records if plant.motion_is_imposed() else ():
+            v = record.u[:, self.model.inputs.index(plant.velocity)]
+            x, size = travelled(record.t, v), np.abs(v)
+            moving = np.flatnonzero(size > TURN * size.max())
+            turns = moving[np.flatnonzero(np.diff(np.sign(v[moving]))) + 1].tolist()
+            found.append(np.reshape([(np.ptp(x[a:b]), size[a:b].max()) for a, b in pairwise(turns)], (-1, 2)))
+        return found
+
+    @property
+    def one_cycle(self) -> bool:
+        """Whether an imposed motion holds one cycle again and again: speed and memory look alike there."""
+        swings = np.concatenate([np.zeros((0, 2)), *self._swings])
+        return len(swings) > 1 and bool(np.all(swings.max(axis=0) < ALIKE * swings.min(axis=0)))
+
+    @property
+    def seldom(self) -> bool:
+        """Whether an imposed motion turns back once in each record at most: memory and time look alike there."""
+        return bool(self._swings) and not any(map(len, self._swings))
 
 
-def case(
-    model: Model, data: ModelData | Sequence[ModelData], validation: ModelData | Sequence[ModelData] | None
-) -> Case:
-    """Return a case; without validation the last third of every record is held out. Raises `RecordError`."""
-    records, given = as_list(data), None if validation is None else as_list(validation)
-    known, unseen = (records, given) if given else held_out(records)
-    return Case(with_measured_position(model, [*known, *unseen]), tuple(known), tuple(unseen))
+def case(model: Model, data: Records, validation: Records | None = None) -> Case:
+    """Return a case; without validation the last third of every record is held out.
+
+    Raises `RecordError` where records are too short, nothing is measured or nothing moves.
+    """
+    load_entry_points()
+    known = as_list(data)
+    known, unseen = held_out(known) if validation is None else (known, as_list(validation))
+    return Case((*known, *unseen), *prepared(model, known, unseen))
 
 
-__all__ = ["Case", "case"]
+__all__ = ["Case", "Records", "case"]

@@ -22,7 +22,9 @@ from signlin_ros.comparison.locate import Region, by_direction, locate
 from signlin_ros.comparison.missing import Missing, missing
 from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
 from signlin_ros.comparison.whiteness import ResidualTest, residual_test
-from signlin_ros.diagnosis.first_rows import FirstRows, Ready, ready
+from signlin_ros.diagnosis.case import Case, Records, case
+from signlin_ros.diagnosis.results import FirstRows
+from signlin_ros.diagnosis.witnesses import refitted
 from signlin_ros.errors import InputError
 from signlin_ros.follow.data import Stretch, as_list, measured_channels, stretches, unit_asked
 from signlin_ros.follow.freerun import FreeRun, free_run
@@ -88,16 +90,6 @@ class Traces:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """What the first rows of a comparison are found from; ``why`` there are none where ``ready`` is None."""
-
-    ready: Ready | None
-    why: str
-    tell: Callable[[str], None] | None
-    cancelled: Callable[[], bool] | None
-
-
-@dataclass(frozen=True, eq=False)
 class Comparison:
     """A model held against measurements; ``to_json`` is what `signlin compare --json` prints.
 
@@ -105,6 +97,7 @@ class Comparison:
     concentrated, the worst first; ``residual_tests`` by channel; ``horizon`` s; ``directions``: means of what is
     missing by name and by direction of motion; ``units`` of the record by name. The arrays behind it: ``traces`` for
     each stretch of the records without a gap, ``missing``: what the equations lack, over the same stretches.
+    ``refit`` finds the first rows.
     """
 
     model: Model
@@ -114,19 +107,17 @@ class Comparison:
     residual_tests: dict[str, ResidualTest]
     horizon: float
     samples: int
-    sources: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    directions: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
-    traces: tuple[Traces, ...] = field(default=(), repr=False)
-    missing: tuple[Missing, ...] = field(default=(), repr=False)
-    asked: Asked | None = field(default=None, repr=False)
+    sources: tuple[str, ...]
+    notes: tuple[str, ...]
+    directions: dict[str, dict[str, dict[str, float]]]
+    units: dict[str, str]
+    traces: tuple[Traces, ...] = field(repr=False)
+    missing: tuple[Missing, ...] = field(repr=False)
+    refit: Callable[[], FirstRows] = field(repr=False)
 
     @cached_property
     def first_rows(self) -> FirstRows | None:
-        """The model as given and its base refitted, as `diagnose` shows them of the same records: fitted when they are
-        first asked for. None where `without_rows` says why.
-        """
+        """The model as given and its base refitted, when first asked for; None where `without_rows` says why."""
         return self._first_rows[0]
 
     @property
@@ -136,10 +127,8 @@ class Comparison:
 
     @cached_property
     def _first_rows(self) -> tuple[FirstRows | None, str]:
-        if self.asked is None or self.asked.ready is None:
-            return None, self.asked.why if self.asked else ""
         try:
-            return self.asked.ready.rows(self.asked.tell, self.asked.cancelled).first(), ""
+            return self.refit(), ""
         except InputError as error:
             return None, f"the model was not refitted: {error}"
 
@@ -165,22 +154,19 @@ class Comparison:
         return f"<pre>{html.escape(compare_text(self.to_json()))}</pre>"
 
 
-def compare_efforts(model: Model, data: ModelData | Sequence[ModelData], cutoff: float | None = None) -> Efforts | None:
+def compare_efforts(model: Model, data: Records, cutoff: float | None = None) -> Efforts | None:
     """Return the efforts of records, with outliers left out as by `compare`; None where they are not known."""
-    records = as_list(data)
-    channels = measured_channels(model, records)
-    cleaned = [without_outliers(record, channels)[0] for record in records]
-    parts, _ = stretches(model, cleaned, channels)
-    return Efforts.of(model, parts, channels, _observer(model, parts, channels).noise, cutoff)
+    observer, _ = _observed(model, as_list(data))
+    return Efforts.of(model, observer.stretches, observer.channels, observer.noise, cutoff)
 
 
 @one_thread
 def compare(
     model: Model,
-    data: ModelData | Sequence[ModelData],
+    data: Records,
     horizon: float | None = None,
     cutoff: float | None = None,
-    validation: ModelData | Sequence[ModelData] | None = None,
+    validation: Records | None = None,
     *,
     progress: Callable[[str], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
@@ -195,46 +181,45 @@ def compare(
     the model predicts is measured, `InputError` for a horizon or a cut-off that the sampling cannot serve.
     """
     records = as_list(data)
-    channels, units = measured_channels(model, records), dict(records[0].units)
-    cleaned, left_out = zip(*(without_outliers(record, channels) for record in records), strict=True)
-    parts, notes = stretches(model, cleaned, channels)
-    observer = _observer(model, parts, channels)
-    horizon = _horizon(model, horizon, observer.step)
+    observer, notes = _observed(model, records)
+    units, horizon = dict(records[0].units), _horizon(model, horizon, observer.step)
     free, window = _free(observer, notes), _windowed(observer, horizon, notes)
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
-    asked = _asked(model, records, validation, progress, cancelled)
-    scored = _scored(observer, units, free, window, asked.ready.noise if asked.ready else {})
-    effort, where = inverse(model, parts, channels, observer.noise, units, cutoff), locate(observer, lacking, units)
+    try:
+        prepared: Case | InputError = case(model, data, validation)
+    except InputError as error:
+        prepared = error  # the records cannot be used as `diagnose` uses them
+    scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Case) else {})
+    parts, channels, noise = observer.stretches, observer.channels, observer.noise
+    effort, where = inverse(model, parts, channels, noise, units, cutoff), locate(observer, lacking, units)
+
+    def refit() -> FirstRows:
+        if isinstance(prepared, InputError):
+            raise prepared
+        return refitted(prepared, progress, cancelled).first_rows()
+
     return Comparison(
         model=model,
         channels=scored,
         inverse={effort.name: effort} if effort else {},
         where=where,
-        residual_tests=_tests(observer, residuals),
+        residual_tests={
+            name: residual_test([e[:, j] for e in residuals], [s.u for s in parts], noise[j].rho)
+            for j, name in enumerate(channels)
+        },
         horizon=horizon,
         samples=sum(len(record) for record in records),
         sources=tuple(record.source for record in records),
-        notes=(*_of_records(records), *chain(*left_out), *notes, *_lost(scored), *_remarks(observer, lacking, where)),
+        notes=(*notes, *_remarks(observer, scored, lacking, where)),
         directions={m.name: by_direction(observer, m, units) for m in lacking if m.clear},
         units=units,
-        traces=tuple(_traces(observer, k, free, window, residuals) for k in range(len(parts))),
+        traces=tuple(
+            Traces(s.source, s.t, s.u, s.y, run.shown, ahead, x, left)
+            for s, run, ahead, x, left in zip(parts, free, window, observer.best_states, residuals, strict=True)
+        ),
         missing=lacking,
-        asked=asked,
+        refit=refit,
     )
-
-
-def _asked(
-    model: Model,
-    data: Sequence[ModelData],
-    validation: ModelData | Sequence[ModelData] | None,
-    progress: Callable[[str], None] | None,
-    cancelled: Callable[[], bool] | None,
-) -> Asked:
-    """Return what the first rows are found from, or why records cannot be used as `diagnose` uses them."""
-    try:
-        return Asked(ready(model, data, validation), "", progress, cancelled)
-    except InputError as error:
-        return Asked(None, f"the model was not refitted: {error}", progress, cancelled)
 
 
 def _horizon(model: Model, given: float | None, step: float) -> float:
@@ -248,23 +233,18 @@ def _horizon(model: Model, given: float | None, step: float) -> float:
     raise InputError(f"{apart}{unit_asked(step)}; else give a horizon of at least two samples, {2 * step:.3g} s")
 
 
-def _of_records(records: Sequence[ModelData]) -> list[str]:
-    return [f"{record.source}: {note}" for record in records for note in record.notes]
+def lost(channels: Mapping[str, Channel]) -> list[str]:
+    """Return the channels that the model follows neither freely nor over windows."""
+    ahead = unfollowed({name: c.windowed for name, c in channels.items() if c.windowed})
+    return [name for name in ahead if (free := channels[name].free_run) is None or unfollowed({name: free})]
 
 
-def _lost(channels: Mapping[str, Channel]) -> list[str]:
-    """Return the note on channels that the model follows neither freely nor over windows."""
-    names = [
-        name
-        for name, c in channels.items()
-        if c.windowed and unfollowed({name: c.windowed}) and (c.free_run is None or unfollowed({name: c.free_run}))
-    ]
-    return [follows_nothing(names)] if names else []
-
-
-def _remarks(observer: Observer, lacking: tuple[Missing, ...], where: tuple[Region, ...]) -> list[str]:
+def _remarks(
+    observer: Observer, channels: Mapping[str, Channel], lacking: Sequence[Missing], where: Sequence[Region]
+) -> list[str]:
     """Return what a reader should know of how the figures came about."""
-    found = []
+    names = lost(channels)
+    found = [follows_nothing(names)] if names else []
     if any(m.clear for m in lacking) and not where:
         found.append(NOWHERE)
     if not all(noise.even for noise in observer.noise):
@@ -272,19 +252,23 @@ def _remarks(observer: Observer, lacking: tuple[Missing, ...], where: tuple[Regi
     return found
 
 
-def _observer(model: Model, parts: list[Stretch], channels: tuple[str, ...]) -> Observer:
-    """Return the observers of the model, the noise known from what they leave of the measurements."""
+def _observed(model: Model, records: Sequence[ModelData]) -> tuple[Observer, list[str]]:
+    """Return the observers of the model, their noise from what they leave; and the notes on the records."""
+    channels = measured_channels(model, records)
+    cleaned, left_out = zip(*(without_outliers(record, channels) for record in records), strict=True)
+    parts, notes = stretches(model, cleaned, channels)
     white = [_noise(parts, j, []) for j in range(len(channels))]
     observer = Observer(model, parts, channels, white)
     left = [[run.innovation for run in observer.runs(observer.design(trust))] for trust in FOR_NOISE]
-    noise = [_noise(parts, j, [[e[:, j] for e in runs] for runs in left]) for j in range(len(channels))]
-    return Observer(model, parts, channels, noise)
+    noise = [_noise(parts, j, left) for j in range(len(channels))]
+    given = [f"{record.source}: {note}" for record in records for note in record.notes]
+    return Observer(model, parts, channels, noise), [*given, *chain(*left_out), *notes]
 
 
 def _noise(parts: list[Stretch], j: int, residuals: list[list[Array]]) -> Noise:
     """Return the noise of channel j, from the longest stretch that has it."""
     k = int(np.argmax([np.isfinite(s.y[:, j]).sum() for s in parts]))
-    return noise_level(parts[k].t, parts[k].y[:, j], [r[k] for r in residuals])
+    return noise_level(parts[k].t, parts[k].y[:, j], [runs[k][:, j] for runs in residuals])
 
 
 def _free(observer: Observer, notes: list[str]) -> list[FreeRun]:
@@ -297,26 +281,21 @@ def _free(observer: Observer, notes: list[str]) -> list[FreeRun]:
 
 def _windowed(observer: Observer, horizon: float, notes: list[str]) -> list[Array]:
     """Return the channels (T, ny) predicted over windows, from the observer whose states predict best."""
-    starts = [_starts(s, horizon) for s in observer.stretches]
+    starts = [[first for first, _ in windows(s.t, horizon)] or [0] for s in observer.stretches]
     if not any(len(at) > 1 for at in starts):
         notes.append(f"no windowed prediction: the record is shorter than two windows of {horizon:g} s")
         return [np.full(s.y.shape, np.nan) for s in observer.stretches]
-    found = []
-    for trust in TRUSTS:
-        shown = _shown_in_windows(observer, observer.states(observer.design(trust)), starts)
+
+    def level(shown: list[Array]) -> float:
         errors = np.concatenate([s.y - p for s, p in zip(observer.stretches, shown, strict=True)])
-        found.append((float(np.sum(np.log(mean_square(errors) + 1e-300))), trust, shown))
-    return min(found, key=lambda item: item[:2])[2]
+        return float(np.sum(np.log(mean_square(errors) + 1e-300)))
 
-
-def _starts(stretch: Stretch, horizon: float) -> list[int]:
-    return [first for first, _ in windows(stretch.t, horizon)] or [0]
+    designs = (observer.design(trust) for trust in TRUSTS)
+    return min((_shown_in_windows(observer, observer.states(d), starts) for d in designs), key=level)
 
 
 def _shown_in_windows(observer: Observer, states: list[Array], starts: list[list[int]]) -> list[Array]:
-    """Return the channels (T, ny) predicted from the states (T, n) at the starts; NaN in the first window, before
-    which nothing was measured.
-    """
+    """Return the channels (T, ny) predicted from states (T, n) at the starts; NaN in the first window."""
     shown = []
     for tracker, x, at in zip(observer.trackers, states, starts, strict=True):
         run = tracker.restarted(x, np.array(at))
@@ -348,17 +327,4 @@ def _scored(
     }
 
 
-def _tests(observer: Observer, residuals: list[Array]) -> dict[str, ResidualTest]:
-    inputs = [s.u for s in observer.stretches]
-    return {
-        name: residual_test([e[:, j] for e in residuals], inputs, observer.noise[j].rho)
-        for j, name in enumerate(observer.channels)
-    }
-
-
-def _traces(observer: Observer, k: int, free: list[FreeRun], window: list[Array], residuals: list[Array]) -> Traces:
-    s = observer.stretches[k]
-    return Traces(s.source, s.t, s.u, s.y, free[k].shown, window[k], observer.best_states[k], residuals[k])
-
-
-__all__ = ["Channel", "Comparison", "Traces", "compare"]
+__all__ = ["Channel", "Comparison", "Traces", "compare", "compare_efforts", "lost"]

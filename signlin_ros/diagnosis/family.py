@@ -8,11 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.measures import HALF, with_laws
-from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.measures import HALF, values, with_laws
+from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
@@ -26,24 +25,9 @@ class Choice:
     force: Testimony
 
     @property
-    def motion(self) -> Motion:
-        """The motion witness."""
-        return self.witnesses.motion
-
-    @property
-    def criteria(self) -> Criteria:
-        """What decides."""
-        return self.witnesses.criteria
-
-    @property
     def imposed(self) -> bool:
         """Whether the motion is imposed: both witnesses speak of one force then, the motion's of all its band."""
-        return self.force.search.r.model.plant.motion_is_imposed()
-
-    def among(self, found: Fitted) -> Fitted:
-        """Return a confirmed model with the laws that it should have."""
-        found = self.in_family(found)
-        return self.in_all_band(found) if self.imposed else found
+        return self.witnesses.case.model.plant.motion_is_imposed()
 
     def simulated(self, fit: Fit) -> Fitted | None:
         """Return a set of the force witness fitted by simulation; None where that cannot be."""
@@ -51,11 +35,12 @@ class Choice:
 
     def _fitted(self, names: Sequence[str], start: Callable[[], Model], least: float = np.inf) -> Fitted | None:
         """Return a fit; None where that cannot be, or -2 log likelihood does not soon come below the ``least``."""
+        motion = self.witnesses.motion
         try:
             model = start()
-            if least < np.inf and self.motion.soon(*self.motion.valued(names, model)) >= least:
+            if least < np.inf and motion.soon(*motion.valued(names, model)) >= least:
                 return None
-            found = self.motion.fitted(names, model)
+            found = motion.fitted(names, model)
         except SignlinError:
             return None
         self.witnesses.keep(found)
@@ -64,17 +49,15 @@ class Choice:
     # ------------------------------------------------------------ a richer law of the same family
 
     def in_family(self, found: Fitted) -> Fitted:
-        """Return a model with a richer law of the same family in place of one, where the motion surely asks for it, and
-        the force too, if it is seen.
-        """
-        laws = self.force.search.r.laws
+        """Return a model with a richer law in place of one if motion surely asks for it, and force where it is seen."""
+        w, laws = self.witnesses, self.force.search.r.laws
         for name in found.effects:
             family = laws[name].effect.family
-            kin = [n for n, x in laws.items() if x.effect.family and x.effect.family == family]
-            richer = [n for n in kin if n != name and n not in found.effects and n in self._single()]
+            kin = [n for n, law in laws.items() if family and law.effect.family == family]
+            richer = [n for n in kin if n not in found.effects and n in w.laws]
             options, least, fit = [], np.inf, found.fit
             if richer and found.clean and not self.imposed:
-                least = self.motion.soon(fit.candidate, fit.theta) - self.criteria.least**2
+                least = w.motion.soon(fit.candidate, fit.theta) - w.criteria.least**2
             for other in self.worth_it(found, name, richer):
                 rest = tuple(n if n != name else other for n in found.effects)
                 one = self._fitted(rest, partial(self._started, found, name, other), least)
@@ -93,35 +76,31 @@ class Choice:
         errors = {n: models[names - {name} | {n}].error for n in richer if names - {name} | {n} in models}
         if names not in models or not errors:
             return list(richer)
-        most = models[names].error - self.criteria.each * self.force.search.base.error
+        most = models[names].error - self._shown
         best = min(errors, key=lambda n: errors[n])
         return [n for n in richer if n == best or errors.get(n, 0.0) < most]
 
     def _asked_for(self, found: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        better = self.motion.alike(found, options)
-        if not self.witnesses.sees(found):
-            return better
-        return [one for one in better if self._shows(found, one)]
+        better = self.witnesses.motion.alike(found, options)
+        return [one for one in better if self._shows(found, one)] if self.witnesses.sees(found) else better
 
     def _shows(self, before: Fitted, after: Fitted) -> bool:
-        """Tell whether a richer law surely takes away force, and a visible part of all that is missing, not of a
-        remainder.
-        """
+        """Tell whether a richer law surely takes away force, and a visible part of all that is missing."""
         a, b = (self.witnesses.left(f) for f in (before, after))
         gone = 0.0 if a is None or b is None else float(np.mean(a) - np.mean(b))
-        return self.witnesses.falls(before, after) and gone > self.criteria.each * self.force.search.base.error
+        return self.witnesses.falls(before, after) and gone > self._shown
 
-    def _single(self) -> set[str]:
-        return {next(iter(n)) for n in self.force.search.models if len(n) == 1}
+    @property
+    def _shown(self) -> float:
+        """A visible part of all the squared force that is missing."""
+        return self.witnesses.criteria.each * self.force.search.base.error
 
     def _started(self, found: Fitted, name: str, other: str) -> Model:
         """Return a fitted model with another law in place of one, as the force witness fitted it alone."""
         model = found.model
         for key in [k for k, use in model.effects.items() if use.type == name]:
             model = model.without_effect(key)
-        fit = self.force.search.models[frozenset({other})]
-        law, shape = self.force.search.r.laws[other], fit.members[0][1]
-        return model.with_effect(other, None, **law.parameters(shape, fit.theta[fit.spans[other]]))
+        return model.with_effect(other, None, **values(self.force, self.witnesses.laws[other], other))
 
     # ------------------------------------------------------------ where the motion is imposed
 
@@ -130,23 +109,24 @@ class Choice:
         force witness holds sound, and no worse within its own band: it took the one with the fewest parameters.
         """
         search = self.force.search
+        if not self.imposed:
+            return found
         others = [f for f in search.models.values() if f.error < search.chosen.error and search.sound(f)]
-        best = sorted(others, key=lambda f: f.error)[: self.criteria.beam]
+        best = sorted(others, key=lambda f: f.error)[: self.witnesses.criteria.beam]
         better = self.of_one_force(found, [one for one in map(self.simulated, best) if one])
         return better[0] if better else found
 
     def of_one_force(self, found: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        """Return the options to stand in a model's place where the motion is imposed: those that take away a visible
-        part of the force in all its band, beyond doubt or half of what is left, and do not leave more in the band of
-        the force witness.
+        """Return the options to stand in a model's place where the motion is imposed: they take away a visible part of
+        the force in all its band, beyond doubt or half of what is left, and do not leave more in the low-pass.
         """
-        c, motion = self.criteria, self.motion
-        shown = c.each * np.nanmean(motion.best(motion.base).unseen_squares, axis=0)
+        w, c, motion = self.witnesses, self.witnesses.criteria, self.witnesses.motion
+        shown = c.each * np.nanmean(motion.base.unseen_squares, axis=0)
         before = np.nanmean(found.unseen_squares, axis=0)
         visible = [
             one
             for one in options
-            if not self.witnesses.raises(found, one) and np.any(before - np.nanmean(one.unseen_squares, axis=0) > shown)
+            if not w.raises(found, one) and np.any(before - np.nanmean(one.unseen_squares, axis=0) > shown)
         ]
         gains = [(one, motion.gain(found, one)) for one in visible if not one.vague(c)]
         halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.least]

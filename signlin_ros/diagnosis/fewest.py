@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from itertools import combinations, product
 
-from signlin_ros.diagnosis.measures import is_shown_to_leave_noise, near_any_noise
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.trials import completed, free_key, tryable
 from signlin_ros.diagnosis.witnesses import Witnesses
@@ -15,8 +14,7 @@ from signlin_ros.errors import SignlinError
 
 def as_good_as(w: Witnesses, final: Fitted) -> Fitted:
     """Return the model with the fewest effects that is as good: each of several must be missed where it is left out,
-    and one effect takes the place of two that it is about the same as. What no force shows does not stand in the place
-    of what takes force away.
+    and one takes the place of two that it is about the same as. What no force shows displaces nothing that one does.
     """
     if len(final.effects) < 2:
         return final
@@ -43,7 +41,7 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     motion, base = w.motion, w.base
     names = [n for n in EFFECTS if n not in motion.searched.get((), ()) and tryable(motion.problem, n)]
     w.keep(*(motion.extensions(base, names) if names else []))
-    whole = [f for f in w.tried if len(f.effects) == 1 and _complete(w, f)]
+    whole = [f for f in w.single if _complete(w, f)]
     whole = [f for f in whole if not motion.refused(base, f) and not w.raises(base, f)]
     best = min(whole, key=lambda f: f.level, default=None)
     as_good = [f for f in whole if best and motion.as_good(best, f)]
@@ -52,13 +50,11 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
 
 def _complete(w: Witnesses, f: Fitted) -> bool:
     """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
-    return near_any_noise(w.motion, f, w.criteria) and is_shown_to_leave_noise(f, w.criteria) and not f.far(w.criteria)
+    return w.near_any_noise(f) and f.clean and not f.far(w.criteria)
 
 
 def _as_one(motion: Motion, final: Fitted) -> list[Fitted]:
-    """Return models with one effect in place of two that it is about the same as, from their values and from its own
-    starts.
-    """
+    """Return models with one effect in place of two that it is about the same as, from their values and its starts."""
     found, uses = list[Fitted](), {use.type: use.parameters for use in final.model.effects.values()}
     for pair, (name, effect) in product(combinations(final.effects, 2), EFFECTS.items()):
         others = {n: uses.get(n, {}) for n in pair}

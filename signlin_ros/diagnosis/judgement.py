@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.scores import unfollowed
-from signlin_ros.diagnosis.agreement import Agreed
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.cycles import seldom
 from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
-from signlin_ros.diagnosis.measures import (
-    acting,
-    comparable,
-    leaves_much,
-    leaves_noise,
-    near_any_noise,
-    near_noise,
-    noise_percent,
-    written_left,
-)
-from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain, of_windows
+from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import SignlinError
 from signlin_ros.fitting.signs import reversed_signal
@@ -37,16 +26,35 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What follows from an agreement: the `verdict`, and every number that it rests on.
+    """What follows from what both witnesses stand for: the `verdict`, and every number that it rests on.
 
-    ``final``: the model to stand for; ``steps``: from the base model to it, one effect after the other.
+    ``final``: that model; ``conflict``: why they differ, empty where they agree; ``asked``: what `add` was asked for.
     """
 
-    case: Case
-    agreed: Agreed
-    criteria: Criteria
+    witnesses: Witnesses
     final: Fitted
-    steps: tuple[Fitted, ...]
+    conflict: str = ""
+    asked: str = ""
+
+    @property
+    def case(self) -> Case:
+        """The records."""
+        return self.witnesses.case
+
+    @property
+    def motion(self) -> Motion:
+        """The motion witness."""
+        return self.witnesses.motion
+
+    @property
+    def base(self) -> Fitted:
+        """The best fit of the model as given."""
+        return self.witnesses.base
+
+    @property
+    def criteria(self) -> Criteria:
+        """What decides."""
+        return self.witnesses.criteria
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -54,9 +62,14 @@ class Judgement:
         return self.final.effects
 
     @cached_property
+    def refused(self) -> str:
+        """Why the records do not ask for what `add` was asked for; empty where they do."""
+        return self.motion.refused(self.base, self.final) if self.asked else ""
+
+    @cached_property
     def reversed(self) -> str:
         """The signal with whose sign reversed the model as given follows much better, if there is one."""
-        return reversed_signal(self.agreed.motion.problem, self.agreed.base.fit)
+        return reversed_signal(self.motion.problem, self.base.fit)
 
     @cached_property
     def far(self) -> dict[str, float]:
@@ -65,40 +78,27 @@ class Judgement:
 
     @cached_property
     def same_at_nominal(self) -> bool:
-        """Whether the proposal is confirmed with the parameters that are far held at nominal too: beside what the base
-        model leaves with these held, and beside what it leaves at its best.
-        """
-        free = self.agreed.motion
+        """Whether it is confirmed with what is far held at nominal, too: beside the base held so, and at its best."""
         try:
-            held = free.holding(self.far)
+            held = self.motion.holding(self.far)
             found = held.fitted(self.names)
         except SignlinError:
             return False
-        return not held.refused(held.base, found) and not free.refused(self.agreed.base, found)
+        return not held.refused(held.base, found) and not self.motion.refused(self.base, found)
 
     @cached_property
     def percent(self) -> float | None:
         """Force that is left, in per cent of the effort."""
-        return self.agreed.percent(self.final)
-
-    @cached_property
-    def noise_percent(self) -> float:
-        """What the sensors' noise leaves of a force, in per cent of the effort."""
-        return np.inf if self.agreed.force is None else noise_percent(self.agreed.force)
-
-    @property
-    def sees(self) -> bool:
-        """Whether the force witness can tell what is in the force that is left."""
-        return self.agreed.witnesses.sees(self.final)
+        return self.percent_of(self.final)
 
     @cached_property
     def flexible(self) -> Curve:
         """What a flexible curve makes of the force that is left."""
-        force = self.agreed.force
+        force = self.witnesses.force
         if force is None or self.percent is None:
             return Curve(False, np.inf)
-        r, search = force.search.r, force.search
-        if acting(force, self.final) == set(force.effects):
+        search, r = force.search, force.search.r
+        if self.witnesses.acting(self.final) == set(force.effects):
             return force.flexible
         if not self.names:
             return structured(search, search.base)
@@ -108,23 +108,18 @@ class Judgement:
     @cached_property
     def changing(self) -> str:
         """Which force changes slowly along the records, if that is most of what is left; empty if none does."""
-        force = self.agreed.force
+        force = self.witnesses.force
         if force is None or self.percent is None or self.final.white:
             return ""
-        fit = force.search.models.get(acting(force, self.final))
-        r = force.search.r
+        fit, r = force.search.models.get(self.witnesses.acting(self.final)), force.search.r
         return changing(r, fit.unseen if fit else r.unseen.missing(self.final.model))
 
     @cached_property
     def worse(self) -> str:
-        """The channel whose printed error rises from the base model to the proposal beyond its standard error, or the
-        missing force, if one does.
-        """
-        motion, base = self.agreed.motion, self.agreed.base
-        if self.final is base:
-            return ""
-        pairs = zip(motion.problem.channels, base.unseen_squares.T, self.final.unseen_squares.T, strict=True)
-        rows = [*pairs, ("the missing force", self.left(base), self.left(self.final))]
+        """The channel whose printed error rises beyond its standard error beside the base, or the missing force."""
+        base, final = self.base, self.final
+        pairs = zip(self.motion.problem.channels, base.unseen_squares.T, final.unseen_squares.T, strict=True)
+        rows = [*pairs, ("the missing force", self.left(base), self.left(final))]
         return next((n for n, a, b in rows if a is not None and b is not None and self._rises(a, b)), "")
 
     def _rises(self, before: Array, after: Array) -> bool:
@@ -137,21 +132,17 @@ class Judgement:
     @cached_property
     def beside_given(self) -> Gain:
         """What the proposal explains of unseen data beyond the model as given."""
-        return gain(self.agreed.motion.given.unseen_squares, self.final.unseen_squares, self.agreed.motion.unseen.noise)
+        return gain(self.motion.given.unseen_squares, self.final.unseen_squares, self.motion.unseen.noise)
 
     @cached_property
     def no_better(self) -> bool:
-        """Whether unseen data do not surely show the proposal to be better than the model as given, as its row shows,
-        in force or in motion: what is gained beside a base that was refitted, and does not carry over, is nothing
-        gained.
+        """Whether unseen data do not surely show the proposal to be better than the model as given, in force or motion:
+        what is gained beside a base that was refitted, and does not carry over, is nothing gained.
         """
-        motion, force, least = self.agreed.motion, self.agreed.force, self.criteria.least
-        if self.beside_given.certainty > least:
+        if self.beside_given.certainty > self.criteria.least:
             return False
-        given, final = motion.given, self.final
-        if force is None or not (comparable(force, given) and comparable(force, final)):
-            return True
-        return mean_certainty(written_left(force, given), written_left(force, final)) <= least
+        given, final = (self.witnesses.as_written(f) for f in (self.motion.given, self.final))
+        return given is None or final is None or mean_certainty(given, final) <= self.criteria.least
 
     @property
     def remembers(self) -> tuple[str, ...]:
@@ -161,7 +152,7 @@ class Judgement:
     @cached_property
     def lost(self) -> list[str]:
         """The channels that the model follows neither where it was fitted nor on unseen data."""
-        motion, final = self.agreed.motion, self.final
+        motion, final = self.motion, self.final
         sides = ((motion.problem, final.known_squares), (motion.unseen, final.unseen_squares))
         known, unseen = (unfollowed(of_windows(p, squares, p.noise)) for p, squares in sides)
         return [name for name in known if name in unseen]
@@ -169,16 +160,15 @@ class Judgement:
     @cached_property
     def elsewhere(self) -> bool:
         """Whether the model follows unseen data far worse than those that it was fitted to."""
-        motion, final = self.agreed.motion, self.final
-        here, there = motion.problem.noise, motion.unseen.noise
-        return elsewhere(final.known_squares, final.unseen_squares, here, there, self.criteria.near)
+        noise, final = (self.motion.problem.noise, self.motion.unseen.noise), self.final
+        return elsewhere(final.known_squares, final.unseen_squares, *noise, self.criteria.near)
 
     @cached_property
     def unexplained(self) -> str:
         """Why the records are not explained; empty if they are."""
         if self.reversed:
             return "reversed"
-        if self.agreed.conflict:
+        if self.conflict:
             return "conflict"
         if not self.names and self.lost:
             return "lost"
@@ -186,92 +176,79 @@ class Judgement:
             return "worse"
         if self.names and self.no_better:
             return "given"
-        if self.remembers and seldom(self.case.model, (*self.case.known, *self.case.unseen)):
+        if self.remembers and self.case.seldom:
             return "once"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
-        if self.sees:
+        if self.witnesses.sees(self.final):
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
-            near = near_noise(self.final, self.criteria)
+            near = self.witnesses.near_noise(self.final)
             if large and self.elsewhere:
                 return "elsewhere"
             noise = self.final.clean or (near and self.final.white)
             more = (self.little or near or self.changing) and not self.final.white
             return "structure" if ((large or self.flexible.visible) and not noise) or more else ""
-        noise = leaves_noise(self.final, self.criteria)
-        near = near_any_noise(self.agreed.motion, self.final, self.criteria)
+        noise = self.witnesses.leaves_noise(self.final)
+        near = self.witnesses.near_any_noise(self.final)
         if self.names and not near and (noise or self.percent is None):
             return "elsewhere" if self.elsewhere else "structure" if self.little_motion else ""
         return "" if noise or self.within_noise else "structure"
 
     @property
     def within_noise(self) -> bool:
-        """Whether all that is shown is within the sensors' noise: the force, and the motion over the horizon. What is
-        slower than that, as what noise in the input makes, is in neither. Effects that leave structure all the same
-        imitate another.
-        """
-        if self.names:
-            return False
-        return self.percent is not None and self.percent <= self.noise_percent and near_noise(self.final, self.criteria)
+        """Whether no effect is named, and force and motion, as shown, are within the sensors' noise."""
+        small = self.percent is not None and self.percent <= self.witnesses.noise_percent
+        return not self.names and small and self.witnesses.near_noise(self.final)
 
     @property
     def little(self) -> bool:
         """Whether a proposal leaves the larger part of the force that is missing."""
-        force, before, after = self.agreed.force, self.left(self.agreed.base), self.left(self.final)
-        if not self.names or force is None or before is None or after is None:
-            return False
-        return leaves_much(force, before, after, self.criteria)
+        part = self.witnesses.remaining(self.left(self.final))
+        return bool(self.names) and part is not None and part > self.criteria.part
 
     @property
     def little_motion(self) -> bool:
-        """Whether a proposal leaves the larger part of what the motion lacks, of unseen data or of those that it was
-        fitted to.
-        """
-        motion, base = self.agreed.motion, self.agreed.base
-        known = gain(base.known_squares, self.final.known_squares, motion.problem.noise)
-        return min(motion.gain(base, self.final).share, known.share) < 1.0 - self.criteria.part
+        """Whether a proposal leaves the larger part of what the motion lacks, of unseen data or of known ones."""
+        known = gain(self.base.known_squares, self.final.known_squares, self.motion.problem.noise)
+        return min(self.motion.gain(self.base, self.final).share, known.share) < 1.0 - self.criteria.part
 
     @property
     def verdict(self) -> str:
-        """One of adequate, missing and unexplained."""
+        """One of adequate, missing and unexplained: of the model as it is where what was asked for is worth nothing."""
+        if self.refused:
+            return replace(self, final=self.base, asked="").verdict
         if self.unexplained:
             return "unexplained"
         return "missing" if self.names else "adequate"
 
-    @property
-    def horizon(self) -> float:
-        """Seconds over which the motion is predicted."""
-        motion = self.agreed.motion
-        return float(max(motion.problem.base.update_period, 2 * motion.problem.scale.step))
+    @cached_property
+    def steps(self) -> tuple[Fitted, ...]:
+        """The models from the base to the proposal, one effect after the other."""
+        steps, c = [self.base], self.criteria
+        for k in range(1, len(self.names)):
+            part = self._part(self.names[:k])
+            if part.effects and not self.motion.gain(steps[-1], part).worsens(c.worse, c.alike):
+                steps.append(part)
+        return (*steps, *([self.final] if self.names else []))
 
     def without(self, effect: str) -> Fitted:
         """Return the best fit without one effect of the proposal: what removing it costs."""
-        return _part(self.agreed, [n for n in self.names if n != effect])
+        return self._part([n for n in self.names if n != effect])
+
+    def _part(self, names: Sequence[str]) -> Fitted:
+        """Return the best fit of some of the effects of the proposal; the base where it diverges without the others."""
+        try:
+            return self.motion.fitted(names, self.final.model) if names else self.base
+        except SignlinError:
+            return self.base
 
     def left(self, f: Fitted) -> Array | None:
-        """Return the mean squared force (blocks,) that a model leaves of unseen data."""
-        return self.agreed.left(f)
+        """Return the mean squared force (blocks,) left of unseen data: by the proposal as written, else at best."""
+        return self.witnesses.as_written(f) if f is self.final and f.effects else self.witnesses.left(f)
+
+    def percent_of(self, f: Fitted) -> float | None:
+        """Return that force in per cent of the effort (RMS)."""
+        return self.witnesses.percent(self.left(f))
 
 
-def judge(case: Case, agreed: Agreed, criteria: Criteria) -> Judgement:
-    """Return what follows from an agreement."""
-    final, motion = agreed.final, agreed.motion
-    steps = [agreed.base]
-    for k in range(1, len(final.effects)):
-        part = _part(agreed, final.effects[:k])
-        if part.effects and not motion.gain(steps[-1], part).worsens(criteria.worse, criteria.alike):
-            steps.append(part)
-    if final.effects:
-        steps.append(final)
-    return Judgement(case, agreed, criteria, final, tuple(steps))
-
-
-def _part(agreed: Agreed, names: Sequence[str]) -> Fitted:
-    """Return the best fit of some of the effects that are stood for; the base where it diverges without the others."""
-    try:
-        return agreed.motion.fitted(names, agreed.final.model) if names else agreed.base
-    except SignlinError:
-        return agreed.base
-
-
-__all__ = ["Judgement", "judge"]
+__all__ = ["Judgement"]

@@ -6,8 +6,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.results import Diagnosis, Estimate
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -28,9 +28,9 @@ def given(base: Model, name: str) -> float | None:
     return base.effects[key].parameters.get(inner) if key in base.effects else None
 
 
-def yaml_of(model: Model, findings: Any) -> str:
+def yaml_of(model: Model, judgement: Judgement) -> str:
     """Return the model file, with comments of where the fitted values came from."""
-    fitted, problem = findings.estimates, findings.problem
+    fitted, problem = judgement.final.parameters, judgement.case.problem
     sources = ", ".join(dict.fromkeys(Path(s.source).name for s in problem.segments))
     lines = [f"# Fitted to {sources}; what follows ± is the standard error."]
     for line in model.to_yaml().splitlines():
@@ -43,11 +43,10 @@ def yaml_of(model: Model, findings: Any) -> str:
 
 
 def printed(result: Diagnosis, original: Model, output: str | None, records: Sequence[ModelData]) -> Diagnosis:
-    """Return a diagnosis with the text of its model as a file of its own, and what the reader did to the records before
-    its own notes.
+    """Return a diagnosis with its model as a file of its own, and what the reader did to the records before its notes.
 
-    The model file names the position only if the model as given did or an effect needs it (`load_records` adds it for
-    the comparison where it is measured), and effect files from where it stands.
+    The file names the position only if the model as given did or an effect needs it (`load_records` adds it where it is
+    measured), and effect files from where it stands.
     """
     model = result.model
     if model.with_position and not original.with_position:

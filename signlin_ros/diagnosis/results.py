@@ -18,10 +18,6 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
 
 
-STATUSES = ("confirmed", "ambiguous", "not_excited", "rejected", "not_applicable")
-VERDICTS = ("adequate", "missing", "unexplained")
-
-
 @dataclass(frozen=True)
 class Estimate:
     """A parameter: value, standard error (None: not known), unit; ``note`` says what is odd about it, if anything."""
@@ -43,15 +39,14 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Scores:
-    """Scores by channel; ``kind`` is ``free_run`` or ``windowed``."""
+    """Scores by channel, over windows of the horizon."""
 
-    kind: str
     channels: Mapping[str, Score]
 
     def to_json(self) -> dict[str, Any]:
         """Return what the contract calls SCORES, with the key ``score``."""
         channels = {name: {k: _finite(v) for k, v in s.to_json().items()} for name, s in self.channels.items()}
-        return {**channels, "score": self.kind}
+        return {**channels, "score": "windowed"}
 
     @property
     def over_noise(self) -> float:
@@ -61,16 +56,14 @@ class Scores:
 
 @dataclass(frozen=True)
 class Entry:
-    """One effect in the ranking, and why it stands there. ``evidence``: fall of -2 log likelihood, priced."""
+    """One effect in the ranking: confirmed, ambiguous, not_excited, rejected or not_applicable, and ``why``."""
 
     effect: str
     status: str
-    parameters: Mapping[str, Estimate]
-    validation: Scores | None
-    indistinguishable_from: tuple[str, ...]
-    why: str
-    evidence: float = 0.0
-    certainty: float = 0.0
+    parameters: Mapping[str, Estimate] = field(default_factory=dict)
+    validation: Scores | None = None
+    indistinguishable_from: tuple[str, ...] = ()
+    why: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return one entry of ``ranking``."""
@@ -115,6 +108,19 @@ class Rung:
 
 
 @dataclass(frozen=True)
+class FirstRows:
+    """Rows of the model as in its file, and with its base refitted; ``horizon``: s over which motion is predicted."""
+
+    given: Rung
+    refitted: Rung
+    horizon: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what `signlin compare --json` prints of them."""
+        return {"given": self.given.to_json(), "refitted": self.refitted.to_json(), "horizon": self.horizon}
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """What a model lacks.
 
@@ -122,13 +128,12 @@ class Diagnosis:
     of the base model alone and of the proposal. ``model``: the proposal. ``range``: what the records visited.
     ``noise``: standard deviation by channel. ``experiments``: what would decide what this record cannot.
     ``given``: the model as given, before anything was fitted; ``horizon`` in s over which motion is predicted.
-    ``remainder``: what is left, in words. ``findings``: the fits behind it, for pictures.
+    ``findings``: the judgement behind it, for pictures.
     """
 
     verdict: str
     sentence: str
     base: Mapping[str, Estimate]
-    base_validation: Scores
     parameters: Mapping[str, Estimate]
     ranking: tuple[Entry, ...]
     ladder: tuple[Rung, ...]
@@ -140,7 +145,6 @@ class Diagnosis:
     yaml: str = ""
     given: Rung | None = None
     horizon: float = 0.0
-    remainder: str = ""
     findings: Any = field(default=None, repr=False, compare=False)
 
     @property
@@ -155,7 +159,7 @@ class Diagnosis:
             "verdict": self.verdict,
             "sentence": self.sentence,
             "given": self.given.to_json() if self.given else None,
-            "base": {"parameters": base, "validation": self.base_validation.to_json()},
+            "base": {"parameters": base, "validation": self.ladder[0].validation.to_json()},
             "ranking": [e.to_json() for e in self.ranking],
             "ladder": [r.to_json() for r in self.ladder],
             "parameters": {n: p.to_json() for n, p in self.parameters.items()},
@@ -176,4 +180,4 @@ class Diagnosis:
         return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{errors}{table}"
 
 
-__all__ = ["STATUSES", "VERDICTS", "Diagnosis", "Entry", "Estimate", "Rung", "Scores"]
+__all__ = ["Diagnosis", "Entry", "Estimate", "FirstRows", "Rung", "Scores"]

@@ -17,20 +17,18 @@ from signlin_ros.simulate import simulate
 STEP, SAMPLES = 0.005, 800
 """Sampling time in s, and how many samples a record has."""
 MOTOR = {"R_a": 1.0, "L_a": 0.0, "K_t": 0.1, "K_m": 0.1, "B": 1e-4, "J": 1e-3}
-FRICTION, PLAY = {"mu": 0.02}, {"gap": 0.5, "k": 20.0, "c": 0.05, "J": 5e-4}
-"""A small motor, and what it lacks, in SI units."""
+"""A small motor, in SI units."""
 
 
 def warm_up() -> float:
     """Diagnose a short simulated record that lacks friction, and follow it with a play; returns the seconds taken."""
     begun = time.perf_counter()
     model = Model.from_dict({"plant": "dc_motor", "parameters": MOTOR})
-    truth = model.with_effect("coulomb_friction", None, **FRICTION)
+    truth = model.with_effect("coulomb_friction", None, mu=0.02)
     known, unseen = _record(truth, 1), _record(truth, 2)
     diagnose(model, known, unseen, jobs=1)
-    Motion.of(model, [known], [unseen], DEFAULT, jobs=1).stated(
-        ["backlash"], model.with_effect("backlash", None, **PLAY)
-    )
+    motion = Motion.of(model, [known], [unseen], DEFAULT, jobs=1)
+    motion.stated(["backlash"], model.with_effect("backlash", None, gap=0.5, k=20.0, c=0.05, J=5e-4))
     return time.perf_counter() - begun
 
 

@@ -1,40 +1,62 @@
-"""Both witnesses of a record together: what they measure of a model on unseen data, and what was fitted so far."""
+"""Both witnesses of a case together: what they measure of a model on unseen data, and what was fitted so far.
+
+The tables of `compare`, `diagnose`, `add` and `refine` show a row of each model: errors of the motion over the horizon,
+missing force in per cent of the effort, over noise that is the sensors' alone. The first rows are the same in all four
+for the same files: the model as given, and its base parameters moved within their tolerances.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.regression import TINY, mean_certainty, scaling
-from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.measures import (
-    acting,
-    comparable,
-    leaves_much,
-    near_noise,
-    noise_percent,
-    not_seen,
-    percent,
-    with_laws,
-    written_left,
-)
+from signlin_ros.diagnosis.case import Case
+from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
+from signlin_ros.diagnosis.force.equations import depends_on_place
+from signlin_ros.diagnosis.force.regression import TINY, Fit, mean_certainty, scaling
+from signlin_ros.diagnosis.force.witness import Testimony, hear
+from signlin_ros.diagnosis.measures import changes_effort, only_input, with_laws, written_left
 from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.motion.score import of_windows
+from signlin_ros.diagnosis.results import FirstRows, Rung, Scores
+from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
+Tell = Callable[[str], None]
+Seen = Callable[[Fitted | Testimony], None]
+
+
+def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None = None) -> Testimony | None:
+    """Return the force witness; None where what the model's forces depend on is not recorded."""
+    tell("missing force")
+    plant, recorded = c.model.plant, {*c.records[0].measured, *c.model.inputs}
+    placed = plant.position in recorded or not depends_on_place(c.model.structure)
+    if not placed or not {plant.position, plant.velocity} & recorded:
+        return None
+    found = hear(c.model, c.problem.parts, c.unseen.parts, c.rotary, criteria)
+    if seen is not None:
+        seen(found)
+    return found
 
 
 @dataclass(eq=False)
 class Witnesses:
     """``force``: None where forces do not tell; ``tried``: all models that were fitted out."""
 
+    case: Case
     motion: Motion
     force: Testimony | None
-    criteria: Criteria
     tried: list[Fitted] = field(default_factory=list)
-    _left: dict[int, Array] = field(default_factory=dict, repr=False)
+    _written: dict[Fitted, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def criteria(self) -> Criteria:
+        """What decides."""
+        return self.motion.criteria
 
     @property
     def base(self) -> Fitted:
@@ -44,42 +66,109 @@ class Witnesses:
     @property
     def hidden(self) -> set[str]:
         """The effects that the force witness cannot see."""
-        return not_seen(self.force)
+        return {n for n in EFFECTS if self.force is None or n not in self.force.search.r.laws}
+
+    @property
+    def single(self) -> list[Fitted]:
+        """What was fitted out with one effect."""
+        return [f for f in self.tried if len(f.effects) == 1]
+
+    @property
+    def laws(self) -> dict[str, Fit]:
+        """What the force witness found of every law by itself."""
+        models = self.force.search.models if self.force else {}
+        return {next(iter(names)): fit for names, fit in models.items() if len(names) == 1}
 
     def keep(self, *found: Fitted) -> None:
         """Keep what was fitted out."""
         self.tried += [f for f in found if f not in self.tried]
 
-    def left(self, f: Fitted) -> Array | None:
-        """Return the mean squared force (blocks,) that a set of effects leaves of unseen data; None where forces do not
-        tell: with the values that the motion gave or those that the force gave, whichever leave less. So that what is
-        held against a set is the best of it.
-        """
-        force = self.force
-        if force is None or not comparable(force, f):
-            return None
-        if id(f) not in self._left:
-            left, own = written_left(force, f), force.search.models.get(acting(force, f))
-            better = own is not None and own.error < float(np.mean(left))
-            self._left[id(f)] = force.search.r.unseen.by_block(own.unseen) if own and better else left
-        return self._left[id(f)]
+    # ------------------------------------------------------------ the force that a model leaves
 
-    def percent(self, f: Fitted) -> float | None:
-        """Return that force in per cent of the effort (RMS), None where forces do not tell."""
-        left = self.left(f)
-        return None if left is None or self.force is None else percent(self.force, left)
+    def acting(self, f: Fitted) -> frozenset[str]:
+        """Return the effects that bear on the force: where the current is measured, those of the voltage do not."""
+        current = self.force is not None and self.force.search.r.current
+        return frozenset(n for n in f.effects if not (current and only_input(find_effect(n, "effects"))))
+
+    def comparable(self, f: Fitted) -> bool:
+        """Tell whether the force that a model leaves can be compared with the base model's.
+
+        Not where the effort itself or what is measured was changed, a load floats, or a position matters that was not
+        measured; nor waves that the band does not hold, nor where what no force shows leaves but noise of the motion.
+        """
+        if self.force is None:
+            return False
+        effects = [find_effect(name, "effects") for name in self.acting(f)]
+        if any(changes_effort(effect) or effect.floating for effect in effects):
+            return False
+        if set(f.effects) & self.hidden and f.white:
+            return False
+        waves = [1.0 for effect in effects if effect.angular and not effect.periodic]  # a weight is a wave of order one
+        waves += _orders(f) if any(effect.periodic for effect in effects) else []
+        if max(waves, default=0.0) > self.force.search.finest:
+            return False
+        return self.force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
+
+    def as_written(self, f: Fitted) -> Array | None:
+        """Return the mean squared force (blocks,) that a model leaves of unseen data, with the values that are written
+        in it; None where forces do not tell.
+        """
+        if self.force is None or not self.comparable(f):
+            return None
+        if f not in self._written:
+            self._written[f] = written_left(self.force, f)
+        return self._written[f]
+
+    def left(self, f: Fitted) -> Array | None:
+        """Return the same of a set of effects: with the values that the motion gave or those that the force gave,
+        whichever leave less. So that what is held against a set is the best of it.
+        """
+        left = self.as_written(f)
+        if left is None or self.force is None:
+            return None
+        own = self.force.search.models.get(self.acting(f))
+        better = own is not None and own.error < float(np.mean(left))
+        return self.force.search.r.unseen.by_block(own.unseen) if own and better else left
+
+    def percent(self, left: Array | float | None) -> float | None:
+        """Return mean squared forces (blocks,) in per cent of the effort (RMS)."""
+        if left is None or self.force is None:
+            return None
+        return 100.0 * float(np.sqrt(np.mean(left))) / max(self.force.search.r.unseen.effort, TINY)
+
+    @property
+    def noise(self) -> float:
+        """Mean square of what the sensors' noise leaves of a force."""
+        return np.inf if self.force is None else self.force.search.r.unseen.noise
+
+    @property
+    def noise_percent(self) -> float:
+        """The same in per cent of the effort."""
+        told = self.percent(self.noise)
+        return np.inf if told is None else told
+
+    @property
+    def of_effort(self) -> str:
+        """What forces are told in per cent of, in words."""
+        free = self.force is not None and self.force.search.r.unseen.free
+        return "of the inertial force" if free else "of the effort"
 
     def sees(self, f: Fitted) -> bool:
         """Tell whether the force witness can tell what is in the force that a model leaves."""
-        left = self.percent(f)
-        return left is not None and self.force is not None and left > self.criteria.sees * noise_percent(self.force)
+        left = self.left(f)
+        return left is not None and float(np.mean(left)) > self.criteria.sees**2 * self.noise
+
+    def remaining(self, left: Array | None) -> float | None:
+        """Return the part of the base model's squared force, beyond the sensors' noise, that is left (blocks,)."""
+        before = self.left(self.base)
+        if left is None or before is None:
+            return None
+        return (float(np.mean(left)) - self.noise) / max(float(np.mean(before)) - self.noise, TINY)
 
     def explains(self, f: Fitted) -> bool:
         """Tell whether a model takes away most of a missing force that is seen."""
-        before, after = self.left(self.base), self.left(f)
-        if before is None or after is None or self.force is None or not self.sees(f):
-            return False
-        return not leaves_much(self.force, before, after, self.criteria)
+        part = self.remaining(self.left(f))
+        return part is not None and self.sees(f) and part <= self.criteria.part
 
     def falls(self, before: Fitted, after: Fitted) -> bool:
         """Tell whether a model leaves surely less force than another one, if forces tell."""
@@ -87,25 +176,26 @@ class Witnesses:
         return a is None or b is None or mean_certainty(a, b) >= self.criteria.certainty
 
     def raises(self, before: Fitted, after: Fitted) -> bool:
-        """Tell whether a model leaves more force than another one, beyond doubt, and so that it shows: more than the
-        sensors' noise.
-        """
+        """Tell whether a model leaves more force than another one, beyond doubt, and more than the sensors' noise."""
         a, b = self.left(before), self.left(after)
-        if a is None or b is None or self.force is None:
+        if a is None or b is None:
             return False
         alike = (1 + self.criteria.alike) ** 2 * float(np.mean(a))
-        shows = float(np.mean(b)) > max(alike, self.force.search.r.unseen.noise)
-        return shows and mean_certainty(a, b) < -self.criteria.tie
+        return float(np.mean(b)) > max(alike, self.noise) and mean_certainty(a, b) < -self.criteria.tie
 
-    def written(self, f: Fitted) -> Fitted:
-        """Return the best model with some effects: with the values that the motion gave, or with those that the force
-        gave, where these leave less force beyond doubt, and less of both together. What is near the noise of the motion
-        has the right values.
+    def valued(self, f: Fitted) -> Fitted:
+        """Return the best model with some effects, with the values of the motion or those of the force.
+
+        The latter where they leave less force beyond doubt, and less of both; near the noise the motion's are right.
         """
         motion, force, best = self.motion, self.force, self.motion.best(f)
-        if force is None or near_noise(best, self.criteria) or not (f.effects and comparable(force, f)):
+        if force is None or self.near_noise(best) or not (f.effects and self.comparable(f)):
             return best
-        f = min(f, best, key=self._both)
+
+        def both(one: Fitted) -> float:
+            return one.level + float(np.log(np.mean(written_left(force, one)) + TINY))
+
+        f = min(f, best, key=both)
         fit = force.search.models.get(frozenset(f.effects))
         if fit is None:
             return f
@@ -114,12 +204,66 @@ class Witnesses:
         model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
         stated = motion.stated([n for n, _ in fit.members], model)
         less = stated is not None and mean_certainty(written_left(force, f), written_left(force, stated))
-        return min(f, stated, key=self._both) if stated and less >= self.criteria.certainty else f
+        return min(f, stated, key=both) if stated and less >= self.criteria.certainty else f
 
-    def _both(self, f: Fitted) -> float:
-        """Return the sum of the logarithms of what a model leaves of the force and of every channel of the motion."""
-        assert self.force is not None  # noqa: S101  asked before
-        return f.level + float(np.log(np.mean(written_left(self.force, f)) + TINY))
+    # ------------------------------------------------------------ rows of the tables
+
+    def row(self, f: Fitted, left: Array | None) -> Rung:
+        """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of unseen data."""
+        case, noise = self.case, np.array(list(self.case.noise.values()))
+        sides = ((case.problem, f.known_squares), (case.unseen, f.unseen_squares))
+        first, second = (Scores(of_windows(problem, squares, noise)) for problem, squares in sides)
+        return Rung(f.effects, first, second, self.percent(left), self.noise_percent if self.force else None)
+
+    def first_rows(self) -> FirstRows:
+        """Return the first rows."""
+        given = self.row(self.motion.given, self.as_written(self.motion.given))
+        return FirstRows(given, self.row(self.base, self.left(self.base)), self.case.horizon)
+
+    # ------------------------------------------------------------ what counts as noise of the motion
+
+    def leaves_noise(self, f: Fitted) -> bool:
+        """Tell whether a model leaves but noise: of a load that floats, and is held by a filter, over windows too."""
+        return f.white and (not _floats(f) or self.near_noise(f))
+
+    def near_noise(self, f: Fitted) -> bool:
+        """Tell whether a model predicts every channel to about its sensor's noise: what is left then tells by itself
+        whether the model is complete. Far above it any real drive lacks more than one thing.
+        """
+        return bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < self.criteria.near * f.noise))
+
+    def near_any_noise(self, f: Fitted) -> bool:
+        """Tell whether a model is near the sensors' noise, or leaves noise, coloured maybe, and over the horizon errs
+        by about as much, of known and of unseen data: what is missing gathers over the horizon, noise does not.
+        """
+        if self.near_noise(f):
+            return True
+        if not f.clean or _floats(f):
+            return False
+        own = self.criteria.near * np.maximum([one.over_noise for one in f.left], 1.0)
+        pairs = ((f.known_squares, self.case.problem.noise), (f.unseen_squares, self.case.unseen.noise))
+        return all(bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) < own * noise)) for squares, noise in pairs)
 
 
-__all__ = ["Witnesses"]
+@one_thread
+def refitted(c: Case, tell: Tell | None = None, cancelled: Callable[[], bool] | None = None) -> Witnesses:
+    """Refit the base of a case and return what makes rows; ``tell`` of what is done, ``cancelled``: whether to stop."""
+    tell = tell or (lambda what: None)
+    motion = Motion(c.problem, c.unseen, DEFAULT, 1, tell, cancelled)
+    return Witnesses(c, motion, force_witness(c, DEFAULT, tell))
+
+
+def _floats(f: Fitted) -> bool:
+    return any(find_effect(name, "effects").floating for name in f.effects)
+
+
+def _orders(f: Fitted) -> list[float]:
+    """Return the orders of the waves of a model."""
+    found: list[float] = []
+    for use in f.model.effects.values():
+        for name in find_effect(use.type, "effects").periodic[:1]:
+            found += np.atleast_1d(use.parameters[name]).tolist()
+    return found
+
+
+__all__ = ["Seen", "Tell", "Witnesses", "force_witness", "refitted"]

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.measures import HALF, of_effort
+from signlin_ros.diagnosis.measures import HALF, listed
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.effects import find_effect
@@ -19,16 +17,26 @@ from signlin_ros.par import gathered
 NOTHING = "Nothing is missing that this record could show"
 FEW = 3
 """Most effects that are told where none is sure, the simplest."""
+ONE_CYCLE = (
+    "every swing of these records has the same stroke and pace: a force that goes with the speed and one that "
+    "remembers the way look alike here; a record of another amplitude or frequency would tell them apart"
+)
+OBJECTIONS = {
+    "once": "the motion turns back only once in a record: a force that remembers the way and one that changes with "
+    "time look alike there",
+    "far": "only with base parameters that far from nominal",
+    "elsewhere": "follows the data it was fitted to far better than the unseen ones",
+}
+"""What follows "explains a part, but", by `Judgement.unexplained`."""
 LEARN = "`signlin add learned_force` learns it as a curve"
 
 
-def listed(names: Sequence[str]) -> str:
-    """Return effects in words."""
-    return joined([n.replace("_", " ") for n in names])
-
-
 def sentence(j: Judgement) -> str:
-    """Return the verdict in a few sentences."""
+    """Return the verdict in a few sentences, or what adding the effect that was asked for is worth."""
+    if j.refused:
+        return f"The record does not ask for {listed([j.asked])}: {j.refused}."
+    if j.asked:
+        return f"With {listed([j.asked])}, {falls(j, j.base, j.final)}.{remainder(j)}"
     if j.reversed:
         return (
             f"With the sign of {j.reversed} reversed the model as it is follows this record much better: "
@@ -38,7 +46,7 @@ def sentence(j: Judgement) -> str:
     if j.verdict == "adequate":
         return f"{first}{NOTHING}{_left_over(j)}."
     if j.verdict == "missing":
-        return f"{first}The model lacks {listed(j.names)}: {falls(j, j.agreed.base, j.final)}.{remainder(j)}"
+        return f"{first}The model lacks {listed(j.names)}: {falls(j, j.base, j.final)}.{remainder(j)}"
     return f"{first}{_unexplained(j)}"
 
 
@@ -54,7 +62,7 @@ def _first(j: Judgement) -> str:
 def _unexplained(j: Judgement) -> str:
     why = j.unexplained
     if why == "conflict":
-        return f"The two witnesses differ: {j.agreed.conflict}. Nothing is confirmed.{remainder(j)}"
+        return f"The two witnesses differ: {j.conflict}. Nothing is confirmed.{remainder(j)}"
     if why == "lost":
         return follows_nothing(j.lost)
     if why == "elsewhere" and not j.names:
@@ -67,50 +75,40 @@ def _unexplained(j: Judgement) -> str:
         rest = f"but on unseen data the error {surely}, which is too little: nothing is confirmed"
         return f"{known} of what the refitted model leaves, {rest}."
     if j.names:
-        what = falls(j, j.agreed.base, j.final)
-        if why == "once":
-            rest = "a force that remembers the way and one that changes with time look alike there"
-            return f"{known} ({what}), but the motion turns back only once in a record: {rest}."
-        if why == "far":
-            return f"{known} ({what}), but only with base parameters that far from nominal."
-        if why == "elsewhere":
-            return f"{known} ({what}), but follows the data it was fitted to far better than the unseen ones."
-        return f"{known}: {what}.{remainder(j)}"
-    rest, unsure = remainder(j), _unsure(j)
-    if unsure:
-        return f"{unsure}.{rest}"
-    return f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}.{rest}"
+        what = falls(j, j.base, j.final)
+        return f"{known} ({what}), but {OBJECTIONS[why]}." if why in OBJECTIONS else f"{known}: {what}.{remainder(j)}"
+    rest = remainder(j)
+    none = f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}"
+    return f"{_unsure(j) or none}.{rest}"
 
 
 def _unsure(j: Judgement) -> str:
     """Return which effects alone take most of what is missing away from unseen data, but not surely; empty if none."""
-    motion, c, found = j.agreed.motion, j.criteria, dict[str, float]()
-    for f in sorted((f for f in j.agreed.tried if len(f.effects) == 1), key=lambda f: f.size):
-        g, certainty = motion.gain(j.agreed.base, f), motion.certainty(j.agreed.base, f)
+    motion, c, found = j.motion, j.criteria, dict[str, float]()
+    for f in sorted(j.witnesses.single, key=lambda f: f.size):
+        g, certainty = motion.gain(j.base, f), motion.certainty(j.base, f)
         if g.share > HALF and c.least < certainty < c.certainty and not g.worsens(c.worse, c.alike):
             found[f.effects[0]] = certainty
     if not found:
         return ""
-    found = {n: found[n] for n in [*found][:FEW]}
-    names, most = " or ".join(n.replace("_", " ") for n in found), "at most " if len(found) > 1 else ""
-    by = f"{most}{max(found.values()):.1f} standard errors"
+    names = list(found)[:FEW]
+    by = f"{'at most ' if len(names) > 1 else ''}{max(found[n] for n in names):.1f} standard errors"
     surely = f"the error on unseen data falls by {by}, {c.certainty:g} are asked"
-    return f"Too little was recorded to tell what is missing: {names} would take most of it away, but {surely}"
+    told = " or ".join(listed([n]) for n in names)
+    return f"Too little was recorded to tell what is missing: {told} would take most of it away, but {surely}"
 
 
 def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
     """Return by how much the errors on unseen data fall from one model to another: the force, and the motion."""
     parts = []
-    a, b = j.agreed.percent(before), j.agreed.percent(after)
+    a, b = j.percent_of(before), j.percent_of(after)
     if a is not None and b is not None and b < (1 - j.criteria.alike) * a:
-        parts.append(f"the missing force falls from {_digits(a)} % to {_digits(b)} % {of_effort(j.agreed.force)}")
-    motion = j.agreed.motion
-    for k, name in enumerate(motion.problem.channels):
-        first, last = (float(np.sqrt(np.nanmean(f.unseen_squares[:, k]))) for f in (before, after))
+        parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {j.witnesses.of_effort}")
+    problem, rms = j.case.problem, (np.sqrt(np.nanmean(f.unseen_squares, axis=0)) for f in (before, after))
+    for name, first, last in zip(problem.channels, *rms, strict=True):
         if last < (1 - j.criteria.alike) * first:
-            unit = motion.problem.shown(motion.problem.units.get(name, ""))
-            verb = "" if parts else "falls "
-            what = f"the error of {name} over {j.horizon:.3g} s {verb}from {_digits(first)} to {_digits(last)} {unit}"
+            verb, unit = "" if parts else "falls ", problem.shown(problem.units.get(name, ""))
+            what = f"the error of {name} over {j.case.horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
             parts.append(what.rstrip())
     return f"on unseen data {joined(parts)}" if parts else f"unseen data hardly show it{_freed(before, after)}"
 
@@ -126,27 +124,24 @@ def _freed(before: Fitted, after: Fitted) -> str:
 
 def remainder(j: Judgement) -> str:
     """Return what is left, and what would take it away."""
-    if j.percent is None or not j.sees or not j.noise_percent:
+    noise = j.witnesses.noise_percent
+    if j.percent is None or not j.witnesses.sees(j.final) or not noise:
         return ""
-    left, curve = f" What is left is {_digits(j.percent)} % {of_effort(j.agreed.force)}", j.flexible
+    left, curve = f" What is left is {j.percent:.3g} % {j.witnesses.of_effort}", j.flexible
     if curve.visible and curve.percent < (1 - j.criteria.alike) * j.percent:
         if curve.along:
-            return f"{left}; most with a {curve.along}: with such waves {_digits(curve.percent)} % would be left."
-        return f"{left}; a flexible curve would leave {_digits(curve.percent)} %: {LEARN}."
+            return f"{left}; most with a {curve.along}: with such waves {curve.percent:.3g} % would be left."
+        return f"{left}; a flexible curve would leave {curve.percent:.3g} %: {LEARN}."
     if j.changing:
         return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
-    return f"{left}, {_digits(j.percent / j.noise_percent)} times what the sensors' noise makes of it."
+    return f"{left}, {j.percent / noise:.3g} times what the sensors' noise makes of it."
 
 
 def _left_over(j: Judgement) -> str:
-    if j.percent is not None:
-        left, noise = _digits(j.percent), _digits(j.noise_percent)
-        return f": the force that is left is {left} % {of_effort(j.agreed.force)}, the sensors' noise {noise} %"
-    return ": the residual is noise" if j.final.white else ""
-
-
-def _digits(x: float) -> str:
-    return f"{x:.3g}"
+    if j.percent is None:
+        return ": the residual is noise" if j.final.white else ""
+    noise = f"the sensors' noise {j.witnesses.noise_percent:.3g} %"
+    return f": the force that is left is {j.percent:.3g} % {j.witnesses.of_effort}, {noise}"
 
 
 # -------------------------------------------------------------------- of one effect
@@ -159,19 +154,13 @@ def shown(j: Judgement, f: Fitted, effect: str) -> str:
     if issubclass(cls, SensorEffect):
         (name, p), *_ = own.items()
         return cls.shown_on(name.partition(".")[2], Shown(p.value, p.unit, p.std))
-    values: dict[str, Shown] = {}
-    keys = [k for k, use in f.model.effects.items() if use.type == effect]
-    for n, value in f.model.effects[keys[-1]].parameters.items():
-        known = own.get(f"{keys[-1]}.{n}")
-        unit = known.unit if known else _unit(f, f"{keys[-1]}.{n}")
-        values[n] = Shown(value, unit, known.std if known else None)
+    key = [k for k, use in f.model.effects.items() if use.type == effect][-1]
+    units, values = {n.partition(".")[2]: p.unit for n, p in f.model.par_declarations().items()}, dict[str, Shown]()
+    for n, value in f.model.effects[key].parameters.items():
+        known = own.get(f"{key}.{n}") or Estimate(value, None, units.get(f"{key}.{n}", ""))
+        values[n] = Shown(value, known.unit, known.std)
     force = "force" if plant.force_unit == "N" and not j.case.rotary else "torque"
     return cls.shown(gathered(values), force, plant.position, plant.velocity)
-
-
-def _unit(f: Fitted, name: str) -> str:
-    units = {n.split(".", 1)[1]: p.unit for n, p in f.model.par_declarations().items()}
-    return units.get(name, "")
 
 
 def own_parameters(f: Fitted, effect: str) -> dict[str, Estimate]:
@@ -186,22 +175,21 @@ def _belongs(f: Fitted, name: str, effect: str) -> bool:
 
 def why_named(j: Judgement, effect: str) -> str:
     """Return why an effect of the proposal is named: what it does, and what is lost without it."""
-    k = j.names.index(effect)
-    hurt = falls(j, j.without(effect), j.final) if len(j.names) > 1 else falls(j, j.agreed.base, j.final)
-    return f"{shown(j, j.final, j.names[k])}; {hurt}" + (", with it" if len(j.names) > 1 else "")
+    hurt = falls(j, j.without(effect), j.final)
+    return f"{shown(j, j.final, effect)}; {hurt}{', with it' if len(j.names) > 1 else ''}"
 
 
 def why_not(j: Judgement, f: Fitted) -> str:
     """Return why an effect that was tried alone is not named."""
-    why = j.agreed.motion.refused(j.agreed.base, f)
+    why = j.motion.refused(j.base, f)
     if why:
         return f"on unseen data {why}" if why.startswith("the error of") else why
-    a, b = j.agreed.percent(j.agreed.base), j.agreed.percent(f)
+    a, b = j.percent_of(j.base), j.percent_of(f)
     if a is not None and b is not None and b > a:
-        return f"it leaves {_digits(b)} % {of_effort(j.agreed.force)}, the model as it is {_digits(a)} %"
+        return f"it leaves {b:.3g} % {j.witnesses.of_effort}, the model as it is {a:.3g} %"
     if j.names:
-        return f"{listed(j.names)} leaves less" if len(j.names) == 1 else f"{listed(j.names)} leave less"
+        return f"{listed(j.names)} {'leaves' if len(j.names) == 1 else 'leave'} less"
     return "the witnesses differ on it"
 
 
-__all__ = ["falls", "listed", "own_parameters", "remainder", "sentence", "shown", "why_named", "why_not"]
+__all__ = ["falls", "own_parameters", "remainder", "sentence", "shown", "why_named", "why_not"]

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.inverse import Efforts
+from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.comparison import compare_efforts
-from signlin_ros.diagnosis.first_rows import ready
+from signlin_ros.diagnosis.witnesses import refitted
 from signlin_ros.effects.learned_force import OVER
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import held_out
@@ -97,23 +98,24 @@ def add_learned(
     known, unseen = (as_list(data), as_list(validation)) if validation is not None else held_out(as_list(data))
     learned = learn_missing(model, known, over)
     new = with_learned(model, learned)
-    made = ready(model, known, unseen)
+    made = case(model, known, unseen)
     notes = dict.fromkeys(f"{record.source}: {note}" for record in (*known, *unseen) for note in record.notes)
-    rows = made.rows()
-    first, last = rows.first(), rows.as_it_is(rows.motion.as_it_is(new, ("learned_force",))).to_json()
-    given, refitted = first.given.to_json(), first.refitted.to_json()
+    w = refitted(made)
+    after = w.motion.as_it_is(new, ("learned_force",))
+    first, last = w.first_rows(), w.row(after, w.as_written(after)).to_json()
+    given, base = first.given.to_json(), first.refitted.to_json()
     entry = _entry(new, learned, given["validation"], last["validation"])
     return new, {
         "verdict": "missing" if entry["status"] == "confirmed" else "unexplained",
         "sentence": f"Learned: {entry['why']}. Beyond what the records visited it goes straight on.",
         "given": given,
-        "base": {"parameters": {}, "validation": refitted["validation"]},
+        "base": {"parameters": {}, "validation": base["validation"]},
         "ranking": [entry],
-        "ladder": [refitted, last],
+        "ladder": [base, last],
         "parameters": {f"learned_force.{n}": p for n, p in entry["parameters"].items()},
         "model": new.to_yaml(),
         "range": _range(learned),
-        "noise": rows.noise,
+        "noise": made.noise,
         "experiments": [],
         "notes": [*notes, *made.problem.notes, *made.unseen.notes],
         "horizon": first.horizon,

@@ -59,7 +59,7 @@ def diagnosis_report(
     d, remarks = diagnosis, list(diagnosis.notes)
     if comparisons is None and data is not None and model is not None:
         comparisons = _compared(model, d.model, *data, remarks)
-    base = model or (d.findings.problem.base if d.findings else None)
+    base = model or (d.findings.case.problem.base if d.findings else None)
     before = comparisons[0] if comparisons else None
     sections = [
         Section("The record", findings(record)),
@@ -83,7 +83,7 @@ def _with(d: Diagnosis) -> str:
     """Return which data it is about."""
     if d.findings is None:
         return ""
-    fitted, seen = (names_of([s.source for s in p.segments]) for p in (d.findings.problem, d.findings.unseen))
+    fitted, seen = (names_of([s.source for s in p.segments]) for p in (d.findings.case.problem, d.findings.case.unseen))
     return f": fitted to {fitted}, " + ("checked on its last third" if fitted == seen else f"checked on {seen}")
 
 
@@ -181,17 +181,14 @@ def _ladder(d: Diagnosis) -> list[Block]:
 def _before_and_after(d: Diagnosis, comparisons: tuple[Comparison, Comparison] | None) -> list[Block]:
     if comparisons is None:
         return []
-    free = d.base_validation.kind == "free_run" and all(
-        channel.free_run is not None for c in comparisons for channel in c.channels.values()
-    )
-    how = "simulated from the start" if free else f"predicted over windows of {comparisons[0].horizon:g} s"
+    how = f"predicted over windows of {comparisons[0].horizon:g} s"
     caption = (
         f"Every channel as measured, and as {how} by the model as given and by the proposal;"
         " the middle column is enlarged where the former is worst."
         " Right: the errors; grey is the noise (± 2 standard deviations)."
         f" Data: {names_of(comparisons[0].sources)}, which the fit never saw."
     )
-    figure = drawn.before_and_after(*comparisons, free)
+    figure = drawn.before_and_after(*comparisons)
     return [Picture("before_and_after", figure, caption, "measured and predicted, before and after")]
 
 
@@ -236,7 +233,7 @@ def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
         shown = [_given(base, name, known) if known else "-", *(str(e) if e else "-" for e in (before, after))]
         rows.append([name, *shown, after.note if after else ""])
     if d.findings:
-        rest = held(d.findings.problem, d.model, {*d.parameters, *d.base})
+        rest = held(d.findings.case.problem, d.model, {*d.parameters, *d.base})
         rows += [[name, *[str(e)] * 3, e.note] for name, e in rest.items()]
     head = ["parameter", "as given", "refitted", "proposal", ""]
     text = "± is one standard error; it allows for what correlation is left in the residual."
@@ -302,7 +299,7 @@ def _unit(d: Diagnosis, name: str) -> str:
     """Return the unit of a state or an input, as the records have it."""
     if d.findings is None:
         return d.model.units.get(name, "")
-    problem = d.findings.problem
+    problem = d.findings.case.problem
     return str(problem.shown(problem.units.get(name, "")))
 
 

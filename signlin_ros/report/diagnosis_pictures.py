@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.comparison import Comparison, Traces
+from signlin_ros.diagnosis.comparison import Comparison
 from signlin_ros.diagnosis.results import Diagnosis, Rung
 from signlin_ros.names import AS_GIVEN, REFITTED, SENSORS
 from signlin_ros.plotting import BARE, EXACT, JACOBIAN, MIDPOINT, SEQUENCE, START, legend_above, styled
@@ -41,7 +41,7 @@ def words(effects: Sequence[str]) -> str:
 
 def ladder(d: Diagnosis) -> Any:
     """The error of every channel on unseen data, from the model as given to the proposal, and the noise floor below."""
-    channels, rungs = list(d.base_validation.channels), [*([d.given] if d.given else []), *d.ladder]
+    channels, rungs = list(d.ladder[0].validation.channels), [*([d.given] if d.given else []), *d.ladder]
     labels = [
         *([AS_GIVEN] if d.given else []),
         REFITTED,
@@ -50,11 +50,11 @@ def ladder(d: Diagnosis) -> Any:
     with styled(9.5, 1.25 + 0.42 * (len(labels) + 1)) as figure:
         grid = figure.subplots(1, len(channels), sharey=True, squeeze=False)[0]
         for ax, name in zip(grid, channels, strict=True):
-            _rungs(ax, rungs, name, d.findings.problem.shown(d.model.units[name]))
+            _rungs(ax, rungs, name, d.findings.case.problem.shown(d.model.units[name]))
         rows = np.arange(len(labels) + 1)[::-1]
         grid[0].set_yticks(rows, [*labels, SENSORS])
-        kind = "free run" if d.base_validation.kind == "free_run" else f"over windows of {d.model.update_period:g} s"
-        figure.supxlabel(f"RMS error of the prediction, {kind}, data that the fit never saw", fontsize=9)
+        ahead = f"over windows of {d.model.update_period:g} s"
+        figure.supxlabel(f"RMS error of the prediction, {ahead}, data that the fit never saw", fontsize=9)
     return figure
 
 
@@ -83,21 +83,21 @@ def _rungs(ax: Any, rungs: Sequence[Rung], name: str, unit: str) -> None:
 # -------------------------------------------------------------------- before and after
 
 
-def before_and_after(before: Comparison, after: Comparison, free_run: bool, stretch: int | None = None) -> Any:
+def before_and_after(before: Comparison, after: Comparison, stretch: int | None = None) -> Any:
     """Every channel as measured, as the base model and as the proposal predict it: all, enlarged where the base model
     is worst, and what either leaves.
 
-    ``free_run``: the simulation from the start; else the prediction over windows. Both comparisons are with the same
-    records. ``stretch``: which of the stretches without a gap, by default the one where the base model is worst.
+    Both comparisons are with the same records. ``stretch``: which of the stretches without a gap, by default the one
+    where the base model is worst.
     """
-    errors = [_relative(before, k, free_run) for k in range(len(before.traces))]
+    errors = [_relative(before, k) for k in range(len(before.traces))]
     k = int(np.argmax([e.mean() for e in errors])) if stretch is None else stretch
     low, high = _worst(errors[k])
     names = list(before.channels)
     with styled(11.0, 1.0 + 1.75 * len(names)) as figure:
         grid = figure.subplots(len(names), 3, squeeze=False, width_ratios=(3, 2, 3))
         for j, (name, axes) in enumerate(zip(names, grid, strict=True)):
-            t, y, lines = _lines(before, after, k, j, free_run)
+            t, y, lines = _lines(before, after, k, j)
             for ax, part in zip(axes, (slice(None), slice(low, high)), strict=False):
                 _signals(ax, t[part], y[part], [line[part] for line in lines])
             _leftovers(axes[2], t, [y - line for line in lines], before.channels[name].sigma)
@@ -110,15 +110,11 @@ def before_and_after(before: Comparison, after: Comparison, free_run: bool, stre
     return figure
 
 
-def _predicted(trace: Traces, free_run: bool) -> Array:
-    return trace.free if free_run else trace.windowed
-
-
-def _relative(c: Comparison, k: int, free_run: bool) -> Array:
+def _relative(c: Comparison, k: int) -> Array:
     """Return the squared error (T,) over all channels, each in units of its noise."""
     trace = c.traces[k]
     sizes = np.array([max(channel.sigma, 1e-300) for channel in c.channels.values()])
-    return np.asarray(np.sum(np.nan_to_num((trace.measured - _predicted(trace, free_run)) / sizes) ** 2, axis=1))
+    return np.asarray(np.sum(np.nan_to_num((trace.measured - trace.windowed) / sizes) ** 2, axis=1))
 
 
 def _worst(error: Array) -> tuple[int, int]:
@@ -127,10 +123,10 @@ def _worst(error: Array) -> tuple[int, int]:
     return first, first + count
 
 
-def _lines(before: Comparison, after: Comparison, k: int, j: int, free_run: bool) -> tuple[Array, Array, list[Array]]:
+def _lines(before: Comparison, after: Comparison, k: int, j: int) -> tuple[Array, Array, list[Array]]:
     """Return time, measurement and both predictions of a channel (T,), as its sensor shows them."""
     name = list(before.channels)[j]
-    columns = [(c, _predicted(c.traces[k], free_run)[:, list(c.channels).index(name)]) for c in (before, after)]
+    columns = [(c, c.traces[k].windowed[:, list(c.channels).index(name)]) for c in (before, after)]
     lines = [_as_shown(c, name, column) for c, column in columns]
     trace = before.traces[k]
     return trace.t, _as_shown(before, name, trace.measured[:, j]), lines

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import changes_effort, with_laws, written_left
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
-from signlin_ros.diagnosis.told import Findings
 from signlin_ros.diagnosis.words import own_parameters
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
@@ -79,9 +79,9 @@ class Evidence:
     rival: Explanation | None
 
 
-def evidence(f: Findings, effect: str, within: Fitted | None = None) -> Evidence | None:
+def evidence(f: Judgement, effect: str, within: Fitted | None = None) -> Evidence | None:
     """Return the evidence for an effect of the proposal (or of ``within``); None where no force shows it."""
-    fitted, force = within or f.judgement.final, f.agreed.force
+    fitted, force = within or f.final, f.witnesses.force
     if force is None or changes_effort(find_effect(effect, "effects")):
         return None
     measured, computed = _lacking(f, fitted, effect)
@@ -89,34 +89,33 @@ def evidence(f: Findings, effect: str, within: Fitted | None = None) -> Evidence
     named = _explanation(f, fitted, effect, place, measured, computed)
     if named is None:
         return None
-    plant = f.problem.base.plant
-    unit = f.problem.shown(resolve_unit("F", plant))
-    sources = tuple(dict.fromkeys(s.source for s in f.unseen.segments))
+    plant = f.case.problem.base.plant
+    unit = f.case.problem.shown(resolve_unit("F", plant))
+    sources = tuple(dict.fromkeys(s.source for s in f.case.unseen.segments))
     cutoff = force.search.r.unseen.pieces[0].cutoff
     quantity = "missing torque" if unit == "N·m" else "missing force"
     return Evidence(quantity, unit, place, cutoff, sources, named, _rival(f, fitted, effect, place))
 
 
-def nearest(f: Findings) -> Fitted | None:
+def nearest(f: Judgement) -> Fitted | None:
     """Return the best single effect that was fitted out, named or not."""
-    single = [one for one in f.agreed.tried if len(one.effects) == 1]
-    return min(single, key=lambda one: one.level, default=None)
+    return min(f.witnesses.single, key=lambda one: one.level, default=None)
 
 
-def _lacking(f: Findings, fitted: Fitted, effect: str) -> tuple[Array, Array]:
+def _lacking(f: Judgement, fitted: Fitted, effect: str) -> tuple[Array, Array]:
     """Return the force (N,) that is missing without an effect, and what the effect makes of it, on unseen data."""
-    force = f.agreed.force
+    force = f.witnesses.force
     assert force is not None  # noqa: S101  asked before
     less = fitted.model
-    for key in [k for k, use in less.effects.items() if use.type == effect and k not in f.problem.base.effects]:
+    for key in [k for k, use in less.effects.items() if use.type == effect and k not in f.case.problem.base.effects]:
         less = less.without_effect(key)
     without, with_it = (force.search.r.unseen.missing(m) for m in (less, fitted.model))
     return without, without - with_it
 
 
-def _place(f: Findings, computed: Array) -> Place:
+def _place(f: Judgement, computed: Array) -> Place:
     """Return the coordinate over which a force is most nearly a curve, for each direction of motion."""
-    force, plant = f.agreed.force, f.problem.base.plant
+    force, plant = f.witnesses.force, f.case.problem.base.plant
     assert force is not None  # noqa: S101  asked before
     parts = force.search.r.unseen.pieces
     velocity, position = (
@@ -130,7 +129,8 @@ def _place(f: Findings, computed: Array) -> Place:
         t = np.concatenate([p.t[p.kept] + end for p, end in zip(parts, ends, strict=False)])
         return Place("time", "s", t, np.zeros(t.size), True, False)
     x = velocity if best == plant.velocity else position
-    unit = f.problem.shown(f.problem.units.get(best) or resolve_unit("Q/s" if best == plant.velocity else "Q", plant))
+    quantity, problem = "Q/s" if best == plant.velocity else "Q", f.case.problem
+    unit = problem.shown(problem.units.get(best) or resolve_unit(quantity, plant))
     return Place(best, unit, x, side, False, best == plant.velocity)
 
 
@@ -143,12 +143,12 @@ def _unexplained(x: Array, side: Array, values: Array) -> float:
     return float(np.var(values - mean[index]) / max(float(np.var(values)), 1e-300))
 
 
-def _rival(f: Findings, fitted: Fitted, effect: str, place: Place) -> Explanation | None:
+def _rival(f: Judgement, fitted: Fitted, effect: str, place: Place) -> Explanation | None:
     """Return the explanation of the best other effect in place of one; where there is none, what is left without it."""
     rest = set(fitted.effects) - {effect}
     options = [
         one
-        for one in f.agreed.tried
+        for one in f.witnesses.tried
         if rest < set(one.effects) and len(one.effects) == len(fitted.effects) and effect not in one.effects
     ]
     best = min(options, key=lambda one: one.level, default=None) or _by_force(f, rest, effect)
@@ -160,21 +160,21 @@ def _rival(f: Findings, fitted: Fitted, effect: str, place: Place) -> Explanatio
     return _explanation(f, best, other, place, *_lacking(f, best, other))
 
 
-def _by_force(f: Findings, rest: set[str], effect: str) -> Fitted | None:
+def _by_force(f: Judgement, rest: set[str], effect: str) -> Fitted | None:
     """Return the best other effect in place of one as the force witness fitted it, if none was worth a simulation."""
-    force = f.agreed.force
+    force = f.witnesses.force
     if force is None:
         return None
     sets = [m for m in force.search.models.values() if rest < m.names and len(m.names) == len(rest) + 1]
     for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.error):
-        found = f.agreed.motion.stated([n for n, _ in m.members], with_laws(force, m))
+        found = f.motion.stated([n for n, _ in m.members], with_laws(force, m))
         if found is not None and np.mean(written_left(force, found)) < force.search.base.error:
             return found  # as it is written: a stiff law may be no more than its column
     return None
 
 
 def _explanation(
-    f: Findings, fitted: Fitted, effect: str, place: Place, measured: Array, computed: Array
+    f: Judgement, fitted: Fitted, effect: str, place: Place, measured: Array, computed: Array
 ) -> Explanation | None:
     """Return what is missing and what an effect makes of it; None where the record has too little of it."""
     sides = [place.side == s for s in np.unique(place.side) if np.count_nonzero(place.side == s) >= ENOUGH]

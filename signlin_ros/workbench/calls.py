@@ -242,11 +242,11 @@ def compare(args: Args, say: Say) -> Answer:
 
 def _lost(result: Any) -> str:
     """Return the note of a comparison that some channels fit no model; empty where there is none."""
-    from signlin_ros.comparison.scores import follows_nothing, unfollowed
+    from signlin_ros.comparison.scores import follows_nothing
+    from signlin_ros.diagnosis.comparison import lost
 
-    names = unfollowed({name: c.windowed for name, c in result.channels.items() if c.windowed})
-    both = [n for n in names if (one := result.channels[n].free_run) is None or unfollowed({n: one})]
-    return follows_nothing(both) if both else ""
+    names = lost(result.channels)
+    return follows_nothing(names) if names else ""
 
 
 def _errors(rows: list[list[str]]) -> list[list[str]]:

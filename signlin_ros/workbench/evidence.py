@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.measures import changes_effort
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Diagnosis
-from signlin_ros.diagnosis.told import Findings
 from signlin_ros.effects import find_effect
 from signlin_ros.report.curves import Band
 from signlin_ros.report.evidence import Explanation, evidence
@@ -60,17 +60,16 @@ def pictures(result: Diagnosis) -> dict[str, Any]:
     return {name: one for name, one in found.items() if one}
 
 
-def _nearest(findings: Findings) -> dict[str, Any]:
+def _nearest(findings: Judgement) -> dict[str, Any]:
     """Return the picture of the best single effect that has one, where none is named."""
-    single = (f for f in findings.agreed.tried if len(f.effects) == 1)
-    for fitted in sorted(single, key=lambda f: f.level):
+    for fitted in sorted(findings.witnesses.single, key=lambda f: f.level):
         picture = _shown(findings, fitted.effects[0], fitted)
         if picture is not None:
             return {fitted.effects[0]: picture}
     return {}
 
 
-def _shown(findings: Findings, effect: str, within: Fitted | None = None) -> dict[str, Any] | None:
+def _shown(findings: Judgement, effect: str, within: Fitted | None = None) -> dict[str, Any] | None:
     """Return one picture; None where there is nothing to show."""
     e = evidence(findings, effect, within)
     if e is None:

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from signlin_ros.diagnosis import agreement, family, fewest, judgement, witnesses, words
-from signlin_ros.diagnosis.agreement import Agreed, agree
+from signlin_ros.diagnosis.agreement import agree
+from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.force.flexible import Curve
 from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.measures import acting, comparable
 from signlin_ros.diagnosis.motion.score import elsewhere, gain
 from signlin_ros.diagnosis.witnesses import Witnesses
 
@@ -76,7 +76,9 @@ class Fit:
 class Motion:
     """A motion witness with a table of fits."""
 
-    def __init__(self, base: Fit, given: Fit | None = None) -> None:
+    criteria = DEFAULT
+
+    def __init__(self, base: Fit, given: Fit | None = None, imposed: bool = False) -> None:
         self.searched: dict[Any, Any] = {}
         self.base, self.given = base, given or Fit((), tuple(10.0 * r for r in base.rms), 10.0 * base.force)
         units = {"speed": "rad/s", "current": "A"}
@@ -85,7 +87,9 @@ class Motion:
             channels=channels,
             units=units,
             shown=lambda unit: unit,
-            base=SimpleNamespace(update_period=0.2),
+            base=SimpleNamespace(
+                update_period=0.2, plant=SimpleNamespace(motion_is_imposed=lambda: imposed), turns=lambda units: True
+            ),
             scale=SimpleNamespace(step=0.01),
             segments=(SimpleNamespace(y=np.outer((-SPREAD, SPREAD), np.ones(len(channels)))),),
             noise=np.full(len(channels), NOISE),
@@ -109,38 +113,36 @@ def force_witness(
     flexible: float = 1.0,
     current: bool = False,
     helpful: tuple[str, ...] = (),
-    imposed: bool = False,
 ) -> Any:
     unseen = SimpleNamespace(noise=0.01**2, effort=EFFORT, free=False)
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
-    model = SimpleNamespace(plant=SimpleNamespace(motion_is_imposed=lambda: imposed))
-    regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current, model=model)
-    models = {frozenset(effects): SimpleNamespace(unseen=np.zeros(1))}
+    regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current)
+    models = {frozenset(effects): SimpleNamespace(unseen=np.zeros(1), error=math.inf)}
     search = SimpleNamespace(r=regression, models=models, helpful=frozenset(helpful), finest=math.inf)
     return SimpleNamespace(search=search, effects=effects, flexible=Curve(structure, flexible))
 
 
 @pytest.fixture(autouse=True)
 def what_is_written_leaves_what_it_leaves(monkeypatch):
-    for module in (agreement, judgement, witnesses):
-        monkeypatch.setattr(module, "written_left", lambda force, f: around(f.force, 0))
+    monkeypatch.setattr(witnesses, "written_left", lambda force, f: around(f.force, 0))
 
 
-def left(*fits: Fit) -> dict[int, np.ndarray]:
-    """Return what the fits leave of the force, as `force_left` keeps it."""
-    return {id(f): around(f.force, 3 * k) for k, f in enumerate(fits)}
+def left(*fits: Fit) -> dict[Fit, np.ndarray]:
+    """Return what the fits leave of the force, as `Witnesses` keeps it."""
+    return {f: around(f.force, 3 * k) for k, f in enumerate(fits)}
 
 
-def both(motion: Any, force: Any, *fits: Fit) -> Witnesses:
-    return Witnesses(motion, force, DEFAULT, [], left(*fits))
+def both(motion: Any, force: Any, *fits: Fit, tried: Any = (), kept: Any = None) -> Witnesses:
+    case = Case((SimpleNamespace(units={}),), motion.problem, motion.unseen)
+    return Witnesses(case, motion, force, list(tried), left(*fits) if kept is None else kept)
 
 
 def chosen(force: Any, base: Fit, first: list[Fit], second: Fit) -> tuple[Fit, str]:
     return agreement._chosen(both(Motion(base), force, base, *first, second), first, second)
 
 
-def choice(force: Any, squares: dict[int, np.ndarray], motion: Any = None) -> Choice:
-    return Choice(Witnesses(motion, force, DEFAULT, [], squares), force)
+def choice(force: Any, squares: dict[Fit, np.ndarray], motion: Any) -> Choice:
+    return Choice(both(motion, force, kept=squares), force)
 
 
 BASE = Fit((), (3.0,), 2.0)
@@ -150,10 +152,9 @@ LAWS = ("coulomb_friction", "stribeck_friction", "gravity_load")
 def test_a_silent_force_witness_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
     monkeypatch.setattr(agreement, "search", lambda motion, depth, names=None: [[motion.base], [second]])
-    found = agree(Witnesses(Motion(BASE), None, DEFAULT), 3)
-    assert found.final is second
-    assert found.conflict == ""
-    assert found.percent(second) is None
+    w = both(Motion(BASE), None)
+    assert agree(w) == (second, "")
+    assert w.percent(w.left(second)) is None
 
 
 def test_a_model_that_leaves_more_force_than_the_base_is_not_stood_for():
@@ -212,11 +213,7 @@ def test_a_richer_model_that_gains_nothing_gains_nothing():
 
 
 def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", given: Fit | None = None) -> Judgement:
-    agreed = Agreed(both(Motion(base, given), force, base, final), final, conflict)
-    steps = (base, final) if final is not base else (base,)
-    plant = SimpleNamespace(motion_is_imposed=lambda: False)
-    case: Any = SimpleNamespace(rotary=True, model=SimpleNamespace(plant=plant), known=(), unseen=())
-    return Judgement(case, agreed, DEFAULT, final, steps)
+    return Judgement(both(Motion(base, given), force, base, final), final, conflict)
 
 
 @pytest.fixture(autouse=True)
@@ -235,7 +232,7 @@ def sees(**options: Any) -> Any:
 
 def test_what_both_stand_for_is_missing_though_something_is_left():
     found = judged(COULOMB, force=sees())
-    assert found.sees
+    assert found.witnesses.sees(found.final)
     assert not found.final.white
     assert found.verdict == "missing"
 
@@ -389,12 +386,13 @@ def numbers(text: str) -> list[float]:
 
 def in_the_tables(j: Judgement) -> set[str]:
     """Return every number that a table of the diagnosis shows, to three digits: errors, forces, noise, tolerances."""
-    fits, motion = (j.agreed.base, j.final), j.agreed.motion
+    fits, motion = (j.base, j.final), j.motion
     rms = [float(x) for f in fits for x in np.sqrt(np.mean(f.unseen_squares, axis=0))]
-    forces = [p for f in fits if (p := j.agreed.percent(f)) is not None]
-    more = [j.horizon, j.noise_percent, j.flexible.percent, *(abs(x) for x in j.far.values())]
+    forces = [p for f in fits if (p := j.percent_of(f)) is not None]
+    noise = j.witnesses.noise_percent
+    more = [j.case.horizon, noise, j.flexible.percent, *(abs(x) for x in j.far.values())]
     assert motion.problem.channels
-    return {f"{x:.3g}" for x in (*rms, *forces, *more, *(p / j.noise_percent for p in forces))}
+    return {f"{x:.3g}" for x in (*rms, *forces, *more, *(p / noise for p in forces))}
 
 
 @pytest.mark.parametrize(
@@ -433,7 +431,7 @@ def test_what_would_take_most_away_but_not_surely_is_told_with_the_number_of_its
     monkeypatch.setattr(Fit, "size", 1, raising=False)
     odd = Fit((), (3.0,), 0.1 * EFFORT)
     j = judged(odd, odd, force_witness(*LAWS))
-    j.agreed.witnesses.keep(COULOMB)
+    j.witnesses.keep(COULOMB)
     text = words.sentence(j)
     assert ("Too little was recorded to tell what is missing: coulomb friction would" in text) is told
     assert ("falls by 3.1 standard errors, 3.5 are asked" in text) is told
@@ -501,8 +499,8 @@ def any_effect(monkeypatch):
 def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_alone():
     motion = with_limit(together=0.3, limit=1.0)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    both = agreement._together(Witnesses(motion, None, DEFAULT, tried), tried[0], 3)
-    assert both is motion.fits[frozenset({"coulomb_friction", "input_saturation"})]
+    together = agreement._together(both(motion, None, tried=tried), tried[0])
+    assert together is motion.fits[frozenset({"coulomb_friction", "input_saturation"})]
     assert motion.asked == [("input_saturation",)]
 
 
@@ -511,7 +509,7 @@ def test_a_limit_of_the_input_is_sought_beside_friction_that_the_motion_refuses_
 def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
     motion = with_limit(together=0.3, limit=limit)
     tried = [motion.fits[frozenset({"coulomb_friction"})]]
-    assert agreement._together(Witnesses(motion, None, DEFAULT, tried), tried[0], 3) is None
+    assert agreement._together(both(motion, None, tried=tried), tried[0]) is None
 
 
 @pytest.fixture
@@ -526,7 +524,7 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     monkeypatch.setattr(Refusing, "as_good", lambda self, best, f: f.rms[0] <= 1.01 * best.rms[0], raising=False)
     monkeypatch.setattr(Fit, "size", property(lambda f: 1), raising=False)
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
-    return fewest.alone(Witnesses(motion, None, DEFAULT), final)
+    return fewest.alone(both(motion, None), final)
 
 
 @pytest.mark.usefixtures("any_effect")
@@ -542,11 +540,11 @@ def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
 
 @pytest.mark.parametrize(("current", "compared"), [(True, True), (False, False)])
 def test_a_limit_of_the_voltage_is_no_part_of_a_measured_current(current, compared):
-    force = force_witness(*LAWS, current=current)
+    w = both(Motion(BASE), force_witness(*LAWS, current=current))
     one = Fit(("coulomb_friction", "input_saturation"), (1.0,), 0.5)
-    assert comparable(force, one) is compared
-    assert acting(force, one) == ({"coulomb_friction"} if current else set(one.effects))
-    assert not comparable(force, Fit(("torque_constant_saturation",), (1.0,), 0.5))
+    assert w.comparable(one) is compared
+    assert w.acting(one) == ({"coulomb_friction"} if current else set(one.effects))
+    assert not w.comparable(Fit(("torque_constant_saturation",), (1.0,), 0.5))
 
 
 @pytest.mark.usefixtures("everything_applies")
@@ -554,8 +552,8 @@ def test_a_limit_of_the_voltage_is_no_part_of_a_measured_current(current, compar
 def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws):
     """For all that there is where the force is not seen; for no law where there is little force, and none found."""
     force = force_witness(*LAWS, helpful=("stribeck_friction",))
-    squares = {id(BASE): np.full(BLOCKS, (share * EFFORT) ** 2)}
-    names = agreement._searched(Witnesses(Motion(BASE), force, DEFAULT, [], squares))
+    squares = {BASE: np.full(BLOCKS, (share * EFFORT) ** 2)}
+    names = agreement._searched(both(Motion(BASE), force, kept=squares))
     assert (names is None) == (laws is None)
     assert names is None or (set(names) & set(LAWS) == laws and {"input_delay", "sensor_offset"} <= set(names))
 
@@ -563,8 +561,8 @@ def test_the_motion_is_searched_for_what_the_force_does_not_rule_out(share, laws
 @pytest.mark.usefixtures("everything_applies")
 def test_a_law_that_the_force_proposes_is_searched_for_however_little_there_is():
     force = force_witness(*LAWS, effects=("coulomb_friction",), helpful=("coulomb_friction",))
-    squares = {id(BASE): np.full(BLOCKS, (0.04 * EFFORT) ** 2)}
-    assert "coulomb_friction" in (agreement._searched(Witnesses(Motion(BASE), force, DEFAULT, [], squares)) or ())
+    squares = {BASE: np.full(BLOCKS, (0.04 * EFFORT) ** 2)}
+    assert "coulomb_friction" in (agreement._searched(both(Motion(BASE), force, kept=squares)) or ())
 
 
 @pytest.mark.parametrize("seen", [True, False])
@@ -576,17 +574,17 @@ def test_of_a_family_the_motion_is_asked_of_what_the_force_asks_for(seen, monkey
     force.search.models = {frozenset({n}): SimpleNamespace(error=e) for n, e in errors.items()}
     force.search.base = SimpleNamespace(error=2.0)
     found, richer = Fit(("coulomb_friction",), (10.0 * NOISE,), 1.0), list(errors)[1:]
-    asked = choice(force, {}).worth_it(found, "coulomb_friction", richer)
+    asked = choice(force, {}, Motion(BASE)).worth_it(found, "coulomb_friction", richer)
     assert asked == (richer[:2] if seen else richer)
     force.search.models[frozenset({"coulomb_friction"})].error = 0.5
-    rival = choice(force, {}).worth_it(found, "coulomb_friction", richer)
+    rival = choice(force, {}, Motion(BASE)).worth_it(found, "coulomb_friction", richer)
     assert rival == (richer[:1] if seen else richer)
 
 
 def test_where_the_motion_is_imposed_the_motion_is_asked_of_every_law_of_a_family():
-    force = force_witness(*LAWS, imposed=True)
+    force, motion = force_witness(*LAWS), Motion(BASE, imposed=True)
     found, richer = Fit(("coulomb_friction",), (10.0 * NOISE,), 1.0), ["stribeck_friction", "dahl_presliding"]
-    assert choice(force, {}).worth_it(found, "coulomb_friction", richer) == richer
+    assert choice(force, {}, motion).worth_it(found, "coulomb_friction", richer) == richer
 
 
 @pytest.mark.parametrize(
@@ -600,9 +598,8 @@ def test_a_richer_law_of_an_imposed_force_takes_half_of_what_is_left(rms, taken,
     richer = Fit(("dahl_presliding",), (rms,), taken)
     object.__setattr__(richer, "vague", lambda criteria: "" if known else "sigma is not known to better than half")
     object.__setattr__(richer, "level", 0.0)
-    motion = Motion(base)
+    motion, force = Motion(base, imposed=True), force_witness(*LAWS)
     motion.alike = lambda before, options: []
-    force = force_witness(*LAWS, imposed=True)
     found_ones = choice(force, left(base, found, richer), motion).of_one_force(found, [richer])
     assert found_ones == ([richer] if named else [])
 
@@ -615,10 +612,10 @@ def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed
     for f in (found, other):
         object.__setattr__(f, "vague", lambda criteria: "")
         object.__setattr__(f, "level", 0.0)
-    motion, force = Motion(base), force_witness(*LAWS, imposed=True)
+    motion, force = Motion(base, imposed=True), force_witness(*LAWS)
     motion.alike, motion.fitted = (lambda before, options: []), (lambda names, model: other)
-    force.search.chosen = SimpleNamespace(error=1.0)
-    better = SimpleNamespace(error=0.8, members=(("bouc_wen_hysteresis", ()),))
+    force.search.chosen = SimpleNamespace(error=1.2)
+    better = SimpleNamespace(error=1.1, members=(("bouc_wen_hysteresis", ()),))
     force.search.models = {
         frozenset({"bouc_wen_hysteresis"}): better,
         frozenset({"coulomb_friction"}): force.search.chosen,

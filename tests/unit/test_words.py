@@ -8,6 +8,7 @@ import pytest
 
 from signlin_ros.diagnosis.proposal import _origin, given
 from signlin_ros.diagnosis.results import Estimate
+from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.diagnosis.words import shown
 from signlin_ros.model import Model
 from signlin_ros.report.evidence import nearest
@@ -82,5 +83,5 @@ def test_a_doubtful_fault_of_a_sensor_is_told_with_its_error():
 )
 def test_the_nearest_is_the_best_single_effect_that_was_fitted_out(tried, best):
     fits = [SimpleNamespace(effects=effects, level=level) for effects, level in tried.items()]
-    found = nearest(SimpleNamespace(agreed=SimpleNamespace(tried=fits)))
+    found = nearest(SimpleNamespace(witnesses=Witnesses(None, None, None, fits)))
     assert (found and found.effects[0]) == best
