@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import ceil
 
 import numpy as np
@@ -14,6 +14,7 @@ from signlin_ros.fitting.problem import Problem
 from signlin_ros.fitting.start import moving, record_start, turns
 from signlin_ros.follow.loop import NONE_LATE, follow
 from signlin_ros.follow.segments import Segment, twin
+from signlin_ros.follow.tracking import mean_square
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ def follow_records(
     theta: Array,
     gains: Gains,
     with_s: bool,
-    segments: tuple[Segment, ...] | None = None,
+    segments: Sequence[Segment] | None = None,
 ) -> tuple[list[Array], list[Array], list[Array]] | None:
     """Return innovations (T, ny), their derivatives to the free parameters (T, ny, np and more columns of 0) and states
     (T, n) for every record; None if it diverges.
@@ -36,54 +37,45 @@ def follow_records(
     While a delayed input is still that from before the record, which nobody knows, the observer stays wide awake, and
     what it leaves counts as much as the rest, of which a fit gains nothing.
     """
-    p, eq = c.p(theta), c.equations
+    p, eq, states = c.p(theta), c.equations, c.model.states
     ny, flags = eq.sizes[2], eq.flags(with_s, turns(problem, c, p))
-    scale = _scale(problem, c)
-    delay = max(float(eq.delay @ p), 0.0)
-    lags = seen_late(problem, c, p)
-    shown = [p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels]
-    belief, variances = _belief(problem, c, gains, dict(zip(problem.channels, shown, strict=True))), problem.noise**2
-    errors, derivatives, states, ringing = [], [], [], eq.ringing(p, scale)
+    scale, lags, delay = _scale(problem, c), seen_late(problem, c, p), max(float(eq.delay @ p), 0.0)
+    shown = {channel: p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels}
+    belief, variances, ringing = _belief(problem, c, gains, shown), problem.noise**2, eq.ringing(p, scale)
+    rows = gains.rows(states, c.floating) / np.array(list(shown.values()))  # what floats: by the filter, or not at all
+    unknown = ceil(delay / problem.scale.step) + 1 if delay > 0.0 else 0
+    held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
+    weights = np.concatenate([np.zeros((unknown, ny)), gains.weights])
+    found: tuple[list[Array], list[Array], list[Array]] = ([], [], [])
     for s in segments or problem.segments:
-        rows = gains.rows(c.model.states) / np.array(shown)
-        rows[:, [name in c.floating for name in c.model.states]] = 0.0  # corrected by the Kalman filter, or not at all
         E, D = np.zeros((s.t.size, ny)), np.empty((s.t.size if with_s else 0, ny, flags[-1]))
-        X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(c.model.states)))
+        X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(states)))
         late = _unseen_before(problem, s, lags)
         rest = (p, scale, delay - s.early, ringing, late, belief, variances)
         x0 = record_start(problem, c, s, gains.tau, (rows, *rest)) - _led_back(problem, c, s, delay)
-        own = [i for i, name in enumerate(c.model.states) if "." in name and not twin(name, tuple(s.start))]
+        own = [i for i, name in enumerate(states) if "." in name and not twin(name, tuple(s.start))]
         if s.before and own:
             lead = follow_records(problem, c, theta, gains, False, (s.before,))
             if lead is None:
                 return None
             x0[own] = lead[2][0][-1, own]
-        unknown = ceil(delay / problem.scale.step) + 1 if delay > 0.0 else 0
-        held, weights = rows, gains.weights[: s.t.size]
-        if unknown:
-            held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
-            weights = np.concatenate([np.zeros((unknown, ny)), gains.weights])[: s.t.size]
         arguments = (flags, s.t, s.u, s.y, held, x0, *rest)
         if follow(eq.calls(with_s, c.filtered), *arguments, E, D, X) < s.t.size or np.isinf(E).any():
             return None
-        E[: weights.shape[0]] *= weights
-        if unknown or late[:, 3:].any():
-            unseen = (np.arange(len(E)) < unknown)[:, None] | np.isnan(E) & bool(late[:, 3:].any())
-            _fill(E, unseen & np.isfinite(s.y), problem.noise)
-        if with_s:
-            D[: weights.shape[0]] *= weights[:, :, None]
-        errors.append(E)
-        derivatives.append(D)
-        states.append(X)
-    return errors, derivatives, states
+        E[: len(weights)] *= weights[: len(E)]
+        D[: len(weights)] *= weights[: len(D), :, None]
+        unseen = ((np.arange(len(E)) < unknown)[:, None] | (np.isnan(E) & late[:, 3:].any())) & np.isfinite(s.y)
+        if unseen.any():
+            _fill(E, unseen, problem.noise)
+        for kept, one in zip(found, (E, D, X), strict=True):
+            kept.append(one)
+    return found
 
 
 def _fill(E: Array, what: NDArray[np.bool_], noise: Array) -> None:
     """Put the root mean square of the others in place of some innovations (T, ny); the noise where there are none."""
-    rest = np.isfinite(E) & ~what
-    squares = np.sum(np.where(rest, E, 0.0) ** 2, axis=0) / np.maximum(rest.sum(axis=0), 1)
-    usual = np.where(rest.any(axis=0), np.sqrt(squares), noise)
-    E[what] = np.broadcast_to(usual, E.shape)[what]
+    usual = np.sqrt(mean_square(np.where(what, np.nan, E)))
+    E[what] = np.broadcast_to(np.where(np.isfinite(usual), usual, noise), E.shape)[what]
 
 
 def _led_back(problem: Problem, c: Candidate, s: Segment, delay: float) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.fitting.candidate import Candidate
-from signlin_ros.fitting.fit import likelihood
+from signlin_ros.fitting.fit import evaluated
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.problem import Problem
 
@@ -41,7 +41,8 @@ def narrowed(
         theta = c.start()
         values = zip(coordinates, np.exp(z).tolist(), strict=True)
         theta[index] = [np.clip(k.theta(value), k.low, k.high) for k, value in values]
-        return likelihood(problem, c, theta, gains)
+        f = evaluated(problem, c, theta, gains, False)
+        return f.cost if f else np.inf
 
     best = _bred(np.log([[one[n] for n in free] for one in starts]), cost, each)
     return [{**starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best[:3]]

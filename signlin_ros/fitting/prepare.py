@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signlin_ros.errors import RecordError
 from signlin_ros.fitting.derived import without_derived
-from signlin_ros.fitting.problem import LEAD, Problem, prepare, stretch_of
+from signlin_ros.fitting.problem import Problem, looks, prepare, stretch_of
 from signlin_ros.follow.data import measured_channels
 from signlin_ros.follow.segments import (
     LEAST_SAMPLES,
@@ -22,12 +21,9 @@ from signlin_ros.follow.segments import (
     segment,
     with_measured_position,
 )
-from signlin_ros.follow.tracking import Tracker
 from signlin_ros.model import Model
 from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData
-
-Array = NDArray[np.float64]
 
 MOST, PARTS = 20_000, 10
 """Samples that are fitted to at most, in so many stretches: more only make standard errors smaller than the model is
@@ -89,28 +85,17 @@ def stretched(problem: Problem) -> Problem:
         return problem
     size = MOST // PARTS
     places = [(s, first) for s in problem.segments for first in range(0, max(s.t.size - size, 0) + 1, size)]
-    wrong = np.argsort([-_wrong(problem, s, slice(first, first + size)) for s, first in places])
-    even = np.linspace(0, len(places) - 1, PARTS // 2).astype(int).tolist()
-    chosen = dict.fromkeys([*even, *wrong.tolist()])
-    kept = sorted(list(chosen)[:PARTS])
-    return replace(
-        problem, segments=tuple(_after_a_lead(problem, s, first, size) for s, first in (places[i] for i in kept))
-    )
+    parts = [stretch_of(problem, s, first, size) for s, first in places]
+    wrong = np.argsort([-_wrong(problem, part) for part in parts]).tolist()
+    even = np.linspace(0, len(parts) - 1, PARTS // 2).astype(int).tolist()
+    chosen = list(dict.fromkeys([*even, *wrong]))[:PARTS]
+    return replace(problem, segments=tuple(parts[i] for i in sorted(chosen)))
 
 
-def _after_a_lead(problem: Problem, s: Segment, first: int, size: int) -> Segment:
-    """Return a stretch with what came before it, where effects take up what they remember."""
-    before = stretch_of(problem, s, slice(max(first - LEAD, 0), first + 1)) if first else None
-    return replace(stretch_of(problem, s, slice(first, first + size)), inner=first > 0, before=before)
-
-
-def _wrong(problem: Problem, s: Segment, part: slice) -> float:
+def _wrong(problem: Problem, part: Segment) -> float:
     """Return how wrong the model as given is on a part of a record: what an observer leaves, in units of the noise."""
-    piece, model, middle = stretch_of(problem, s, part), problem.base, problem.levels[1]
-    scale = np.array([problem.x_scale[n] for n in model.states])
-    x0 = np.array([piece.start.get(name, 0.0) for name in model.states])
-    run = Tracker(model, piece.t, piece.u, piece.y, problem.channels, scale, piece.early)
-    left = run.run(x0, middle.rows(model.states)).innovation / problem.noise
+    ((_, run),) = looks(problem.base, [part], problem.channels, problem.levels[1])
+    left = run.innovation / problem.noise
     return float(np.nanmean(left**2)) if np.isfinite(left).any() else 0.0
 
 

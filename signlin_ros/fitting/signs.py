@@ -7,15 +7,16 @@ follows the record much better.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.fitting.fit import Fit
+from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.problem import Problem
+from signlin_ros.follow.segments import Segment
 
 Array = NDArray[np.float64]
 
@@ -24,33 +25,31 @@ BETTER = 0.5
 puts its sign in doubt."""
 
 
-def reversed_signal(problem: Problem, base: Fit) -> str:
+def reversed_signal(problem: Problem, base: Candidate) -> str:
     """Return the input or channel with whose sign reversed the model as given, not fitted, leaves at most half as much;
     empty if there is none. An input goes before a channel: of one input and one channel nothing tells which it is.
     """
-    theta = np.array([k.prior for k in base.candidate.coordinates])
-    left = _left(problem, problem, base, theta)
-    tried = ((_left(problem, other, base, theta), name) for name, other in _with_one_reversed(problem))
+    tried = ((_left(problem, base, segments), name) for name, segments in _with_one_reversed(problem))
     least, name = min(tried, default=(np.inf, ""))
-    return name if least < BETTER * left else ""
+    return name if least < BETTER * _left(problem, base, problem.segments) else ""
 
 
-def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, Problem]]:
+def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, list[Segment]]]:
     for i, name in enumerate(problem.base.inputs):
-        signs = np.where(np.arange(len(problem.base.inputs)) == i, -1.0, 1.0)
-        yield name, replace(problem, segments=tuple(replace(s, u=s.u * signs) for s in problem.segments))
+        yield name, [replace(s, u=_reversed(s.u, i)) for s in problem.segments]
     for i, name in enumerate(problem.channels if len(problem.channels) > 1 else ()):
-        signs = np.where(np.arange(len(problem.channels)) == i, -1.0, 1.0)
-        segments = (
-            replace(s, y=s.y * signs, start={n: -v if n == name else v for n, v in s.start.items()})
-            for s in problem.segments
-        )
-        yield name, replace(problem, segments=tuple(segments))
+        starts = [{n: -v if n == name else v for n, v in s.start.items()} for s in problem.segments]
+        pairs = zip(problem.segments, starts, strict=True)
+        yield name, [replace(s, y=_reversed(s.y, i), start=start) for s, start in pairs]
 
 
-def _left(problem: Problem, other: Problem, base: Fit, theta: Array) -> float:
+def _reversed(values: Array, column: int) -> Array:
+    return np.where(np.arange(values.shape[1]) == column, -values, values)
+
+
+def _left(problem: Problem, base: Candidate, segments: Sequence[Segment]) -> float:
     """Return the RMS of what a model leaves of records at the middle gain, in multiples of the noise."""
-    found = follow_records(other, base.candidate, theta, problem.levels[1], False)
+    found = follow_records(problem, base, base.start(), problem.levels[1], False, segments)
     if found is None:
         return np.inf
     mean = np.nanmean(np.concatenate(found[0]) ** 2, axis=0) / problem.noise**2

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.effects import find_effect
+from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.loop import MOST, follow
@@ -42,22 +42,11 @@ class Start:
     record: Segment | None = None
 
 
-def _initial(c: Candidate, s: Segment) -> Array:
-    x0 = []
-    for name in c.model.states:
-        source = name if name in s.start else twin(name, tuple(s.start))
-        x0.append(s.start.get(source, 0.0))
-    return np.array(x0)
-
-
 def turns(problem: Problem, c: Candidate, p: Array) -> int:
     """Return the substeps that periodic forces ask for: the phase of each must not turn by more than `TURN` in one."""
-    turned = 0.0
-    for key, use in c.model.effects.items():
-        for name in find_effect(use.type, "effects").periodic[:1]:
-            order = p[c.equations.parameters.index(f"{key}.{name}")]
-            turned = max(turned, abs(order) * FASTER * problem.scale.velocity * problem.scale.step)
-    return ceil(min(turned / TURN, MOST))
+    names = [f"{key}.{n}" for key, use in c.model.effects.items() for n in EFFECTS[use.type].periodic[:1]]
+    order = max((abs(p[c.equations.parameters.index(name)]) for name in names), default=0.0)
+    return ceil(min(order * FASTER * problem.scale.velocity * problem.scale.step / TURN, MOST))
 
 
 def record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[Any, ...]) -> Array:
@@ -69,8 +58,8 @@ def record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: t
     constant ``tau`` in s remembers it; a wrong model would bend to its ends a position that was seen. The next time,
     with other parameters, all that is unknown is sought together from where it was found.
     """
-    x0 = _initial(c, s)
-    rows, *others = rest
+    twins = [n if n in s.start else twin(n, tuple(s.start)) for n in c.model.states]
+    x0, (rows, *others) = np.array([s.start.get(n, 0.0) for n in twins]), rest
     unknown = {**_unknown(problem, c, s), **_late_states(problem, s, others[4])} if s.whole else {}
     if not unknown:
         return x0

@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.motion.trials import sensors_of
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import Effect
-from signlin_ros.fitting.candidate import Coordinate, nothing
+from signlin_ros.fitting.candidate import Coordinate
 from signlin_ros.fitting.fit import Fit, tidied
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.problem import Problem
@@ -144,7 +144,7 @@ class Fitted:
             if k.name in self.at_bound and name in told:
                 return f"{k.name} is at its bound"
             if not k.log or name in effect.neutral or k.name.startswith("sensor_gain"):
-                sizes[name], at[name] = abs(x - nothing(k, effect)) / max(std, 1e-300), i
+                sizes[name], at[name] = abs(x - k.nothing(effect)) / max(std, 1e-300), i
             elif std > criteria.known and (not told or name in told):
                 return f"{k.name} is not known to better than half"
             elif std > 1.0 / criteria.coefficient and name in effect.telling:
@@ -175,7 +175,7 @@ class Fitted:
         index = [i for i, k in enumerate(every) if k.name in {f"{key}.{name}" for name in names} | {key}]
         if not index:
             return float(np.inf)
-        theta = self.fit.theta[index] - [nothing(every[i], effect) for i in index]
+        theta = self.fit.theta[index] - [every[i].nothing(effect) for i in index]
         inverses = (np.linalg.pinv(c[np.ix_(index, index)], hermitian=True) for c in self.covariances)
         return float(np.sqrt(min(max(float(theta @ i @ theta), 0.0) for i in inverses)))
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.motion.score import level, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, extended
 from signlin_ros.effects import EFFECTS
-from signlin_ros.fitting.candidate import Candidate, nothing
+from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.fit import Fit, fit, further
 from signlin_ros.fitting.narrow import narrowed
 from signlin_ros.fitting.problem import Problem
@@ -89,7 +89,7 @@ def _where(c: Candidate, i: int) -> float:
     name = c.coordinates[i].name
     kind = name.partition(".")[0]
     effect = EFFECTS[c.model.effects[kind].type if kind in c.model.effects else kind]
-    return nothing(c.coordinates[i], effect)
+    return c.coordinates[i].nothing(effect)
 
 
 def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit | None:
