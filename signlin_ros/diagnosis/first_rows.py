@@ -88,7 +88,8 @@ def motion_witness(
 ) -> Motion:
     """Return the motion witness, the base model fitted."""
     load_entry_points()
-    return Motion.of(c.model, list(c.known), list(c.unseen), criteria, jobs, tell, cancelled, seen)
+    sides = prepared(c.model, list(c.known), list(c.unseen))
+    return Motion(*sides, criteria, jobs, tell, cancelled, seen)
 
 
 def force_witness(c: Case, motion: Motion, tell: Tell, criteria: Criteria, seen: Seen | None) -> Testimony | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.motion import Motion
 from signlin_ros.diagnosis.verbs import diagnose
+from signlin_ros.fitting.prepare import prepared
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
@@ -28,9 +29,8 @@ def warm_up() -> float:
     truth = model.with_effect("coulomb_friction", None, **FRICTION)
     known, unseen = _record(truth, 1), _record(truth, 2)
     diagnose(model, known, unseen, jobs=1)
-    Motion.of(model, [known], [unseen], DEFAULT, jobs=1).stated(
-        ["backlash"], model.with_effect("backlash", None, **PLAY)
-    )
+    motion = Motion(*prepared(model, [known], [unseen]), DEFAULT, jobs=1)
+    motion.stated(["backlash"], model.with_effect("backlash", None, **PLAY))
     return time.perf_counter() - begun
 
 

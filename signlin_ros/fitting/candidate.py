@@ -101,6 +101,17 @@ class Candidate:
             values[c.name] = c.value(float(x))
         return np.array([values[name] for name in self.equations.parameters])
 
+    def sensors(self, p: Array) -> tuple[Array, Array, Array]:
+        """Return gain, offset and delay of every channel (ny,) among all parameters."""
+        gain, offset, delay = p[len(self.model.trace.parameters) :].reshape(3, -1)
+        return gain, offset, delay
+
+    def model_at(self, theta: Array) -> Model:
+        """Return the model with the values of some coordinates; what its sensors add is not part of it."""
+        declared = {n.split(".", 1)[1]: par for n, par in self.model.par_declarations().items()}
+        values = {k.name: k.value(x) for k, x in zip(self.coordinates, theta.tolist(), strict=True)}
+        return self.model.with_parameters({n: declared[n].nearest(v) for n, v in values.items() if n not in self.label})
+
     def slopes(self, theta: Array) -> Array:
         """Return d parameter / d coordinate of every coordinate."""
         return np.array([k.slope(x) for k, x in zip(self.coordinates, theta.tolist(), strict=True)])

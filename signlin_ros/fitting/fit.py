@@ -52,10 +52,7 @@ class Fit:
 
     def fitted(self) -> Model:
         """Return the candidate's model with the fitted values; what its sensors add is not part of it."""
-        model = self.candidate.model
-        declared = {n.split(".", 1)[1]: par for n, par in model.par_declarations().items()}
-        plain = {n: v for n, v in self.parameters().items() if not n.startswith("sensor_")}
-        return model.with_parameters({n: declared[n].nearest(v) for n, v in plain.items()})
+        return self.candidate.model_at(self.theta)
 
 
 def tidied(f: Fit) -> Fit:

@@ -39,10 +39,10 @@ def follow_records(
     """
     p, eq, states = c.p(theta), c.equations, c.model.states
     ny, flags = eq.sizes[2], eq.flags(with_s, turns(problem, c, p))
-    scale, lags, delay = _scale(problem, c), seen_late(problem, c, p), max(float(eq.delay @ p), 0.0)
-    shown = {channel: p[eq.parameters.index(f"sensor_gain.{channel}")] for channel in problem.channels}
-    belief, variances, ringing = _belief(problem, c, gains, shown), problem.noise**2, eq.ringing(p, scale)
-    rows = gains.rows(states, c.floating) / np.array(list(shown.values()))  # what floats: by the filter, or not at all
+    scale, lags, delay = _scale(problem, c), _seen_late(problem, c, p), max(float(eq.delay @ p), 0.0)
+    belief = _belief(problem, c, gains, dict(zip(problem.channels, c.sensors(p)[0], strict=True)))
+    variances, ringing = problem.noise**2, eq.ringing(p, scale)
+    rows = gains.rows(states, c.floating) / c.sensors(p)[0]  # what floats: by the filter, or not at all
     unknown = ceil(delay / problem.scale.step) + 1 if delay > 0.0 else 0
     held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
     weights = np.concatenate([np.zeros((unknown, ny)), gains.weights])
@@ -118,17 +118,14 @@ def _scale(problem: Problem, c: Candidate) -> Array:
     return np.array([size or own[units[name] == problem.base.plant.position_unit] for name, size in sizes.items()])
 
 
-def seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
+def _seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
     """Return by how much every channel is seen late, for `follow`."""
-    names = [f"sensor_delay.{channel}" for channel in problem.channels]
-    free = [k.name for k in c.coordinates]
-    if not any(name in free or c.values[name] for name in names):
-        return NONE_LATE
-    rows = []
-    for name, channel in zip(names, problem.channels, strict=True):
+    free, rows = [k.name for k in c.coordinates], []
+    for channel, lag in zip(problem.channels, c.sensors(p)[2], strict=True):
+        name = f"sensor_delay.{channel}"
         state = c.model.states.index(channel) if channel in c.model.states else 0
-        rows.append((p[c.equations.parameters.index(name)], state, free.index(name) if name in free else -1, 0.0))
-    return np.array(rows, dtype=float)
+        rows.append((lag, state, free.index(name) if name in free else -1, 0.0))
+    return np.array(rows) if any(lag or at >= 0 for lag, _, at, _ in rows) else NONE_LATE
 
 
 def _unseen_before(problem: Problem, s: Segment, lags: Array) -> Array:
@@ -138,4 +135,4 @@ def _unseen_before(problem: Problem, s: Segment, lags: Array) -> Array:
     return marked
 
 
-__all__ = ["follow_records", "seen_late"]
+__all__ = ["follow_records"]

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.scores import Score, rated
 from signlin_ros.fitting.candidate import Candidate
-from signlin_ros.fitting.following import follow_records, seen_late
+from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.problem import Problem
-from signlin_ros.follow.equations import equations, neutral_sensors
-from signlin_ros.follow.loop import NONE_LATE, follow
 from signlin_ros.follow.segments import Segment
+from signlin_ros.follow.tracking import Tracker
+from signlin_ros.model import Model
 from signlin_ros.predict import windows
 
 Array = NDArray[np.float64]
@@ -150,73 +150,40 @@ def _errors(
     run = follow_records(problem, c, theta, gains, False)
     if run is None:
         return None
-    p, found = c.p(theta), []
+    model, found = c.model_at(theta), []
     for s, e, X, at in zip(problem.segments, run[0], run[2], cuts, strict=True):
         known = X if c.filtered else _corrected(gains, c, X, e)
-        free = _restarted(problem, c, p, s, known, list(at[:-1]))
-        if free is None:
+        least = [max(problem.x_scale.get(name, 0.0), 1e-9) for name in model.states]
+        size = np.maximum(least, np.abs(known).max(axis=0))
+        free = Tracker(model, s.t, s.u, s.y, problem.channels, size, s.early).restarted(known, np.array(at[:-1]))
+        if free.stopped is not None:
             return None
-        found.append(s.y - _shown(problem, c, p, s, known, free, at))
+        found.append(s.y - _shown(problem, c, c.p(theta), model, s, known, free.state, at))
     return found
 
 
 def _corrected(gains: Gains, c: Candidate, X: Array, e: Array) -> Array:
     """Return the states (T, n) with what the sample itself tells of them."""
-    rows = gains.rows(c.model.states)
-    rows[:, [name in c.floating for name in c.model.states]] = 0.0
-    count = min(len(rows), len(X))
-    known: Array = X.copy()
-    e = np.nan_to_num(e)
-    known[:count] += np.einsum("kij,kj->ki", rows[:count], e[:count])
-    known[count:] += e[count:] @ rows[-1].T
-    return known
+    rows = gains.rows(c.model.states, c.floating)
+    held = rows[np.minimum(np.arange(len(X)), len(rows) - 1)]
+    return np.asarray(X + np.einsum("kij,kj->ki", held, np.nan_to_num(e)))
 
 
-def _restarted(problem: Problem, c: Candidate, p: Array, s: Segment, known: Array, at: list[int]) -> Array | None:
-    """Return the states (T, n) of the model by itself, started anew from the known ones (T, n) at some samples."""
-    states, n = c.model.states, known.shape[1]
-    eq = equations(c.model.structure, states, ())
-    values = np.concatenate([p[: len(c.model.trace.parameters)], neutral_sensors(n)])
-    gains = np.zeros((s.t.size, n, n))
-    gains[at] = np.eye(n)
-    size = np.array(
-        [
-            max(problem.x_scale.get(name, 0.0), float(np.abs(x).max()), 1e-9)
-            for name, x in zip(states, known.T, strict=True)
-        ]
-    )
-    E, X = np.zeros((s.t.size, n)), np.zeros((s.t.size, n))
-    late = float(c.equations.delay @ p) - s.early
-    y = np.ascontiguousarray(known)
-    rest = (NONE_LATE, np.zeros((3, 0)), np.ones(n), E, np.zeros((0, n, 0)), X)
-    arguments = (s.t, s.u, y, gains, y[0].copy(), values, size, late, eq.ringing(values, size))
-    return X if follow(eq.calls(False), eq.flags(False), *arguments, *rest) == s.t.size else None
-
-
-def _shown(problem: Problem, c: Candidate, p: Array, s: Segment, known: Array, free: Array, at: Sequence[int]) -> Array:
+def _shown(
+    problem: Problem, c: Candidate, p: Array, model: Model, s: Segment, known: Array, free: Array, at: Sequence[int]
+) -> Array:
     """Return what the channels would show (T, ny) of free runs (T, n), sensors and their delays included."""
-    late = float(c.equations.delay @ p) - s.early
-    u = (
-        s.u[np.clip(np.searchsorted(s.t, s.t - late + 1e-9, side="right") - 1, 0, s.t.size - 1)]
-        if np.any(late)
-        else s.u
-    )
-    shown = _outputs(c, p, free, u)
+    acting = np.searchsorted(s.t, s.t - (model.delay - s.early) + 1e-9, side="right") - 1
+    u = s.u[np.clip(acting, 0, s.t.size - 1)]
+    gain, offset, lags = c.sensors(p)
+    outputs = Tracker(model, s.t, u, s.y, problem.channels, np.ones(len(model.states))).outputs
+    shown = outputs(free)
     begun = s.t[np.asarray(at)[np.maximum(np.searchsorted(at, np.arange(s.t.size)) - 1, 0)]]
-    for j, (lag, state, *_) in enumerate(seen_late(problem, c, p).tolist()):
-        if lag > 0.0:
-            i, then, X = int(state), s.t - lag, free.copy()
-            X[:, i] = np.where(then < begun, np.interp(then, s.t, known[:, i]), np.interp(then, s.t, free[:, i]))
-            shown[:, j] = _outputs(c, p, X, u)[:, j]
-    return shown
-
-
-def _outputs(c: Candidate, p: Array, X: Array, u: Array) -> Array:
-    """Return what the channels show (T, ny) at states (T, n) and inputs (T, m)."""
-    eq, columns = c.equations, [*X.T, *u.T, *p]
-    n, h, ny = X.shape[1], eq.places.h, eq.sizes[2]
-    sign = np.sign(eq.keep.batch([*columns, 0.0])[n]) if eq.sizes[5] else 1.0
-    return np.asarray(eq.keep.batch([*columns, sign])[h : h + ny].T)
+    for j in np.flatnonzero(lags > 0.0).tolist():
+        then = s.t - lags[j]
+        pairs = ((np.interp(then, s.t, x) for x in both) for both in zip(known.T, free.T, strict=True))
+        shown[:, j] = outputs(np.column_stack([np.where(then < begun, *pair) for pair in pairs]))[:, j]
+    return np.asarray(gain * shown + offset)
 
 
 __all__ = ["Gain", "beyond_noise", "elsewhere", "gain", "level", "of_windows", "windowed"]
