@@ -22,8 +22,6 @@ KNOWN_EFFECT = 0.2
 """Relative standard deviation of the prior on the parameters of effects that the model already has."""
 GAIN = 0.7
 """Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
-WANDER = 0.05
-"""Part of an excursion and of the velocity (RMS) by which a load that floats may wander in a second, to begin with."""
 NEAR = 3.0
 """Largest change of the logarithm of a floating load's inertia: one much larger stands still, and is a spring."""
 SHAPE = 3.0
@@ -65,8 +63,7 @@ class Candidate:
     """A model to be fitted: its free parameters as coordinates, its values elsewhere.
 
     ``starts``: where its records were found to start, see `signlin_ros.fitting.start`.
-    ``alert``: whether an extended Kalman filter follows it where its motion is sensitive; ``wander``: by which part of
-    the velocity (RMS) that of a floating load may wander in a second, as the filter takes it.
+    ``alert``: whether an extended Kalman filter follows it where its motion is sensitive.
     """
 
     model: Model
@@ -75,7 +72,6 @@ class Candidate:
     values: dict[str, float]
     label: tuple[str, ...] = ()
     alert: bool = True
-    wander: float = WANDER
     starts: dict[tuple[Any, ...], Any] = field(default_factory=dict, compare=False, repr=False)
 
     @functools.cached_property

@@ -18,8 +18,9 @@ from signlin_ros.follow.tracking import mean_square
 
 Array = NDArray[np.float64]
 
-APART = 0.3
-"""How uncertain the start of a load is that floats, as a part of an excursion and of the velocity (RMS)."""
+APART, WANDER = 0.3, 0.05
+"""How uncertain the start of a load is that floats, and how far it may wander in a second, as parts of an excursion and
+of the velocity (RMS)."""
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -93,7 +94,7 @@ def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, fl
     would fit the filter, not the motion.
     """
     names, floating, scale = c.model.states, c.floating, problem.scale
-    if not c.filtered or not gains.spread.size:
+    if not c.filtered:
         return np.zeros((3, 0))
     apart = {"position": scale.excursion, "velocity": scale.velocity}
     plant, found = problem.base.plant, np.ones((3, len(names)))
@@ -105,7 +106,7 @@ def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, fl
             continue
         own = name.rpartition(".")[2]
         size = APART * apart.get(own, 0.0) if name in floating else 0.0
-        added, first = c.wander**2 * size**2 * scale.step, size**2
+        added, first = WANDER**2 * size**2 * scale.step, size**2
         found[:, i] = added / larger, first / larger, 2.0 if own == "position" else 1.0
     return found
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,14 @@ class Gains:
     """Kalman gains (G, n, ny) for the states ``names``; ``tau`` is the observer's time constant in s.
 
     ``weights`` (G, ny): what the first innovations count, made uncertain as they are by the unknown initial state.
-    ``spread`` (2, n): variances that a step adds to the states, and those that they start with; (2, 0): not known.
+    ``spread`` (2, n): variances that a step adds to the states, and those that they start with.
     """
 
     tau: float
     names: tuple[str, ...]
     values: Array
     weights: Array
-    spread: Array = field(default_factory=lambda: np.zeros((2, 0)))
+    spread: Array
 
     def rows(self, states: tuple[str, ...], uncorrected: Collection[str] = ()) -> Array:
         """Return the gains for a model with these states: an effect's own position or velocity moves with the

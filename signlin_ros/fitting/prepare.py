@@ -31,41 +31,37 @@ true."""
 
 
 def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
-    """Return the first two thirds of every record, and the last third."""
-    cut = [len(d) * 2 // 3 for d in data]
-    return [d.part(0, c) for d, c in zip(data, cut, strict=True)], [d.part(c) for d, c in zip(data, cut, strict=True)]
-
-
-def prepared(model: Model, data: Sequence[ModelData], unseen: Sequence[ModelData] | None) -> tuple[Problem, Problem]:
-    """Return the problem of the records that are fitted to and that of unseen ones; they share channels and gains.
-
-    Raises `RecordError` where nothing is measured or moves, or where too little could be held out.
-    """
-    first, second = (list(data), list(unseen)) if unseen else held_out(data)
-    model = with_measured_position(model, [*first, *second])
-    channels = measured_channels(model, [*first, *second])
-    check_moving([*data, *(unseen or ())], channels)
-    if not unseen:
-        _check_held_out(data, second, channels)
-    (known, notes), (left, more) = _cut(first, channels), _cut(second, channels)
-    own, position = without_derived(model, [*known, *left], channels), model.plant.position
-    notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
-    notes += constant_inputs(model, [*data, *(unseen or ())])
-    problem = replace(prepare(model, known, own), notes=notes, parts=tuple(known))
-    segments = tuple(segment(problem.base, problem.channels, part) for part in left)
-    unseen_noise, noise = (sensor_noise([(s.t, s.y) for s in one]) for one in (segments, problem.segments))
-    other = replace(problem, segments=segments, noise=unseen_noise, notes=more, parts=tuple(left))
-    return replace(problem, noise=noise), other
-
-
-def _check_held_out(data: Sequence[ModelData], last: Sequence[ModelData], channels: tuple[str, ...]) -> None:
+    """Return the first two thirds of every record, and the last third; raise `RecordError` where that is too little."""
+    first = [d.part(0, len(d) * 2 // 3) for d in data]
+    last = [d.part(len(d) * 2 // 3) for d in data]
     for whole, part in zip(data, last, strict=True):
         if len(part) < LEAST_SAMPLES:
             needed = f"at least {3 * LEAST_SAMPLES} are needed, or {LEAST_SAMPLES} and a validation record"
             raise RecordError(f"{whole.source}: {len(whole)} samples, of which the last third is held out; {needed}")
-    if not any(moves(part, channels) for part in last):
+    if not any(moves(part, tuple(part.measured)) for part in last):
         why = "nothing moves in the last third, which is held out; give a validation record"
         raise RecordError(f"{data[0].source}: {why}")
+    return first, last
+
+
+def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelData]) -> tuple[Problem, Problem]:
+    """Return the problem of the records that are fitted to and that of unseen ones; they share channels and gains.
+
+    Raises `RecordError` where nothing is measured or moves, or where records are too short.
+    """
+    data = [*first, *second]
+    model = with_measured_position(model, data)
+    channels = measured_channels(model, data)
+    check_moving(data, channels)
+    (known, notes), (unseen, more) = _cut(first, channels), _cut(second, channels)
+    own, position = without_derived(model, [*known, *unseen], channels), model.plant.position
+    notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
+    notes += constant_inputs(model, data)
+    problem = replace(prepare(model, known, own), notes=notes, parts=tuple(known))
+    segments = tuple(segment(problem.base, problem.channels, part) for part in unseen)
+    noise, other = (sensor_noise([(s.t, s.y) for s in one]) for one in (problem.segments, segments))
+    rest = replace(problem, segments=segments, noise=other, notes=more, parts=tuple(unseen))
+    return replace(problem, noise=noise), rest
 
 
 def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[ModelData], tuple[str, ...]]:

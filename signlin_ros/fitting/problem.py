@@ -110,6 +110,11 @@ class Problem:
         return rotary_unit(unit) if self.rotary else unit
 
     @property
+    def counts(self) -> Array:
+        """Number of samples of every channel (ny,) that are not missing."""
+        return np.asarray(sum(np.isfinite(s.y).sum(axis=0) for s in self.segments), dtype=float)
+
+    @property
     def samples(self) -> int:
         """Number of samples in all records."""
         return sum(s.t.size for s in self.segments)

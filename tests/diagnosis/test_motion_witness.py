@@ -12,7 +12,7 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion import CancelledError, Motion
 from signlin_ros.diagnosis.motion.score import gain
 from signlin_ros.diagnosis.motion.search import search
-from signlin_ros.fitting.prepare import prepared
+from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -121,7 +121,7 @@ def test_an_imposed_motion_without_any_force_of_its_own():
     measured = {"displacement": displacement, "force": force}
     data = ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), {"displacement": "m"})
     nothing = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 0.0}})
-    found = Motion(*prepared(nothing, [data], None), Criteria(), jobs=1)
+    found = Motion(*prepared(nothing, *held_out([data])), Criteria(), jobs=1)
     assert found.base.parameters == {}
     both = found.fitted(["viscous_friction", "coulomb_friction"])
     assert both.parameters["viscous_friction.b"].value == pytest.approx(800.0, rel=0.02)
@@ -136,17 +136,15 @@ def test_gaps_several_records_and_missing_samples():
     cut = ModelData(
         whole.t[kept], whole.u[kept], {"displacement": holes[kept]}, None, whole.inputs, whole.states, whole.units
     )
-    found = Motion(*prepared(Model.from_dict(BASE), [cut, record(COULOMB, 3)], None), Criteria(), jobs=1)
+    found = Motion(*prepared(Model.from_dict(BASE), *held_out([cut, record(COULOMB, 3)])), Criteria(), jobs=1)
     assert not found.refused(found.base, found.fitted(["coulomb_friction"]))
 
 
 def test_it_stops_when_asked():
     asked = []
-    model, data = Model.from_dict(BASE), [record(COULOMB, 1)]
+    sides = prepared(Model.from_dict(BASE), *held_out([record(COULOMB, 1)]))
     with pytest.raises(CancelledError):
-        search(
-            Motion(*prepared(model, data, None), Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0), 3
-        )
+        search(Motion(*sides, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0), 3)
     assert len(asked) == 1
 
 

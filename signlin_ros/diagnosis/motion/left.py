@@ -62,15 +62,12 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
     """
     lowest = problem.levels[-1]
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
-    lost, f = slow is None, slow or f
-    shares = dependence(problem, f)
-    found, result = colours(f.innovations, problem.noise), []
-    for channel, one, share, noise in zip(
-        problem.channels, found, shares.tolist(), problem.noise.tolist(), strict=True
-    ):
-        noisy = ABOUT < one.variance / noise**2 < 1.0 + criteria.dependent
-        structured = lost or (not noisy and (one.structured or share > criteria.dependent))
+    f, lost, result = slow or f, slow is None, []
+    found, shares = colours(f.innovations, problem.noise), dependence(problem, f).tolist()
+    for channel, one, share, noise in zip(problem.channels, found, shares, problem.noise.tolist(), strict=True):
         over = float(np.sqrt(one.variance) / noise)
+        noisy = ABOUT < over**2 < 1.0 + criteria.dependent
+        structured = lost or (not noisy and (one.structured or share > criteria.dependent))
         result.append(Left(channel, over, share, bool(structured), one.together))
     return tuple(result)
 
@@ -79,25 +76,28 @@ def dependence(problem: Problem, f: Fit) -> Array:
     """Return which share (ny) of the squared residual of a fit follows from its own motion, on samples left out; 0 or
     less: none; NaN where samples are too few to tell. Nothing is said (0) of a model that an extended Kalman filter
     follows, whose gain changes.
+
+    Where an inertia is moved, with the slowest observer whose response is short beside the parts that are left out.
     """
-    none = np.zeros(len(problem.channels))
-    if f.candidate.filtered:
+    none, samples, c = np.zeros(len(problem.channels)), problem.samples, f.candidate
+    if c.filtered:
         return none
-    seen, gains, block = None, f.gains, max(int(BLOCK / problem.scale.step), LEAST)
-    if problem.base.plant.velocity in f.candidate.model.states:
-        looks = ((response(problem, f.fitted(), one), one) for one in problem.levels[::-1])
-        sizes = [(max(block, ceil(LENGTHS * _length(r))), r, one) for r, one in looks]
-        usual = [s for s in sizes if 2 * FOLDS * s[0] <= problem.samples]
-        quick = [s for s in sizes[-1:] if FEWEST * s[0] <= problem.samples]
-        block, seen, gains = next(iter([*usual, *quick]), (0, None, gains))
-    found = _regressors(problem, f, gains, seen, block) if block else None
+    least = max(int(BLOCK / problem.scale.step), LEAST)
+    looks: list[tuple[int, Array | None, Gains]] = [(least, None, f.gains)]
+    if problem.base.plant.velocity in c.model.states:
+        model = f.fitted()
+        seen = ((response(problem, model, gains), gains) for gains in problem.levels[::-1])
+        sizes = [(max(least, ceil(LENGTHS * _length(r))), r, gains) for r, gains in seen]
+        looks = [one for one in sizes if 2 * FOLDS * one[0] <= samples]
+        looks += [one for one in sizes[-1:] if FEWEST * one[0] <= samples]
+    found = _regressors(problem, f, *looks[0]) if looks else None
     if found is None or found[1].size < ENOUGH * found[0].shape[2]:
         return none + np.nan
     return _predicted(found[0], found[1], found[2] % min(FOLDS, int(found[2].max()) + 1))
 
 
 def _regressors(
-    problem: Problem, f: Fit, gains: Gains, seen: Array | None, block: int
+    problem: Problem, f: Fit, block: int, seen: Array | None, gains: Gains
 ) -> tuple[Array, Array, NDArray[np.int_]] | None:
     """Return functions (T, ny, k) of a fit's motion as an observer leaves them, its residual (T, ny) in units of the
     noise, and the number (T,) of the block that a sample is in; None where the motion is lost.
@@ -114,7 +114,7 @@ def _regressors(
         known = np.isfinite(e)
         q, v, u = (m[: len(e)] / size for m, size in zip(motion, largest, strict=True))
         features.append(np.where(known[:, :, None], _as_left(_functions(q, v, u), seen, *e.shape), 0.0))
-        residuals.append(np.where(known, np.nan_to_num(e / problem.noise), 0.0))
+        residuals.append(np.where(known, e / problem.noise, 0.0))
         blocks.append(np.arange(len(e)) // block + done)
         done += len(e) // block + 1
     return np.concatenate(features), np.concatenate(residuals), np.concatenate(blocks)

@@ -22,31 +22,21 @@ def search(motion: Motion, depth: int, names: Sequence[str] | None = None) -> li
     now = motion.base
     path = [[now]]
     while len(now.effects) < depth and (len(path) == 1 or not now.white):
-        step, options = _step(motion, now, depth, names)
-        if step is None:
+        options = motion.extensions(now, names)
+        alike = motion.alike(now, options)
+        if not (now.white or (alike and alike[0].white)):
+            options += motion.bred(now, names)
+            alike = motion.alike(now, options)
+        if not alike and depth > 1 and not (now.white or now.effects):
+            options += [two for one in options[:BEAM] for two in motion.extensions(one, names)]
+            alike = motion.alike(now, options)
+        if not alike:
             path[-1] += [one for one in options if one not in path[-1]]
             break
-        path.append([step, *(one for one in options if one is not step)])
-        now = step
+        now = alike[0]
+        path.append([now, *(one for one in options if one is not now)])
     path[0][0] = motion.best(path[0][0])
     return path
-
-
-def _step(motion: Motion, now: Fitted, depth: int, names: Sequence[str] | None) -> tuple[Fitted | None, list[Fitted]]:
-    """Return the simplest of what is beyond doubt and as good as the best, and all that was tried."""
-    options = motion.extensions(now, names)
-    step = _simplest(motion, now, options)
-    if not (now.white or (step and step.white)):
-        options += motion.bred(now, names)
-        step = _simplest(motion, now, options)
-    if step is None and depth > 1 and not (now.white or now.effects):
-        options += [two for one in options[:BEAM] for two in motion.extensions(one, names)]
-        step = _simplest(motion, now, options)
-    return step, options
-
-
-def _simplest(motion: Motion, now: Fitted, options: list[Fitted]) -> Fitted | None:
-    return next(iter(motion.alike(now, options)), None)
 
 
 __all__ = ["search"]
