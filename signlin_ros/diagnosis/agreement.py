@@ -27,7 +27,6 @@ from signlin_ros.diagnosis.measures import (
     written_left,
 )
 from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import tryable
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import EFFECTS
@@ -114,7 +113,7 @@ def _stood_for(w: Witnesses, depth: int) -> tuple[Fitted, str]:
         if together is not None:
             return _chosen(w, [together], base)
     if first is None or not w.explains(first):
-        path = search(w.motion, depth, names=_searched(w))
+        path = w.motion.search(depth, _searched(w))
         w.keep(*(f for step in path for f in step))
         return _chosen(w, [first] if first else [], path[-1][0])
     found = _best_of(w, base, w.hidden, rival=first) or base

@@ -90,11 +90,13 @@ class Candidate:
         keys = [k for k, use in self.model.effects.items() if EFFECTS[use.type].floating]
         return frozenset(n for n in self.model.states if n.partition(".")[0] in keys)
 
+    def named(self, theta: Array) -> dict[str, float]:
+        """Return the free parameters by name."""
+        return {k.name: k.value(x) for k, x in zip(self.coordinates, theta.tolist(), strict=True)}
+
     def p(self, theta: Array) -> Array:
         """Return all parameters in the order of the equations."""
-        values = dict(self.values)
-        for c, x in zip(self.coordinates, theta, strict=True):
-            values[c.name] = c.value(float(x))
+        values = {**self.values, **self.named(theta)}
         return np.array([values[name] for name in self.equations.parameters])
 
     def sensors(self, p: Array) -> tuple[Array, Array, Array]:
@@ -104,9 +106,8 @@ class Candidate:
 
     def model_at(self, theta: Array) -> Model:
         """Return the model with the values of some coordinates; what its sensors add is not part of it."""
-        declared = {n.split(".", 1)[1]: par for n, par in self.model.par_declarations().items()}
-        values = {k.name: k.value(x) for k, x in zip(self.coordinates, theta.tolist(), strict=True)}
-        return self.model.with_parameters({n: declared[n].nearest(v) for n, v in values.items() if n not in self.label})
+        pars, values = declared(self.model), self.named(theta)
+        return self.model.with_parameters({n: pars[n].nearest(v) for n, v in values.items() if n not in self.label})
 
     def slopes(self, theta: Array) -> Array:
         """Return d parameter / d coordinate of every coordinate."""
@@ -123,27 +124,32 @@ class Candidate:
         return np.array([c.theta(values[c.name]) for c in self.coordinates])
 
 
+def numbers(model: Model) -> dict[str, float]:
+    """Return all parameters of a model by name: those of the plant, and ``key.name`` of effects."""
+    own = {f"{key}.{n}": x for key, use in model.effects.items() for n, x in use.parameters.items()}
+    return {**model.parameters, **own}
+
+
+def declared(model: Model) -> dict[str, Par]:
+    """Return the declarations of all parameters of a model by the same names, their units resolved."""
+    return {name.partition(".")[2]: par for name, par in model.par_declarations().items()}
+
+
 def _base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
     """Return the base parameters that may move: those that are neither frozen nor exactly 0, with their priors."""
-    base = problem.base
-    pars = [
-        (name, par, base.parameters[name], model.tolerance_of(name))
-        for name, par in model.plant.pars().items()
-        if not par.structural
-    ]
-    for key, use in base.effects.items():
-        effect, own = EFFECTS[use.type], EFFECTS[use.type].pars()
-        names = [n for n in use.parameters if declared_name(n) not in effect.whole_orders]
-        pars += [(f"{key}.{n}", own[n], use.parameters[n], KNOWN_EFFECT) for n in names]
-    traced = model.trace.parameters
-    return [_base_coordinate(n, par, x, spread) for n, par, x, spread in pars if n in traced and x != 0.0 and spread]
-
-
-def _base_coordinate(name: str, par: Par, nominal: float, spread: float) -> Coordinate:
-    if nominal > 0 and par.low >= 0:
-        return Coordinate(name, True, nominal, -20.0, 20.0, 0.0, spread)
-    unit = abs(nominal)
-    return Coordinate(name, False, unit, par.low / unit, par.high / unit, np.sign(nominal), spread)
+    base, pars, result = problem.base, declared(problem.base), []
+    for name, nominal in numbers(base).items():
+        key, _, own = name.rpartition(".")
+        spread = KNOWN_EFFECT if key else model.tolerance_of(name)
+        whole = bool(key) and declared_name(own) in EFFECTS[base.effects[key].type].whole_orders
+        if nominal == 0.0 or whole or not spread or name not in model.trace.parameters:
+            continue
+        par, unit = pars[name], abs(nominal)
+        if nominal > 0 and par.low >= 0:
+            result.append(Coordinate(name, True, unit, -20.0, 20.0, 0.0, spread))
+        else:
+            result.append(Coordinate(name, False, unit, par.low / unit, par.high / unit, np.sign(nominal), spread))
+    return result
 
 
 def _effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordinate]:
@@ -196,4 +202,4 @@ def candidate(
     return Candidate(model, eq, tuple(coordinates), values, (*added, *sensors))
 
 
-__all__ = ["Candidate", "Coordinate", "candidate"]
+__all__ = ["Candidate", "Coordinate", "candidate", "declared", "numbers"]

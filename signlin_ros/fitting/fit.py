@@ -48,7 +48,7 @@ class Fit:
 
     def parameters(self) -> dict[str, float]:
         """Return the free parameters by name."""
-        return {c.name: c.value(float(x)) for c, x in zip(self.candidate.coordinates, self.theta, strict=True)}
+        return self.candidate.named(self.theta)
 
     def fitted(self) -> Model:
         """Return the candidate's model with the fitted values; what its sensors add is not part of it."""

@@ -228,18 +228,10 @@ def _scale(
         force, current = motor["K_t"] * i, rms(i)
     elif "force" in channels:
         force = np.concatenate([s.y[:, channels.index("force")] for s in segments])
-    travel, mass = float(np.nanmax(np.abs(position))), inertia(model)
-    return Scale(
-        rms(force) if force.any() else rms(mass * acceleration),  # what moves freely is driven by what it has stored
-        travel if travel > 0 else 1.0,
-        rms(velocity),
-        rms(acceleration),
-        current,
-        float(np.max(np.abs(u))) or 1.0,
-        dt,
-        duration,
-        mass,
-    )
+    travel, largest, mass = float(np.nanmax(np.abs(position))), float(np.max(np.abs(u))), inertia(model)
+    drive = rms(force) if force.any() else rms(mass * acceleration)  # what moves freely is driven by what it has stored
+    sizes = (drive, travel or 1.0, rms(velocity), rms(acceleration), current, largest or 1.0)
+    return Scale(*sizes, dt, duration, mass)
 
 
 def _of_known_direction(model: Model, s: Segment) -> Segment:

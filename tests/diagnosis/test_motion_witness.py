@@ -11,7 +11,6 @@ from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion import CancelledError, Motion
 from signlin_ros.diagnosis.motion.score import gain
-from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
@@ -89,7 +88,7 @@ def test_a_friction_that_is_known_but_for_a_scale_is_there():
 
 def test_the_simplest_law_that_suffices_is_named():
     found = motion(COULOMB)
-    path = search(found, 3)
+    path = found.search(3)
     assert path[-1][0].effects == ("coulomb_friction",)
     mu = path[-1][0].parameters["coulomb_friction.mu"]
     assert abs(mu.value - 2.0) < 4 * mu.std < 0.5
@@ -144,7 +143,7 @@ def test_it_stops_when_asked():
     asked = []
     sides = prepared(Model.from_dict(BASE), *held_out([record(COULOMB, 1)]))
     with pytest.raises(CancelledError):
-        search(Motion(*sides, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0), 3)
+        Motion(*sides, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0).search(3)
     assert len(asked) == 1
 
 
@@ -161,6 +160,6 @@ def test_records_of_an_independent_program(group, index, tmp_path):
     folder = write(drawn, tmp_path)
     paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
     model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
-    final = search(Motion(*prepared(model, [known], [unseen]), Criteria(), jobs=1), 3)[-1][0]
+    final = Motion(*prepared(model, [known], [unseen]), Criteria(), jobs=1).search(3)[-1][0]
     assert {*final.effects} == {*drawn.truth["hidden"]} - {"none"}
     assert final.white

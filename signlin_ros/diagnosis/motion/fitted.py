@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.motion.score import level
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import Effect
-from signlin_ros.fitting.candidate import Coordinate
+from signlin_ros.fitting.candidate import Coordinate, declared
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.problem import Problem
@@ -247,8 +247,7 @@ def held(problem: Problem, model: Model, free: Collection[str]) -> dict[str, Est
 
 def _units(problem: Problem, model: Model) -> dict[str, str]:
     """Return the units of all parameters by name: ``key.name`` for those of effects."""
-    declared = model.par_declarations()
-    return {n.split(".", 1)[1]: resolve_unit(p.unit, model.plant, problem.rotary) for n, p in declared.items()}
+    return {n: resolve_unit(par.unit, model.plant, problem.rotary) for n, par in declared(model).items()}
 
 
 __all__ = ["Fitted", "Known", "covariances", "estimates", "held", "known"]

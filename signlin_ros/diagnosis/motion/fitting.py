@@ -33,20 +33,18 @@ LEAST = 0.03
 
 @dataclass(frozen=True)
 class Found:
-    """A minimum: the fit at the gain whose windows are predicted best, these errors (blocks, channels) and their level,
-    and the fit at the lowest gain, where most shows of what is missing.
+    """A minimum: the fit at the gain whose windows are predicted best, the level of these errors, and the fit at the
+    lowest gain, where most shows of what is missing.
     """
 
     fit: Fit
-    known: Array
     level: float
     low: Fit
 
     @classmethod
     def of(cls, problem: Problem, f: Fit, low: Fit) -> Found:
-        """Return a fit, and one at the lowest gain, with the errors of the first."""
-        known = windowed(problem, f.candidate, f.theta, f.gains)
-        return cls(f, known, level(known, problem.noise), low)
+        """Return a fit and one at the lowest gain with the level of the first."""
+        return cls(f, level(windowed(problem, f.candidate, f.theta, f.gains), problem.noise), low)
 
 
 def cheapest(fits: Iterable[Fit | None]) -> Fit | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import InputError, ModelError
-from signlin_ros.fitting.candidate import Candidate, candidate
+from signlin_ros.fitting.candidate import Candidate, candidate, numbers
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.fitting.scan import periodic_starts
@@ -197,10 +197,4 @@ class Parts:
         return replace(c, values={n: given.get(n, v) for n, v in c.values.items()})
 
 
-def numbers(model: Model) -> dict[str, float]:
-    """Return all parameters of a model by name: those of the plant, and ``key.name`` of effects."""
-    own = {f"{key}.{n}": x for key, use in model.effects.items() for n, x in use.parameters.items()}
-    return {**model.parameters, **own}
-
-
-__all__ = ["Parts", "Trial", "completed", "free_key", "numbers", "rescanned", "trials", "tryable"]
+__all__ = ["Parts", "Trial", "completed", "free_key", "rescanned", "trials", "tryable"]

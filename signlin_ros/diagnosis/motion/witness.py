@@ -18,10 +18,10 @@ from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, cheapes
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.running import Progress, Running
 from signlin_ros.diagnosis.motion.score import level, windowed
-from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, numbers, rescanned, trials
+from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, rescanned, trials
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
-from signlin_ros.fitting.candidate import Candidate, candidate
+from signlin_ros.fitting.candidate import Candidate, candidate, numbers
 from signlin_ros.fitting.fit import Fit, fit, tidied
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.prepare import stretched
@@ -32,6 +32,8 @@ from signlin_ros.model import Model
 SERIOUS, FIRST, FINISHED = 0.25, 3, 8
 """Share of the best candidate's gain that makes another one worth a thorough fit; how many get one in any case, and at
 most."""
+BEAM = 2
+"""How many single effects a search tries with every other one where none is enough by itself."""
 
 Array = NDArray[np.float64]
 
@@ -341,6 +343,32 @@ class Motion(Decisions, Running):
         self.say("effects with many local minima")
         fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
         return self._all_finished(of, [f for f in fits if f])
+
+    # ------------------------------------------------------------ one effect after the other
+
+    def search(self, depth: int, names: Sequence[str] | None = None) -> list[list[Fitted]]:
+        """Return the steps from the base to what is proposed: of each what was taken, then the other options that there
+        were, least error first. The first is the base; the last holds what was tried in vain, too. ``names``: of the
+        effects that are tried, all of them by default.
+        """
+        now = self.base
+        path = [[now]]
+        while len(now.effects) < depth and (len(path) == 1 or not now.white):
+            options = self.extensions(now, names)
+            alike = self.alike(now, options)
+            if not (now.white or (alike and alike[0].white)):
+                options += self.bred(now, names)
+                alike = self.alike(now, options)
+            if not alike and depth > 1 and not (now.white or now.effects):
+                options += [two for one in options[:BEAM] for two in self.extensions(one, names)]
+                alike = self.alike(now, options)
+            if not alike:
+                path[-1] += [one for one in options if one not in path[-1]]
+                break
+            now = alike[0]
+            path.append([now, *(one for one in options if one is not now)])
+        path[0][0] = self.best(path[0][0])
+        return path
 
 
 __all__ = ["Motion"]
