@@ -38,7 +38,7 @@ def follow_records(
     While a delayed input is still that from before the record, which nobody knows, the observer stays wide awake, and
     what it leaves counts as much as the rest, of which a fit gains nothing.
     """
-    p, eq, states = c.p(theta), c.equations, c.model.states
+    p, eq, states, plant, imposed = c.p(theta), c.equations, c.model.states, c.model.plant, problem.scale.imposed
     ny, flags = eq.sizes[2], eq.flags(with_s, turns(problem, c, p))
     scale, lags, delay = _scale(problem, c), _seen_late(problem, c, p), max(float(eq.delay @ p), 0.0)
     belief = _belief(problem, c, gains, dict(zip(problem.channels, c.sensors(p)[0], strict=True)))
@@ -51,9 +51,12 @@ def follow_records(
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.empty((s.t.size if with_s else 0, ny, flags[-1]))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(states)))
-        late = _unseen_before(problem, s, lags)
+        late = lags.copy()
+        late[:, 3:] = (s.inner or (s.whole and moving(problem, s))) and not imposed  # nobody saw what was before
         rest = (p, scale, delay - s.early, ringing, late, belief, variances)
-        x0 = record_start(problem, c, s, gains.tau, (rows, *rest)) - _led_back(problem, c, s, delay)
+        x0 = record_start(problem, c, s, gains.tau, (rows, *rest)).copy()
+        if imposed and delay and plant.position in states:
+            x0[states.index(plant.position)] -= delay * s.u[0, c.model.inputs.index(plant.velocity)]
         own = [i for i, name in enumerate(states) if "." in name and not twin(name, tuple(s.start))]
         if s.before and own:
             lead = follow_records(problem, c, theta, gains, False, (s.before,))
@@ -77,14 +80,6 @@ def _fill(E: Array, what: NDArray[np.bool_], noise: Array) -> None:
     """Put the root mean square of the others in place of some innovations (T, ny); the noise where there are none."""
     usual = np.sqrt(mean_square(np.where(what, np.nan, E)))
     E[what] = np.broadcast_to(np.where(np.isfinite(usual), usual, noise), E.shape)[what]
-
-
-def _led_back(problem: Problem, c: Candidate, s: Segment, delay: float) -> Array:
-    """Return how far (n,) an imposed motion led in the time by which it is seen late; nothing of others."""
-    plant, back = problem.base.plant, np.zeros(len(c.model.states))
-    if delay and problem.scale.imposed and plant.position in c.model.states:
-        back[c.model.states.index(plant.position)] = delay * s.u[0, c.model.inputs.index(plant.velocity)]
-    return back
 
 
 def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, float]) -> Array:
@@ -127,13 +122,6 @@ def _seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
         state = c.model.states.index(channel) if channel in c.model.states else 0
         rows.append((lag, state, free.index(name) if name in free else -1, 0.0))
     return np.array(rows) if any(lag or at >= 0 for lag, _, at, _ in rows) else NONE_LATE
-
-
-def _unseen_before(problem: Problem, s: Segment, lags: Array) -> Array:
-    """Return the lags of channels, late ones marked where a record starts in motion that nobody saw before it."""
-    marked: Array = lags.copy()
-    marked[:, 3:] = (s.inner or (s.whole and moving(problem, s))) and not problem.scale.imposed
-    return marked
 
 
 __all__ = ["follow_records"]

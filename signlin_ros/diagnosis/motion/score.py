@@ -23,20 +23,18 @@ from signlin_ros.predict import windows
 
 Array = NDArray[np.float64]
 
-BLOCKS = 100
-"""Blocks of whole windows, at most, that a standard error is taken from."""
+FEWEST, BLOCKS = 3, 100
+"""Blocks of whole windows that a standard error is taken from, at least and at most."""
 LOST = 1e6
 """Error of a model that diverges, in variances of the noise."""
-FEWEST = 3
-"""Blocks from which a standard error is told."""
 PLAIN = float(np.log(4.0))
 """Fall of the logarithm of a squared error from which on a block says all that it can: to half the error."""
 
 
 @dataclass(frozen=True)
 class Gain:
-    """What one model explains beyond another: standard errors, share of the squared error beyond the noise (the largest
-    of all channels), and by channel the standard errors and the ratio of root mean squares.
+    """What one model explains beyond another: standard errors, the largest share that a channel's squared error beyond
+    the noise falls by, and by channel the standard errors and the ratio of root mean squares.
     """
 
     certainty: float
@@ -93,10 +91,8 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
 
 
 def elsewhere(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
-    """Tell whether a model follows unseen data so many times worse than those that it was fitted to, both beside the
-    noise of their sensors (channels): noise has a size of its own in every record, and is the same to a model.
-
-    ``known``, ``unseen``: mean squared errors (blocks, channels); ``here``, ``there``: noise of these sides.
+    """Tell whether mean squared errors (blocks, channels) of unseen data are so many times those of known ones, both
+    beside the noise of their sensors, ``there`` and ``here`` (channels): it has a size of its own in every record.
     """
     first, second = (np.sqrt(np.nanmean(squares, axis=0)) for squares in (known, unseen))
     least = np.max([first * np.maximum(there / here, 1.0), here, there], axis=0)
@@ -123,24 +119,20 @@ def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> Arra
     if errors is None:
         errors = [np.sqrt(LOST) * problem.noise + np.zeros(s.y.shape) for s in problem.segments]
     group = max(1, -(-sum(len(at) - 1 for at in cuts) // BLOCKS))
-    edges = (np.array([*at[1:-1:group], at[-1]]) + 1 for at in cuts)
-    return np.concatenate([_mean_squares(e[: at[-1]], at[:-1]) for e, at in zip(errors, edges, strict=True)])
-
-
-def _mean_squares(e: Array, begin: NDArray[np.intp]) -> Array:
-    """Return the mean squares (blocks, ny) of errors (T, ny) in blocks that ``begin`` (blocks,) at some samples."""
-    there = np.isfinite(e)
-    count = np.add.reduceat(there, begin, axis=0, dtype=float)
-    squares = np.add.reduceat(np.where(there, e, 0.0) ** 2, begin, axis=0)
-    return np.where(count > 0, squares / np.maximum(count, 1), np.nan)
+    result = []
+    for e, at in zip(errors, cuts, strict=True):
+        begin, there = np.array(at[1:-1:group], dtype=int) + 1, np.isfinite(e[: at[-1] + 1])
+        count = np.add.reduceat(there, begin, axis=0, dtype=float)
+        squares = np.add.reduceat(np.where(there, e[: at[-1] + 1], 0.0) ** 2, begin, axis=0)
+        result.append(np.where(count > 0, squares / np.maximum(count, 1), np.nan))
+    return np.concatenate(result)
 
 
 def _cuts(problem: Problem) -> list[list[int]]:
     """Return where the windows of every record begin, and where the last one ends; nothing is scored in the first."""
     longest = max(float(s.t[-1] - s.t[0]) for s in problem.segments)
     horizon = min(max(problem.base.update_period, 2 * problem.scale.step), longest / 4)
-    pairs = (windows(s.t, horizon) for s in problem.segments)
-    return [[0, *(last for _, last in one)] for one in pairs]
+    return [[0, *(last for _, last in windows(s.t, horizon))] for s in problem.segments]
 
 
 def _errors(
