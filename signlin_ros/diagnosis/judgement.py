@@ -56,7 +56,7 @@ class Judgement:
     @cached_property
     def reversed(self) -> str:
         """The signal with whose sign reversed the model as given follows much better, if there is one."""
-        return reversed_signal(self.agreed.motion.problem, self.agreed.base.fit.candidate)
+        return reversed_signal(self.agreed.motion.problem, self.agreed.base.fit)
 
     @cached_property
     def far(self) -> dict[str, float]:

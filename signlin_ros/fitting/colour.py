@@ -22,12 +22,10 @@ beside no more than a share of that; and the record must be so many times as lon
 SPAN, NEAR, ALIKE = 12, 5, 0.1
 """Lags either way at which channels are compared, how many are averaged, and the least correlation that tells of a
 common cause: sensors do not know of each other."""
-UNSURE = 0.02
-"""How well a share of the variance, or a correlation, is known at best."""
+UNSURE, TOLERATED = 0.02, 0.05
+"""How well a share of the variance, or a correlation, is known at best; correlations that never matter."""
 SURE, SURER, SUREST = 3.0, 4.0, 5.0
 """Standard errors beyond which a residual is slow; coloured, or not white; and two channels have a common cause."""
-TOLERATED = 0.05
-"""Correlations that do not matter however long the record is."""
 LIKELY, EXCESS = 0.9999, 1.5
 """Quantile of chi squared below so many times of which a residual is white."""
 
@@ -51,8 +49,6 @@ class Colour:
     @property
     def structured(self) -> bool:
         """Whether more is slow, or lasts longer, than noise shows by chance in a record this long."""
-        if self.pure:
-            return False
         alone = min(self.alone, 0.95) if self.coloured > 0 else 0.0
         error = np.sqrt((1 + alone**2) / (1 - alone**2) / max(self.samples, 1))
         return bool(self.slow > UNSURE + SURE * error)

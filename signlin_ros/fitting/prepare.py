@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signlin_ros.errors import RecordError
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.derived import without_derived
+from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.problem import Problem, looks, prepare, stretch_of
 from signlin_ros.follow.data import measured_channels
@@ -24,11 +24,10 @@ from signlin_ros.follow.segments import (
     segment,
     with_measured_position,
 )
+from signlin_ros.follow.tracking import mean
 from signlin_ros.model import Model
 from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData
-
-Array = NDArray[np.float64]
 
 MOST, PARTS = 20_000, 10
 """Samples that are fitted to at most, in so many stretches: more only make standard errors smaller than the model is
@@ -90,42 +89,32 @@ def stretched(problem: Problem) -> Problem:
     size = MOST // PARTS
     places = [(s, first) for s in problem.segments for first in range(0, max(s.t.size - size, 0) + 1, size)]
     parts = [stretch_of(problem, s, first, size) for s, first in places]
-    wrong = np.argsort([-_wrong(problem, part) for part in parts]).tolist()
+    runs = [run.innovation for _, run in looks(problem.base, parts, problem.channels, problem.levels[1])]
+    wrong = np.argsort([-np.mean(mean(left**2) / problem.noise**2) for left in runs]).tolist()
     even = np.linspace(0, len(parts) - 1, PARTS // 2).astype(int).tolist()
     chosen = list(dict.fromkeys([*even, *wrong]))[:PARTS]
     return replace(problem, segments=tuple(parts[i] for i in sorted(chosen)))
 
 
-def _wrong(problem: Problem, part: Segment) -> float:
-    """Return how wrong the model as given is on a part of a record: what an observer leaves, in units of the noise."""
-    ((_, run),) = looks(problem.base, [part], problem.channels, problem.levels[1])
-    left = run.innovation / problem.noise
-    return float(np.nanmean(left**2)) if np.isfinite(left).any() else 0.0
-
-
-def reversed_signal(problem: Problem, base: Candidate) -> str:
+def reversed_signal(problem: Problem, base: Fit) -> str:
     """Return the input or channel with whose sign reversed the model as given, not fitted, leaves at most half as much;
     empty if there is none. An input goes before a channel: of one input and one channel nothing tells which it is.
 
     A plug the wrong way round is the commonest fault of a rig, and no effect: what is fitted to it (a delay of half a
     period, parameters far from their values) only imitates it.
     """
-    tried = ((_left(problem, base, segments), name) for name, segments in _with_one_reversed(problem))
+    tried = ((_left(problem, base.candidate, segments), name) for name, segments in _with_one_reversed(problem))
     least, name = min(tried, default=(np.inf, ""))
-    return name if least < BETTER * _left(problem, base, problem.segments) else ""
+    return name if least < BETTER * _left(problem, base.candidate, problem.segments) else ""
 
 
 def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, list[Segment]]]:
-    for i, name in enumerate(problem.base.inputs):
-        yield name, [replace(s, u=_reversed(s.u, i)) for s in problem.segments]
-    for i, name in enumerate(problem.channels if len(problem.channels) > 1 else ()):
-        starts = [{n: -v if n == name else v for n, v in s.start.items()} for s in problem.segments]
-        pairs = zip(problem.segments, starts, strict=True)
-        yield name, [replace(s, y=_reversed(s.y, i), start=start) for s, start in pairs]
-
-
-def _reversed(values: Array, column: int) -> Array:
-    return np.where(np.arange(values.shape[1]) == column, -values, values)
+    inputs, channels = problem.base.inputs, problem.channels
+    for name, sign in zip(inputs, 1.0 - 2.0 * np.eye(len(inputs)), strict=True):
+        yield name, [replace(s, u=s.u * sign) for s in problem.segments]
+    for name, sign in zip(channels, 1.0 - 2.0 * np.eye(len(channels)), strict=True) if len(channels) > 1 else ():
+        starts = [s.start | {n: -v for n, v in s.start.items() if n == name} for s in problem.segments]
+        yield name, [replace(s, y=s.y * sign, start=x) for s, x in zip(problem.segments, starts, strict=True)]
 
 
 def _left(problem: Problem, base: Candidate, segments: Sequence[Segment]) -> float:

@@ -31,8 +31,7 @@ BLOCKS, BLOCK = 40, 0.25
 EDGE = 1e-6
 """How near a coordinate is to a bound that it is at, in standard units."""
 ODD, UNTOLD = 3.0, 0.95
-"""Tolerances from nominal that are told beside a parameter; part of its tolerance above which its standard error says
-that the record did not show it."""
+"""Tolerances from nominal that are told; part of its tolerance above which a standard error says that nothing shows."""
 
 
 class Known(NamedTuple):
@@ -81,10 +80,9 @@ class Fitted:
 
     ``effects``: names added to the model as given; ``model``: the whole of it; ``parameters`` by name (``c``,
     ``coulomb_friction.mu``, ``sensor_offset.speed``). ``known_squares``, ``unseen_squares`` (blocks, channels): mean
-    squared errors of windows of the horizon, in blocks that are the same for all models, NaN where nothing is measured;
-    ``noise`` (channels) of unseen data. ``fit``; ``known``: its coordinates; ``covariances`` of these (n, n): robust,
-    and as of white noise. ``look`` finds what the residual still shows (`left`), ``apart`` by how many standard errors
-    some coordinates differ from nothing by the likelihood.
+    squared errors of windows, in blocks that are the same for all models, NaN where nothing is measured; ``noise``
+    (channels) of unseen data. ``known``: coordinates of the ``fit``; ``covariances`` (n, n): as of white noise, and
+    robust. ``look`` finds what is `left`, ``apart`` how many standard errors coordinates are from nothing (`without`).
     """
 
     effects: tuple[str, ...]

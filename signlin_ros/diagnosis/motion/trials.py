@@ -23,8 +23,8 @@ LATE = (1.5, 5.0)
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect that may be missing: its name, and complete sets of parameters to start from; for one of a sensor these
-    are named by what it does on a channel, ``sensor_offset.speed``.
+    """An effect that may be missing: its name, and complete sets of parameters to start from, those of a sensor named
+    ``sensor_offset.speed``.
     """
 
     name: str
@@ -154,9 +154,7 @@ def rescanned(problem: Problem, trial: Trial, before: Fit) -> Trial:
 
 @dataclass(frozen=True)
 class Parts:
-    """What a model has beyond the one that was given: the whole of it but for its sensors, the keys of the effects that
-    were added, and what was added to sensors, ``sensor_offset.speed`` by name.
-    """
+    """A model without its sensors, the keys of the effects that were added to it, and what was added to sensors."""
 
     model: Model
     keys: tuple[str, ...]
