@@ -17,6 +17,8 @@ from signlin_ros.follow.segments import Segment, twin
 from signlin_ros.follow.tracking import mean_square
 
 Array = NDArray[np.float64]
+Followed = tuple[list[Array], list[Array], list[Array]]
+"""Innovations, their derivatives and states of every record."""
 
 APART, WANDER = 0.3, 0.05
 """How uncertain the start of a load is that floats, and how far it may wander in a second, as parts of an excursion and
@@ -31,7 +33,7 @@ def follow_records(
     gains: Gains,
     with_s: bool,
     segments: Sequence[Segment] | None = None,
-) -> tuple[list[Array], list[Array], list[Array]] | None:
+) -> Followed | None:
     """Return innovations (T, ny), their derivatives to the free parameters (T, ny, np and more columns of 0) and states
     (T, n) for every record; None if it diverges.
 
@@ -47,7 +49,7 @@ def follow_records(
     unknown = ceil(delay / problem.scale.step) + 1 if delay > 0.0 else 0
     held = np.concatenate([np.repeat(rows[:1], unknown, axis=0), rows])
     weights = np.concatenate([np.zeros((unknown, ny)), gains.weights])
-    found: tuple[list[Array], list[Array], list[Array]] = ([], [], [])
+    found: Followed = ([], [], [])
     for s in segments or problem.segments:
         E, D = np.zeros((s.t.size, ny)), np.empty((s.t.size if with_s else 0, ny, flags[-1]))
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(states)))
@@ -124,4 +126,4 @@ def _seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
     return np.array(rows) if any(lag or at >= 0 for lag, _, at, _ in rows) else NONE_LATE
 
 
-__all__ = ["follow_records"]
+__all__ = ["Followed", "follow_records"]
