@@ -21,12 +21,9 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-REACH = 8
-"""Differences of the position before and after a sample that its velocity may be a combination of."""
-OWN = 2
-"""Velocities before a sample that a recursive filter may use."""
-ENOUGH = 10
-"""Samples for each coefficient, at least."""
+REACH, OWN, ENOUGH = 8, 2, 10
+"""Differences of the position before and after a sample that its velocity may be a combination of; velocities before
+it that a recursive filter may use; and samples for each coefficient, at least."""
 FORETOLD = 0.1
 """Part of the velocity's noise, and of what its neighbours foretell, beneath which it is foretold by the position."""
 WIDE, MOST = 60, 20_000

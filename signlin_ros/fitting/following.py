@@ -94,17 +94,16 @@ def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, fl
     if not c.filtered:
         return np.zeros((3, 0))
     apart = {"position": scale.excursion, "velocity": scale.velocity}
-    plant, found = problem.base.plant, np.ones((3, len(names)))
-    motion = next((shown[n] for n in (plant.position, plant.velocity) if n in shown), 1.0)
+    found, moved = np.ones((3, len(names))), (problem.base.plant.position, problem.base.plant.velocity)
+    motion = next((shown[n] for n in moved if n in shown), 1.0)
     for i, name in enumerate(names):
-        larger = shown.get(name, motion if name in (plant.position, plant.velocity) or name in floating else 1.0) ** 2
+        larger = shown.get(name, motion if name in moved or name in floating else 1.0) ** 2
         if name in gains.names:
             found[:2, i] = gains.spread[:, gains.names.index(name)] / larger
             continue
         own = name.rpartition(".")[2]
         size = APART * apart.get(own, 0.0) if name in floating else 0.0
-        added, first = WANDER**2 * size**2 * scale.step, size**2
-        found[:, i] = added / larger, first / larger, 2.0 if own == "position" else 1.0
+        found[:, i] = WANDER**2 * size**2 * scale.step / larger, size**2 / larger, 2.0 if own == "position" else 1.0
     return found
 
 

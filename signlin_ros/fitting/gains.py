@@ -73,14 +73,12 @@ def _process_noise(
     velocity, position = model.plant.velocity, model.plant.position
     wander = np.zeros(len(states))
     for i, name in enumerate(states):
-        if name == position and velocity in states:
-            continue
         own = [noise[name] * dt / tau] if name in noise else []
-        if name == velocity and position in noise:
-            own.append(noise[position] * dt / tau**2)
-        if name == velocity and not own:
-            own = [0.01 * speed * dt / tau]
-        wander[i] = min(own, default=0.0)
+        if name == velocity:
+            own += [noise[position] * dt / tau**2] if position in noise else []
+            own = own or [0.01 * speed * dt / tau]
+        if name != position or velocity not in states:
+            wander[i] = min(own, default=0.0)
     return wander**2
 
 

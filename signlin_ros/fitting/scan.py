@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, fftconvolve, savgol_filter
 
-from signlin_ros.comparison.missing import per_force
+from signlin_ros.comparison.missing import inertia
 from signlin_ros.fitting.candidate import candidate
 from signlin_ros.fitting.following import Followed, follow_records
 from signlin_ros.fitting.gains import Gains, linear_base
 from signlin_ros.fitting.problem import FASTEST, Problem, looks
 from signlin_ros.follow.data import travelled
-from signlin_ros.follow.tracking import Tracker, filled
+from signlin_ros.follow.tracking import filled
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -28,10 +28,8 @@ Motion = tuple[Array, Array, Array]
 
 LEAST, APART = 4.0, 6.0
 """Least order, and least distance of two of them, times the way: two thirds of a wave, and about a line's width."""
-MOST = 4
-"""Most orders that are taken from one spectrum."""
-STEPS = 6.0
-"""Steps of an encoder that a period must have: finer waves are its own."""
+MOST, STEPS = 4, 6.0
+"""Most orders that are taken from one spectrum; steps of an encoder that a period must have, else it is its own."""
 SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
 """Smallest N v dt of a fast one, and least order times the way; for how many time constants of the observer it leaves a
 trace, and what that must take from the squares, in means of these: noise takes less at any of a thousand orders."""
@@ -39,18 +37,19 @@ trace, and what that must take from the squares, in means of these: noise takes 
 
 def _missing_acceleration(problem: Problem, model: Model) -> Motion:
     """Return position, velocity and unexplained acceleration, each (T,), all records one after the other."""
-    names, plant, rows = model.states, model.plant, []
+    plant, rows, at, dt = model.plant, [], model.states.index(model.plant.velocity), problem.scale.step
     for tracker, run in looks(model, problem.segments, problem.channels, problem.levels[0]):
-        x = run.state.copy()
-        velocity, acceleration = _motion(problem, model, tracker, x)
-        if plant.position in problem.channels:
-            q = filled(tracker.t, tracker.y[:, problem.channels.index(plant.position)])
-        elif plant.position in names:
-            q = x[:, names.index(plant.position)]
-        else:
-            q = travelled(tracker.t, velocity)
-        x[:, names.index(plant.velocity)] = velocity
-        rows.append((q, velocity, acceleration - tracker.linearized(x)[0][:, names.index(plant.velocity)]))
+        t, x, measured = tracker.t, run.state.copy(), dict(zip(problem.channels, tracker.y.T, strict=True))
+        shown = {c: filled(t, measured[c]) for c in (plant.position, plant.velocity) if c in measured}
+        v, a = x[:, at], np.gradient(x[:, at], t)
+        if plant.velocity in shown:
+            v, a = (savgol_filter(shown[plant.velocity], 5, 2, deriv=k, delta=dt) for k in (0, 1))
+        elif plant.position in shown:
+            v, a = (savgol_filter(shown[plant.position], 9, 3, deriv=k, delta=dt) for k in (1, 2))
+        places = {**dict(zip(model.states, run.state.T, strict=True)), **shown}
+        q = places[plant.position] if plant.position in places else travelled(t, v)
+        x[:, at] = v
+        rows.append((q, v, a - tracker.linearized(x)[0][:, at]))
     return _joined(rows)
 
 
@@ -128,41 +127,27 @@ def _corrections(problem: Problem, model: Model, gains: Gains, run: Followed) ->
     return _joined([(halfway(model, s.t, X), X[1:, at], np.nan_to_num(e[1:]) @ row) for e, X, s in pairs])
 
 
-def _motion(problem: Problem, model: Model, tracker: Tracker, x: Array) -> tuple[Array, Array]:
-    """Return velocity and acceleration (T,) from what is measured, or else from states x (T, n)."""
-    dt, plant = problem.scale.step, model.plant
-    if plant.velocity in problem.channels:
-        v = filled(tracker.t, tracker.y[:, problem.channels.index(plant.velocity)])
-        return savgol_filter(v, 5, 2), savgol_filter(v, 5, 2, deriv=1, delta=dt)
-    if plant.position in problem.channels:
-        q = filled(tracker.t, tracker.y[:, problem.channels.index(plant.position)])
-        return savgol_filter(q, 9, 3, deriv=1, delta=dt), savgol_filter(q, 9, 3, deriv=2, delta=dt)
-    v = x[:, model.states.index(plant.velocity)]
-    return v, np.gradient(v, tracker.t)
-
-
 def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, float]]:
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi)."""
     highest = min(problem.fastest, finest(problem))
     if model.plant.motion_is_imposed():
         q, v, force = _missing_force(problem, model)
         return [_start(q, force, order, 1.0) for order in _orders(q, v, force, highest, MOST)]
-    inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
-    starts: list[tuple[float, float, float]] = []
+    mass, starts = inertia(model), list[tuple[float, float, float]]()
     q, v, a = _missing_acceleration(problem, model)
     for order in _orders(q, v, a, highest, MOST):
         near = (0.0,) if starts else (0.0, -1.5 / np.ptp(q), 1.5 / np.ptp(q))
-        starts += [_start(q, a, order + shift, inertia) for shift in near]
+        starts += [_start(q, a, order + shift, mass) for shift in near]
     c, observers = candidate(problem, model, ()), problem.levels[:2]
     pairs = [(gains, follow_records(problem, c, c.start(), gains, False)) for gains in observers]
     runs = [(gains, run) for gains, run in pairs if run]
     for gains, run in runs:
         q, v, a = _corrections(problem, model, gains, run)
         for order in _orders(q, v, a, highest, MOST - 1):
-            N, A, phase = _start(q, a, order, inertia)
+            N, A, phase = _start(q, a, order, mass)
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
     fast = _matched(problem, model, [run for _, run in runs], highest, MOST // 2) if len(runs) == 2 else []
-    return starts + [(N, A * inertia, phase) for N, A, phase in fast]
+    return starts + [(N, A * mass, phase) for N, A, phase in fast]
 
 
 def finest(problem: Problem) -> float:
@@ -193,10 +178,10 @@ def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lowest: fl
     return found
 
 
-def _start(q: Array, a: Array, order: float, inertia: float) -> tuple[float, float, float]:
+def _start(q: Array, a: Array, order: float, mass: float) -> tuple[float, float, float]:
     waves = np.column_stack([np.sin(order * q), np.cos(order * q)])
     s, c = np.linalg.lstsq(waves, a, rcond=None)[0]
-    return order, float(inertia * np.hypot(s, c)), float(np.arctan2(-c, -s))
+    return order, float(mass * np.hypot(s, c)), float(np.arctan2(-c, -s))
 
 
 __all__ = ["finest", "halfway", "periodic_starts", "response"]

@@ -19,7 +19,6 @@ from signlin_ros.fitting.problem import Problem
 
 Array = NDArray[np.float64]
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
-"""Does a thing to each: `map`, or that of an executor where nothing of the executor's own waits for it."""
 
 FEW, KEPT = 6, 2
 """Starts that are tried where an effect has many, and how many of all go on to the next gain."""
@@ -79,11 +78,9 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
 
 def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:
     """Return by how many standard errors coordinates of added effects differ from nothing, by how much the likelihood
-    of the best model falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360].
-
-    It does not depend on the units that a parameter is fitted in, as its own standard error does: a friction that is
-    known only as a multiple of what scales it is surely there. What correlation the residual has is allowed for by the
-    scores' own variance, as in the robust covariance.
+    of the best model falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360]: unlike their own
+    standard errors that does not depend on the units that they are fitted in. The scores' own variance allows for what
+    correlation the residual has.
     """
     c, theta, held = f.candidate, f.theta.copy(), list(f.candidate.coordinates)
     for i in index:

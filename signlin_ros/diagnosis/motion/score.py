@@ -51,9 +51,8 @@ def gain(before: Array, after: Array, noise: Array) -> Gain:
     """Compare two models by their mean squared errors (blocks, channels); ``noise`` (channels) of the sensors.
 
     Certainties are means over blocks of the logarithm by which the error falls, over their standard errors: where a
-    motion dies down, the first blocks would else decide alone. Noise is added, below which no error matters. To half
-    the error counts as much as to a tenth [Huber, Robust Statistics, 1981, ch. 3]: else what falls everywhere, by more
-    where there was more, would be in doubt.
+    motion dies down, the first blocks would else decide alone. Below the noise no error matters; to half the error
+    counts as much as to a tenth [Huber, Robust Statistics, 1981, ch. 3], else a fall that varies would be in doubt.
     """
     there = np.isfinite(before) & np.isfinite(after)
     a, b = np.where(there, before, 0.0), np.where(there, after, 0.0)
