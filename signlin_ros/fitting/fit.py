@@ -21,14 +21,12 @@ from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
-ENOUGH = 0.02
-"""A fit ends where a step lowers -2 log likelihood by less than this,"""
-FAR = 1e-3
-"""or by less than this share of its distance from that of pure noise: a wrong model need not be fitted to the end."""
-STUCK = 1e9
-"""Damping from which on a step is none."""
-ENDLESS = 1e100
-"""Curvature of the objective from which on sensitivities have run away: such a model counts as one that diverges."""
+ENOUGH, FAR = 0.02, 1e-3
+"""A fit ends where a step lowers -2 log likelihood by less than this, or by less than this share of its distance from
+that of pure noise: a wrong model need not be fitted to the end."""
+STUCK, ENDLESS = 1e9, 1e100
+"""Damping from which on a step is none; curvature of the objective from which on a model counts as one that diverges:
+its sensitivities have run away."""
 
 
 @dataclass(frozen=True)

@@ -31,10 +31,9 @@ from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
-FASTEST = 4.0
-"""Largest N v dt of a wave, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
-LOST = 3.0
-"""Standard deviations of the noise below which a velocity is not known."""
+FASTEST, LOST = 4.0, 3.0
+"""Largest N v dt of a wave, v being the RMS velocity: of faster ones hardly anything is left in a sample; standard
+deviations of the noise below which a velocity is not known."""
 FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 """Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches; and how many
 samples before each tell what an effect remembers at its start."""

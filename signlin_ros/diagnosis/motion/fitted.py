@@ -196,7 +196,7 @@ class Fitted:
         return tuple(index), float(np.sqrt(min(max(float(apart @ i @ apart), 0.0) for i in inverses)))
 
 
-def known(f: Fit, covariances: Sequence[Array]) -> tuple[Known, ...]:
+def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[Known, ...]:
     """Return the coordinates of a fit with standard errors, the largest of some covariances (n, n); inf of what moves
     nothing.
     """
@@ -248,4 +248,4 @@ def _units(problem: Problem, model: Model) -> dict[str, str]:
     return {n: resolve_unit(par.unit, model.plant, problem.rotary) for n, par in declared(model).items()}
 
 
-__all__ = ["Fitted", "Known", "covariances", "estimates", "held", "known"]
+__all__ = ["Fitted", "Known", "coordinates_of", "covariances", "estimates", "held"]

@@ -1,9 +1,9 @@
 """What a model leaves: is it more than the sensors' noise?
 
-A force that the model lacks is a function of position, velocity, input and time. So the residual is regressed on some
-dozens of such functions, each as the observer would have left it, and judged by how well that predicts samples which
-the regression did not see [cross-validation: Stone, J. R. Stat. Soc. B 36 (1974) 111; correlation of residuals with
-functions of what is known: Billings and Voon, Int. J. Control 44 (1986) 235].
+A force that the model lacks is a function of position, velocity, input and time. So the residual is regressed on
+dozens of such functions, each as the observer would have left it, and judged by how well that predicts unseen samples
+[Stone, J. R. Stat. Soc. B 36 (1974) 111; residuals and functions of what is known: Billings and Voon, Int. J. Control
+44 (1986) 235].
 """
 
 from __future__ import annotations
@@ -34,24 +34,22 @@ MOST, ENOUGH, RIDGE = 30_000, 10, 1e-5
 """Samples that are looked at; samples for each function, below which nothing is said; ridge of the regression."""
 SLOW = (0.1, 0.03)
 """Velocities, as shares of the largest, within which friction may fade."""
-ABOUT = 0.9
-"""Part of the sensor's variance from which on a residual is about as large: far less, and that noise is overrated."""
-ALL = 0.99
-"""Part of a response that counts as nearly all of it."""
+ABOUT, ALL = 0.9, 0.99
+"""Part of the sensor's variance from which on a residual is about as large: far less, and that noise is overrated; part
+of a response that counts as nearly all of it."""
 
 
 @dataclass(frozen=True)
 class Left:
-    """The residual of a channel: root mean square in multiples of the sensor's noise, the share of its square that
-    follows from the model's motion (NaN: too few samples to tell), whether it is more than noise, and how many samples
-    of it go together.
+    """The residual of a channel: RMS in multiples of the sensor's noise, the share of its square that follows from the
+    model's motion (NaN: too few samples to tell), whether it is more than noise, and how many samples go together.
     """
 
     channel: str
     over_noise: float
     dependent: float
     structured: bool
-    together: float = 1.0
+    together: float
 
 
 def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
@@ -166,11 +164,11 @@ def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
     folds = int(fold.max()) + 1
     parts = [(Z[fold == i].reshape(-1, Z.shape[2]), y[fold == i].ravel()) for i in range(folds)]
     grams, sides = np.array([z.T @ z for z, _ in parts]), np.array([z.T @ e for z, e in parts])
-    scale = np.sqrt(np.maximum(np.diag(grams.sum(axis=0)), 1e-300))
-    left = np.zeros(y.shape[1])
+    gram, side, left = grams.sum(axis=0), sides.sum(axis=0), np.zeros(y.shape[1])
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     for i in range(folds):
-        rest = (grams.sum(axis=0) - grams[i]) / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
-        beta = np.linalg.solve(rest, (sides.sum(axis=0) - sides[i]) / scale) / scale
+        rest = (gram - grams[i]) / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
+        beta = np.linalg.solve(rest, (side - sides[i]) / scale) / scale
         left += np.sum((y[fold == i] - Z[fold == i] @ beta) ** 2, axis=0)
     return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), 1e-300))
 

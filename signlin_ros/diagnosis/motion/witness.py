@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.deciding import Decisions
-from signlin_ros.diagnosis.motion.fitted import Fitted, covariances, estimates, known
+from signlin_ros.diagnosis.motion.fitted import Fitted, coordinates_of, covariances, estimates
 from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, cheapest, climbed, settled, without
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.running import Progress, Running
@@ -101,20 +101,20 @@ class Motion(Decisions, Running):
 
     def _keep(self, found: Found) -> Fitted:
         """Return a fit with all that is told of it, or the best of its class, if that is another one."""
-        mine = self._told(found)
+        mine = self._told(found.fit, found.low)
         known = self._best.get(mine.kind)
         if known is None or self._level(mine.known_squares) < self._level(known.known_squares):
             self._best[mine.kind] = mine
             self._seen(mine)
         return self._best[mine.kind]
 
-    def _told(self, found: Found) -> Fitted:
+    def _told(self, f: Fit, low: Fit) -> Fitted:
         """Return a fit with all that is told of it, judged from the states of its own observer or of the quickest,
-        where a slow one loses its track.
+        where a slow one loses its track; what is left is that of the fit at the lowest gain.
         """
-        f = tidied(found.fit)
+        f = tidied(f)
         whole, errors, uses = Parts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
-        coordinates = known(f, errors)
+        coordinates = coordinates_of(f, errors)
         return Fitted(
             tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label),
             whole,
@@ -124,7 +124,7 @@ class Motion(Decisions, Running):
             f,
             coordinates,
             errors,
-            functools.partial(left, self.short, found.low, self.criteria),
+            functools.partial(left, self.short, low, self.criteria),
             functools.cache(functools.partial(without, self.short, f, errors)),
         )
 
@@ -162,7 +162,7 @@ class Motion(Decisions, Running):
         """Return effects with the values that a model has of them, and of its base parameters, as they are."""
         c, theta = self.valued(effects, model)
         f = fit(self.short, c, self.problem.levels[0], theta, 0)
-        return self._told(Found.of(self.short, f, f)) if f else None
+        return self._told(f, f) if f else None
 
     def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> Fitted:
         """Return a model with the values that it has, and with the same states as the one given; nothing is fitted but
