@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import count
 
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
@@ -59,12 +61,10 @@ def trials(problem: Problem, names: Sequence[str] | None = None) -> list[Trial]:
     """Return what can be tried on the base model; raise `InputError` for a name that cannot."""
     every = EFFECTS if names is None else names
     found = [one for name in every for one in _trials(problem, name, names is not None)]
-    known = {one.name for one in found}
-    for name in names or ():
-        if name not in known:
-            has = any(use.type == name for use in problem.base.effects.values())
-            why = "the model has it already" if has else f"it does not apply to {problem.base.plant.name}"
-            raise InputError(f"effect {name!r} cannot be added: {why}")
+    for name in set(names or ()) - {one.name for one in found}:
+        has = any(use.type == name for use in problem.base.effects.values())
+        why = "the model has it already" if has else f"it does not apply to {problem.base.plant.name}"
+        raise InputError(f"effect {name!r} cannot be added: {why}")
     return found
 
 
@@ -82,16 +82,15 @@ def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
     if problem.scale.imposed and effect.input is not Effect.input:
         return []  # what is imposed is measured, not commanded
     starts = tuple(_starts(problem, effect))
-    try:
-        applies = bool(starts) and bool(base.with_effect(name, key=free_key(base, name), **starts[0]).trace)
-    except ModelError:
-        applies = False
-    return [Trial(name, starts)] if applies else []
+    with suppress(ModelError):  # the plant cannot have it
+        if starts and base.with_effect(name, key=free_key(base, name), **starts[0]).trace:
+            return [Trial(name, starts)]
+    return []
 
 
 def tryable(problem: Problem, name: str) -> bool:
     """Tell whether a diagnosis tries an effect by itself, and the plant can have it."""
-    return EFFECTS[name].proposed and bool(_trials(problem, name, False))
+    return bool(_trials(problem, name, False))
 
 
 def _of_sensors(problem: Problem, name: str) -> list[Trial]:
@@ -104,10 +103,8 @@ def _of_sensors(problem: Problem, name: str) -> list[Trial]:
 
 def free_key(model: Model, name: str) -> str:
     """Return a key under which an effect can be added to a model."""
-    key, number = name, 2
-    while key in model.effects:
-        key, number = f"{name}_{number}", number + 1
-    return key
+    keys = (f"{name}_{number}" if number > 1 else name for number in count(1))
+    return next(key for key in keys if key not in model.effects)
 
 
 def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
