@@ -27,12 +27,7 @@ of the velocity (RMS)."""
 
 @np.errstate(over="ignore", invalid="ignore")
 def follow_records(
-    problem: Problem,
-    c: Candidate,
-    theta: Array,
-    gains: Gains,
-    with_s: bool,
-    segments: Sequence[Segment] | None = None,
+    problem: Problem, c: Candidate, theta: Array, gains: Gains, with_s: bool, segments: Sequence[Segment] | None = None
 ) -> Followed | None:
     """Return innovations (T, ny), their derivatives to the free parameters (T, ny, np and more columns of 0) and states
     (T, n) for every record; None if it diverges.

@@ -15,6 +15,8 @@ from signlin_ros.follow.tracking import Tracker
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
+Sizes = Mapping[str, float]
+"""Sizes of channels or states, by name."""
 SETTLED = 25.0
 """Variance of the initial state in variances of the measurement noise."""
 MOST = 20_000
@@ -62,9 +64,7 @@ def linear_base(model: Model, channels: tuple[str, ...]) -> tuple[tuple[str, ...
     return plain.states, A[0], C[0]
 
 
-def _process_noise(
-    model: Model, states: tuple[str, ...], noise: Mapping[str, float], speed: float, dt: float, tau: float
-) -> Array:
+def _process_noise(model: Model, states: tuple[str, ...], noise: Sizes, speed: float, dt: float, tau: float) -> Array:
     """Return the variances (n,) that a step adds to the states, for an observer with time constant tau.
 
     A measured state wanders by its noise in tau; a velocity whose position is measured by noise / tau in tau; one of
@@ -82,25 +82,16 @@ def _process_noise(
     return wander**2
 
 
-def design(
-    model: Model,
-    channels: tuple[str, ...],
-    noise: Array,
-    sizes: Mapping[str, float],
-    dt: float,
-    tau: float,
-    known: Mapping[str, float],
-) -> Gains:
+def design(model: Model, noise: Sizes, sizes: Sizes, dt: float, tau: float, known: Sizes) -> Gains:
     """Return the gains of an observer with time constant tau (s): those of the Kalman filter of the base model, from
     the first sample on. It starts uncertain of all states, of those ``known`` by no more than so much.
     """
-    states, A, C = linear_base(model, channels)
-    measured = dict(zip(channels, noise.tolist(), strict=True))
-    added = _process_noise(model, states, measured, sizes.get(model.plant.velocity, 1.0), dt, tau)
-    first = {s: SETTLED * measured[s] ** 2 if s in measured else sizes.get(s, 1.0) ** 2 for s in states}
+    states, A, C = linear_base(model, tuple(noise))
+    added = _process_noise(model, states, noise, sizes.get(model.plant.velocity, 1.0), dt, tau)
+    first = {s: SETTLED * noise[s] ** 2 if s in noise else sizes.get(s, 1.0) ** 2 for s in states}
     begun = np.array([min(first[s], known.get(s, np.inf) ** 2) for s in states])
-    values, variances = np.zeros((MOST, len(states), noise.size)), np.zeros((MOST, noise.size))
-    used = kalman_gains(expm(A * dt), np.ravel(C), np.diag(added), noise**2, np.diag(begun), values, variances)
+    values, variances, seen = np.zeros((MOST, *C.T.shape)), np.zeros((MOST, len(C))), np.array([*noise.values()]) ** 2
+    used = kalman_gains(expm(A * dt), np.ravel(C), np.diag(added), seen, np.diag(begun), values, variances)
     weights = np.sqrt(variances[used - 1] / variances[:used])
     return Gains(tau, states, values[:used].copy(), weights, np.array([added, begun]))
 

@@ -181,14 +181,16 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     taus = time_constants(dt, duration, model.update_period)
     # an observer that were uncertain of more of an imposed and recorded state would hide a load in its zero
     known = {name: max(s.doubt.get(name, np.inf) for s in segments) for name in segments[0].doubt}
-    pairs = looks(model, segments, channels, design(model, channels, noise, sizes, dt, taus[0], known))
+    white = dict(zip(channels, noise.tolist(), strict=True))
+    pairs = looks(model, segments, channels, design(model, white, sizes, dt, taus[0], known))
     X, u = np.concatenate([run.state for _, run in pairs]), np.concatenate([s.u for s in segments])
     peaks = np.nanmax(np.abs(X), axis=0)
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
-    levels = tuple(design(model, channels, noise, x_scale, dt, tau, known) for tau in taus)
+    levels = tuple(design(model, white, x_scale, dt, tau, known) for tau in taus)
     columns = dict(zip((*model.states, *model.inputs), (*X.T, *u.T), strict=True))
     ranges = {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
-    scale, units = _scale(model, segments, channels, columns, dt, duration), {**model.units, **data[0].units}
+    columns |= {c: y for c, y in zip(channels, everything.T, strict=True) if c == model.plant.effort}
+    scale, units = _scale(model, segments, columns, dt, duration), {**model.units, **data[0].units}
     return Problem(model, channels, segments, noise, scale, levels, x_scale, ranges, units, quanta(segments))
 
 
@@ -201,15 +203,8 @@ def _speed_of(model: Model, segments: Sequence[Segment], channels: tuple[str, ..
     return {velocity: float(max(np.nanstd(np.gradient(s.y[:, c], s.t)) for s in segments))}
 
 
-def _scale(
-    model: Model,
-    segments: Sequence[Segment],
-    channels: tuple[str, ...],
-    columns: dict[str, Array],
-    dt: float,
-    duration: float,
-) -> Scale:
-    """Return how large things are; ``columns`` (T,): states and inputs, all records one after the other."""
+def _scale(model: Model, segments: Sequence[Segment], columns: dict[str, Array], dt: float, duration: float) -> Scale:
+    """Return how large things are; ``columns`` (T,): states, inputs and a measured effort, record after record."""
 
     def rms(values: Array) -> float:
         size = float(np.sqrt(np.nanmean(np.square(values))))
@@ -225,8 +220,8 @@ def _scale(
         if i is None:  # without inductance it follows from the voltage
             i = quasi_static_current(u, velocity, motor["K_m"], motor["R_a"])
         force, current = motor["K_t"] * i, rms(i)
-    elif "force" in channels:
-        force = np.concatenate([s.y[:, channels.index("force")] for s in segments])
+    elif "force" in columns:
+        force = columns["force"]
     travel, largest, mass = float(np.nanmax(np.abs(position))), float(np.max(np.abs(u))), inertia(model)
     drive = rms(force) if force.any() else rms(mass * acceleration)  # what moves freely is driven by what it has stored
     sizes = (drive, travel or 1.0, rms(velocity), rms(acceleration), current, largest or 1.0)
