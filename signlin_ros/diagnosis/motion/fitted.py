@@ -166,34 +166,32 @@ class Fitted:
         moving = {i: one for i, one in own.items() if np.isfinite(one.std) or one.name in told}
         if own and not moving:
             return f"nothing is known of {key}"
-        sizes: dict[str, tuple[tuple[int, ...], float]] = {}
+        at: dict[str, int] = {}
         for i, one in moving.items():
             k, name = one.k, one.name
             if one.at_bound and name in told:
                 return f"{k.name} is at its bound"
             if not k.log or name in effect.neutral or k.name.startswith("sensor_gain"):
-                sizes[name] = (i,), abs(one.x - k.nothing(effect)) / max(one.std, 1e-300)
+                at[name] = i
             elif one.std > criteria.known and (not told or name in told):
                 return f"{k.name} is not known to better than half"
             elif one.std > 1.0 / criteria.coefficient and name in effect.telling:
                 return f"{k.name} is {1.0 / one.std:.1f} of its own standard errors from nothing"
-        tests = [sizes[n] for n in effect.telling if n in sizes]
-        for index, size in tests or [self._together(effect, [i for (i,), _ in sizes.values()])]:
+        tests: list[tuple[int, ...]] = [(at[n],) for n in effect.telling if n in at]
+        for index in tests or ([tuple(at.values())] if at else []):
+            size = self._together(effect, index)
             surely = size if size >= criteria.coefficient else max(size, self.apart(index))
             if surely < criteria.coefficient:
                 return f"{key} is {surely:.1f} of its own standard errors from nothing"
         return ""
 
-    def _together(self, effect: type[Effect], index: Sequence[int]) -> tuple[tuple[int, ...], float]:
-        """Return coefficients of an effect, and by how many standard errors they differ from nothing, all of them
-        together [Wald 1943, doi:10.1090/S0002-9947-1943-0012401-3]: each may be unknown where only their difference is
-        known.
+    def _together(self, effect: type[Effect], index: tuple[int, ...]) -> float:
+        """Return by how many standard errors coefficients of an effect differ from nothing, all of them together [Wald
+        1943, doi:10.1090/S0002-9947-1943-0012401-3]: each may be unknown where only their difference is known.
         """
-        if not index:
-            return (), float(np.inf)
         apart = np.array([self.known[i].x - self.known[i].k.nothing(effect) for i in index])
         inverses = (np.linalg.pinv(c[np.ix_(index, index)], hermitian=True) for c in self.covariances)
-        return tuple(index), float(np.sqrt(min(max(float(apart @ i @ apart), 0.0) for i in inverses)))
+        return float(np.sqrt(min(max(float(apart @ i @ apart), 0.0) for i in inverses)))
 
 
 def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[Known, ...]:
@@ -210,8 +208,6 @@ def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
     of size the residual has: the sandwich of White with sums over blocks [Econometrica 48 (1980) 817; Newey and West
     1987].
     """
-    if not f.theta.size:
-        return (np.zeros((0, 0)),)
     bread = np.asarray(np.linalg.pinv(f.hessian, hermitian=True), dtype=np.float64)
     found = follow_records(problem, f.candidate, f.theta, f.gains, True)
     if found is None:
