@@ -120,4 +120,4 @@ def _seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
     return np.array(rows) if any(lag or at >= 0 for lag, _, at, _ in rows) else NONE_LATE
 
 
-__all__ = ["Followed", "follow_records"]
+__all__ = ["follow_records"]

@@ -15,7 +15,8 @@ from scipy.signal import cont2discrete, fftconvolve, savgol_filter
 
 from signlin_ros.comparison.missing import inertia
 from signlin_ros.fitting.candidate import candidate
-from signlin_ros.fitting.following import Followed, follow_records
+from signlin_ros.fitting.fit import fit
+from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains, linear_base
 from signlin_ros.fitting.problem import FASTEST, Problem, looks
 from signlin_ros.follow.data import travelled
@@ -68,24 +69,26 @@ def _joined(rows: Sequence[Motion]) -> Motion:
     return q, v, a
 
 
-def _matched(
-    problem: Problem, model: Model, runs: Sequence[Followed], highest: float, count: int
-) -> list[tuple[float, float, float]]:
+def _matched(problem: Problem, model: Model, highest: float, count: int) -> list[tuple[float, float, float]]:
     """Return (N, A / inertia, phi) of fast periodic forces: those that turn by about a radian and more in a sample.
 
     An observer is too slow for them, but it leaves a trace of each: what it leaves is filtered backwards with its own
     response to a force that acts between two samples (a matched filter), and the amplitudes are those whose response
-    fits best. Positions are those of a high and of a lower gain (``runs``): the ones are noisier, the others off by
-    what the model lacks.
+    fits best. Positions are those of a high and of a lower gain: the ones are noisier, the others off by what the model
+    lacks.
     """
-    seen, starts = response(problem, model, problem.levels[0]), []
-    left = [np.nan_to_num(e[1:] / problem.noise) for e in runs[0][0]]
-    rest = np.concatenate([e.ravel() for e in left])
-    whole = [fftconvolve(e, seen[::-1], axes=0).sum(axis=1)[len(seen) - 1 :][: len(e)] for e in left]
+    c, (high, lower) = candidate(problem, model, ()), problem.levels[:2]
+    base = fit(problem, c, lower, None, 4)
+    runs = [follow_records(problem, c, c.start() if base is None else base.theta, one, False) for one in (high, lower)]
+    seen, starts = response(problem, model, high), []
     for run in runs:
+        if runs[0] is None or run is None:
+            break
+        left = [np.nan_to_num(e / problem.noise) for e in runs[0][0]]
         places = [halfway(model, s.t, X) for X, s in zip(run[2], problem.segments, strict=True)]
-        q, lowest = np.concatenate(places), SLOWEST / FASTEST * highest
-        for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, lowest):
+        whole = [fftconvolve(e[1:], seen[::-1], axes=0).sum(axis=1)[len(seen) - 1 :][: len(e) - 1] for e in left]
+        q, rest = np.concatenate(places), np.concatenate([e[1:].ravel() for e in left])
+        for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, SLOWEST / FASTEST * highest):
             waves = [np.exp(1j * order * one)[:, None] for one in places]
             trace = np.concatenate([fftconvolve(w, seen, axes=0)[: len(w)].ravel() for w in waves])
             basis = np.column_stack([trace.imag, trace.real])
@@ -116,15 +119,20 @@ def response(problem: Problem, model: Model, gains: Gains) -> Array:
     return np.asarray((C @ x).T / problem.noise)
 
 
-def _corrections(problem: Problem, model: Model, gains: Gains, run: Followed) -> Motion:
+def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, Array, Array]:
     """Return position, velocity and the acceleration by which an observer corrects the base model, each (T,).
 
     What it corrects at a sample was missing since the one before: positions are those in between.
     """
-    at = model.states.index(model.plant.velocity)
+    c, plant = candidate(problem, model, ()), model.plant
+    found = follow_records(problem, c, c.start(), gains, False)
+    if found is None:
+        return np.zeros(2), np.zeros(2), np.zeros(2)
+    at = model.states.index(plant.velocity)
     row = gains.rows(model.states)[-1, at] / problem.scale.step
-    pairs = zip(run[0], run[2], problem.segments, strict=True)
-    return _joined([(halfway(model, s.t, X), X[1:, at], np.nan_to_num(e[1:]) @ row) for e, X, s in pairs])
+    q = [halfway(model, s.t, X) for X, s in zip(found[2], problem.segments, strict=True)]
+    v = np.concatenate([X[1:, at] for X in found[2]])
+    return np.concatenate(q), v, np.concatenate([np.nan_to_num(e[1:]) @ row for e in found[0]])
 
 
 def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, float]]:
@@ -138,15 +146,12 @@ def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, 
     for order in _orders(q, v, a, highest, MOST):
         near = (0.0,) if starts else (0.0, -1.5 / np.ptp(q), 1.5 / np.ptp(q))
         starts += [_start(q, a, order + shift, mass) for shift in near]
-    c, observers = candidate(problem, model, ()), problem.levels[:2]
-    pairs = [(gains, follow_records(problem, c, c.start(), gains, False)) for gains in observers]
-    runs = [(gains, run) for gains, run in pairs if run]
-    for gains, run in runs:
-        q, v, a = _corrections(problem, model, gains, run)
+    for gains in problem.levels[:2]:
+        q, v, a = _corrections(problem, model, gains)
         for order in _orders(q, v, a, highest, MOST - 1):
             N, A, phase = _start(q, a, order, mass)
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
-    fast = _matched(problem, model, [run for _, run in runs], highest, MOST // 2) if len(runs) == 2 else []
+    fast = _matched(problem, model, highest, MOST // 2)
     return starts + [(N, A * mass, phase) for N, A, phase in fast]
 
 
