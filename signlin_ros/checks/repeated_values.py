@@ -71,4 +71,4 @@ def _regular(lengths: NDArray[np.intp]) -> NDArray[np.intp]:
     counts = np.bincount(lengths, minlength=2)
     short = int(np.argmax(counts[1:] + counts[:-1]))
     alike = lengths[(lengths == short) | (lengths == short + 1)]
-    return alike if alike.size >= REGULAR * lengths.size else alike[:0]
+    return np.asarray(alike if alike.size >= REGULAR * lengths.size else alike[:0])

@@ -15,7 +15,6 @@ from signlin_ros.diagnosis.fewest import alone, as_good_as
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.measures import HALF, listed, values
 from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.motion.search import search
 from signlin_ros.diagnosis.motion.trials import tryable
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import EFFECTS
@@ -49,7 +48,7 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
         if together is not None:
             return together, ""
     if first is None or not w.explains(first):
-        path = search(w.motion, w.criteria.most, names=_searched(w))
+        path = w.motion.search(w.criteria.most, _searched(w))
         w.keep(*(f for step in path for f in step))
         return _chosen(w, [first] if first else [], path[-1][0])
     found = _best_of(w, base, w.hidden, rival=first) or base

@@ -19,7 +19,7 @@ from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain, of_windows
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import SignlinError
-from signlin_ros.fitting.signs import reversed_signal
+from signlin_ros.fitting.prepare import reversed_signal
 
 Array = NDArray[np.float64]
 

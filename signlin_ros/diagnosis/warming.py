@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.motion import Motion
 from signlin_ros.diagnosis.verbs import diagnose
+from signlin_ros.fitting.prepare import prepared
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.simulate import simulate
@@ -27,7 +28,7 @@ def warm_up() -> float:
     truth = model.with_effect("coulomb_friction", None, mu=0.02)
     known, unseen = _record(truth, 1), _record(truth, 2)
     diagnose(model, known, unseen, jobs=1)
-    motion = Motion.of(model, [known], [unseen], DEFAULT, jobs=1)
+    motion = Motion(*prepared(model, [known], [unseen]), DEFAULT, jobs=1)
     motion.stated(["backlash"], model.with_effect("backlash", None, gap=0.5, k=20.0, c=0.05, J=5e-4))
     return time.perf_counter() - begun
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.effects import find_effect
+from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import Effect
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.equations import Equations, equations
@@ -22,8 +22,6 @@ KNOWN_EFFECT = 0.2
 """Relative standard deviation of the prior on the parameters of effects that the model already has."""
 GAIN = 0.7
 """Largest logarithm of a sensor's gain: about twice or half; more would stand in for an inertia that is known."""
-WANDER = 0.05
-"""Part of an excursion and of the velocity (RMS) by which a load that floats may wander in a second, to begin with."""
 NEAR = 3.0
 """Largest change of the logarithm of a floating load's inertia: one much larger stands still, and is a spring."""
 SHAPE = 3.0
@@ -54,20 +52,17 @@ class Coordinate:
         """Return d parameter / d coordinate."""
         return self.value(theta) if self.log else self.unit
 
-
-def nothing(k: Coordinate, effect: type[Effect]) -> float:
-    """Return the coordinate of an effect's parameter at which it does nothing."""
-    name = k.name.rpartition(".")[2]
-    return k.theta(effect.neutral[name]) if name in effect.neutral else 0.0
+    def nothing(self, effect: type[Effect]) -> float:
+        """Return the coordinate at which an effect that has this parameter does nothing."""
+        name = self.name.rpartition(".")[2]
+        return self.theta(effect.neutral[name]) if name in effect.neutral else 0.0
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model to be fitted: its free parameters as coordinates, its values elsewhere.
-
-    ``starts``: where its records were found to start, see `signlin_ros.fitting.start`.
-    ``alert``: whether an extended Kalman filter follows it where its motion is sensitive; ``wander``: by which part of
-    the velocity (RMS) that of a floating load may wander in a second, as the filter takes it.
+    """A model to be fitted: its free parameters as coordinates, its values elsewhere. ``label``: what was added to it;
+    ``alert``: whether an extended Kalman filter follows it where its motion is sensitive; ``starts``: where its records
+    were found to start, see `signlin_ros.fitting.start`.
     """
 
     model: Model
@@ -76,13 +71,12 @@ class Candidate:
     values: dict[str, float]
     label: tuple[str, ...] = ()
     alert: bool = True
-    wander: float = WANDER
     starts: dict[tuple[Any, ...], Any] = field(default_factory=dict, compare=False, repr=False)
 
     @functools.cached_property
     def angular(self) -> bool:
         """Whether a force depends on the angle from turn to turn, and so on where exactly a record starts."""
-        return any(find_effect(use.type, "effects").angular for use in self.model.effects.values())
+        return any(EFFECTS[use.type].angular for use in self.model.effects.values())
 
     @property
     def filtered(self) -> bool:
@@ -92,15 +86,31 @@ class Candidate:
     @functools.cached_property
     def floating(self) -> frozenset[str]:
         """The own states that an observer must correct."""
-        keys = [k for k, use in self.model.effects.items() if find_effect(use.type, "effects").floating]
+        keys = [k for k, use in self.model.effects.items() if EFFECTS[use.type].floating]
         return frozenset(n for n in self.model.states if n.partition(".")[0] in keys)
+
+    def named(self, theta: Array) -> dict[str, float]:
+        """Return the free parameters by name."""
+        return {k.name: k.value(x) for k, x in zip(self.coordinates, theta.tolist(), strict=True)}
 
     def p(self, theta: Array) -> Array:
         """Return all parameters in the order of the equations."""
-        values = dict(self.values)
-        for c, x in zip(self.coordinates, theta, strict=True):
-            values[c.name] = c.value(float(x))
+        values = {**self.values, **self.named(theta)}
         return np.array([values[name] for name in self.equations.parameters])
+
+    def sensors(self, p: Array) -> tuple[Array, Array, Array]:
+        """Return gain, offset and delay of every channel (ny,) among all parameters."""
+        gain, offset, delay = p[len(self.model.trace.parameters) :].reshape(3, -1)
+        return gain, offset, delay
+
+    def model_at(self, theta: Array) -> Model:
+        """Return the model with the values of some coordinates; what its sensors add is not part of it."""
+        pars, values = declared(self.model), self.named(theta)
+        return self.model.with_parameters({n: pars[n].nearest(v) for n, v in values.items() if n not in self.label})
+
+    def slopes(self, theta: Array) -> Array:
+        """Return d parameter / d coordinate of every coordinate."""
+        return np.array([k.slope(x) for k, x in zip(self.coordinates, theta.tolist(), strict=True)])
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -113,95 +123,82 @@ class Candidate:
         return np.array([c.theta(values[c.name]) for c in self.coordinates])
 
 
-def base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
+def numbers(model: Model) -> dict[str, float]:
+    """Return all parameters of a model by name: those of the plant, and ``key.name`` of effects."""
+    own = {f"{key}.{n}": x for key, use in model.effects.items() for n, x in use.parameters.items()}
+    return {**model.parameters, **own}
+
+
+def declared(model: Model) -> dict[str, Par]:
+    """Return the declarations of all parameters of a model by the same names, their units resolved."""
+    return {name.partition(".")[2]: par for name, par in model.par_declarations().items()}
+
+
+def _base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
     """Return the base parameters that may move: those that are neither frozen nor exactly 0, with their priors."""
-    result = []
-    for name, par in model.plant.pars().items():
-        nominal = problem.base.parameters[name]
-        spread = model.tolerance_of(name)
-        if nominal == 0.0 or par.structural or name not in model.trace.parameters or not spread:
+    base, pars, result = problem.base, declared(problem.base), []
+    for name, nominal in numbers(base).items():
+        key, _, own = name.rpartition(".")
+        spread = KNOWN_EFFECT if key else model.tolerance_of(name)
+        whole = bool(key) and declared_name(own) in EFFECTS[base.effects[key].type].whole_orders
+        if nominal == 0.0 or whole or not spread or name not in model.trace.parameters:
             continue
-        result.append(_coordinate(name, par, nominal, spread))
-    for key, use in problem.base.effects.items():
-        effect = find_effect(use.type, "effects")
-        pars = effect.pars()
-        for name, value in use.parameters.items():
-            full, whole = f"{key}.{name}", declared_name(name) in effect.whole_orders
-            if value != 0.0 and full in model.trace.parameters and not whole:
-                result.append(_coordinate(full, pars[name], value, KNOWN_EFFECT))
+        par, unit = pars[name], abs(nominal)
+        if nominal > 0 and par.low >= 0:
+            result.append(Coordinate(name, True, unit, -20.0, 20.0, 0.0, spread))
+        else:
+            result.append(Coordinate(name, False, unit, par.low / unit, par.high / unit, np.sign(nominal), spread))
     return result
 
 
-def _coordinate(name: str, par: Par, nominal: float, spread: float) -> Coordinate:
-    if nominal > 0 and par.low >= 0:
-        return Coordinate(name, True, nominal, -20.0, 20.0, 0.0, spread)
-    return Coordinate(
-        name, False, abs(nominal), par.low / abs(nominal), par.high / abs(nominal), np.sign(nominal), spread
-    )
-
-
-def effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordinate]:
+def _effect_coordinates(problem: Problem, model: Model, key: str) -> list[Coordinate]:
     """Return the parameters of a new effect that a fit moves; positive ones by their logarithm."""
     use = model.effects[key]
-    effect = find_effect(use.type, "effects")
-    pars = effect.pars()
-    result = []
+    effect, result = EFFECTS[use.type], []
     for name, value in use.parameters.items():
-        par, full = pars[name], f"{key}.{name}"
+        par, full, order = effect.pars()[name], f"{key}.{name}", name in effect.periodic[:1]
         if declared_name(name) in effect.held or par.structural or full not in model.trace.parameters:
             continue
-        if name in effect.periodic[:1] and problem.turns:
+        if order and problem.turns:
             continue  # a whole number
         if par.positive or (effect.floating and par.low >= 0.0 and value > 0.0):
             reach = NEAR if par.positive and effect.floating else 12.0
             result.append(Coordinate(full, True, value, -reach, reach, 0.0, SHAPE))
         else:
-            unit = 1.0 if name in effect.periodic[:1] else problem.scale.of(par.unit)  # an order comes from a scan
+            unit = 1.0 if order else problem.scale.of(par.unit)  # an order comes from a scan
             low, high = effect.within.get(name, (par.low, par.high))
-            high = min(high, problem.fastest) if name in effect.periodic[:1] else high
+            high = min(high, problem.fastest) if order else high
             result.append(Coordinate(full, False, unit, low / unit, high / unit, 0.0, np.inf))
     return result
 
 
+def _sensor_coordinate(problem: Problem, name: str) -> Coordinate:
+    kind, _, channel = name.partition(".")
+    if kind == "sensor_gain":
+        return Coordinate(name, True, 1.0, -GAIN, GAIN, 0.0, GAIN / 2)
+    if kind == "sensor_delay":
+        return Coordinate(name, False, problem.scale.step, 0.0, 1.0 / problem.scale.step, 0.0, np.inf)
+    unit = float(problem.noise[problem.channels.index(channel)])
+    return Coordinate(name, False, unit, -1e9, 1e9, 0.0, np.inf)
+
+
 def candidate(
-    problem: Problem, model: Model, added: tuple[str, ...], sensors: dict[str, float] | None = None
+    problem: Problem, model: Model, added: tuple[str, ...], sensors: Mapping[str, float] | None = None
 ) -> Candidate:
     """Return a model as a candidate: base parameters, the effects ``added`` and the ``sensors`` are free.
 
     ``sensors``: names such as ``sensor_offset.speed`` with their starting values.
     """
-    coordinates = base_coordinates(problem, model)
+    sensors = sensors or {}
+    coordinates = _base_coordinates(problem, model)
     for key in added:
-        coordinates += effect_coordinates(problem, model, key)
-    for name in sensors or {}:
-        coordinates.append(_sensor_coordinate(problem, name))
-    free = tuple(c.name for c in coordinates)
-    eq = equations(model.structure, problem.channels, free)
-    values = {name: model.value(name) for name in model.trace.parameters}
-    known = {**_known_sensors(problem), **(sensors or {})}
-    for name in eq.parameters[len(values) :]:
-        values[name] = known.get(name, 1.0 if name.startswith("sensor_gain") else 0.0)
-    return Candidate(model, eq, tuple(coordinates), values, added + tuple(sensors or ()))
+        coordinates += _effect_coordinates(problem, model, key)
+    coordinates += [_sensor_coordinate(problem, name) for name in sensors]
+    eq = equations(model.structure, problem.channels, tuple(c.name for c in coordinates))
+    known = ((c, problem.base.sensors[c]) for c in problem.channels)
+    shown = {f"sensor_{what}.{c}": getattr(s, what) for c, s in known for what in ("gain", "offset", "delay")}
+    values = {**{name: model.value(name) for name in model.trace.parameters}, **shown, **sensors}
+    return Candidate(model, eq, tuple(coordinates), values, (*added, *sensors))
 
 
-def _known_sensors(problem: Problem) -> dict[str, float]:
-    """Return what the base model says of its sensors."""
-    found = {}
-    for channel in problem.channels:
-        sensor = problem.base.sensors.get(channel)
-        if sensor:
-            values = {"gain": sensor.gain, "offset": sensor.offset, "delay": sensor.delay}
-            found.update({f"sensor_{what}.{channel}": value for what, value in values.items()})
-    return found
-
-
-def _sensor_coordinate(problem: Problem, name: str) -> Coordinate:
-    if name.startswith("sensor_gain"):
-        return Coordinate(name, True, 1.0, -GAIN, GAIN, 0.0, GAIN / 2)
-    if name.startswith("sensor_delay"):
-        return Coordinate(name, False, problem.scale.step, 0.0, 1.0 / problem.scale.step, 0.0, np.inf)
-    unit = float(problem.noise[problem.channels.index(name.partition(".")[2])])
-    return Coordinate(name, False, unit, -1e9, 1e9, 0.0, np.inf)
-
-
-__all__ = ["Candidate", "Coordinate", "candidate", "nothing"]
+__all__ = ["Candidate", "Coordinate", "candidate", "declared", "numbers"]

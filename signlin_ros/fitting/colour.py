@@ -13,22 +13,19 @@ from scipy.special import chdtri
 
 Array = NDArray[np.float64]
 
-LAGS, LONGEST = 12, 0.9
-"""Lags that are looked at; largest correlation from sample to sample of what counts as noise that has a white part."""
+LAGS, FURTHEST, LONGEST = 12, 200, 0.9
+"""Lags that are looked at, and how many at most where samples may go together for long; largest correlation from sample
+to sample of what counts as noise that has a white part."""
 PURE, TIMES, ROUGH = 0.998, 20.0, 0.05
 """Noise of one pole alone may last longer, up to this correlation: whitened by it, nothing but white noise is left
 beside no more than a share of that; and the record must be so many times as long as it lasts."""
 SPAN, NEAR, ALIKE = 12, 5, 0.1
 """Lags either way at which channels are compared, how many are averaged, and the least correlation that tells of a
 common cause: sensors do not know of each other."""
-
-
-UNSURE = 0.02
-"""How well a share of the variance, or a correlation, is known at best."""
+UNSURE, TOLERATED = 0.02, 0.05
+"""How well a share of the variance, or a correlation, is known at best; correlations that never matter."""
 SURE, SURER, SUREST = 3.0, 4.0, 5.0
 """Standard errors beyond which a residual is slow; coloured, or not white; and two channels have a common cause."""
-TOLERATED = 0.05
-"""Correlations that do not matter however long the record is."""
 LIKELY, EXCESS = 0.9999, 1.5
 """Quantile of chi squared below so many times of which a residual is white."""
 
@@ -45,15 +42,13 @@ class Colour:
     coloured: float
     rho: float
     samples: int
-    alone: float = 0.0
+    alone: float
     pure: bool = False
     together: float = 1.0
 
     @property
     def structured(self) -> bool:
         """Whether more is slow, or lasts longer, than noise shows by chance in a record this long."""
-        if self.pure:
-            return False
         alone = min(self.alone, 0.95) if self.coloured > 0 else 0.0
         error = np.sqrt((1 + alone**2) / (1 - alone**2) / max(self.samples, 1))
         return bool(self.slow > UNSURE + SURE * error)
@@ -83,19 +78,22 @@ def correlations(parts: Sequence[Array], lags: int) -> tuple[Array, float, int]:
 
 def colours(innovations: Sequence[Array], noise: Array) -> list[Colour]:
     """Take every channel of innovations (T, ny) apart; ``noise`` (ny): standard deviations of white noise."""
-    parts = [[e[:, c] for e in innovations] for c in range(noise.size)]
-    found = [replace(_colour(one), together=_together_in(one)) for one in parts]
+    found = [_colour([e[:, c] for e in innovations]) for c in range(noise.size)]
+    whites = [min(w**2 / max(one.variance, 1e-300), 1.0) for one, w in zip(found, noise.tolist(), strict=True)]
     moving = _together(innovations)
-    whites = [float(min(w**2 / max(one.variance, 1e-300), 1.0)) for one, w in zip(found, noise, strict=True)]
     return [one.limited(w, c in moving) for c, (one, w) in enumerate(zip(found, whites, strict=True))]
 
 
 def _colour(parts: Sequence[Array]) -> Colour:
-    """Return r_k = slow + coloured rho^k, fitted to the autocorrelations at k = 1..`LAGS`, neither below 0."""
-    r, variance, count = correlations(parts, LAGS)
+    """Return r_k = slow + coloured rho^k, fitted to the autocorrelations at k = 1..`LAGS`, neither below 0; samples go
+    together up to where these first vanish.
+    """
+    r, variance, count = correlations(parts, max(LAGS, min(FURTHEST, min(p.size for p in parts) // 4)))
+    vanished = np.append(r < 2.0 / np.sqrt(max(count, 1)), True)
+    together, r = 1.0 + 2.0 * float(np.sum(r[: int(np.argmax(vanished))])), r[:LAGS]
     pole = _pole(parts, r, count)
     if pole is not None:
-        return Colour(variance, 0.0, pole[1], pole[0], count, float(r[0]), True)
+        return Colour(variance, 0.0, pole[1], pole[0], count, float(r[0]), True, together)
     best, alone, k = (np.inf, 0.0, 0.0, 0.0), (np.inf, 0.0), np.arange(1, LAGS + 1)
     for rho in np.linspace(0.1, LONGEST, 33).tolist():
         shape = rho**k
@@ -107,14 +105,7 @@ def _colour(parts: Sequence[Array]) -> Colour:
         best = min(best, (float(np.sum((r - slow - fast * shape) ** 2)), float(slow), float(fast), rho))
     _, slow, fast, rho = best
     slow, fast = min(slow, 1.0), fast if fast >= SURER / np.sqrt(max(count, 1)) else 0.0
-    return Colour(variance, slow, min(fast, 1.0 - slow), rho, count, alone[1])
-
-
-def _together_in(parts: Sequence[Array]) -> float:
-    """Return 1 + 2 sum of the correlations up to where they first vanish."""
-    r, _, count = correlations(parts, max(LAGS, min(200, min(p.size for p in parts) // 4)))
-    small = r < 2.0 / np.sqrt(max(count, 1))
-    return 1.0 + 2.0 * float(np.sum(r[: int(np.argmax(small)) if small.any() else r.size]))
+    return Colour(variance, slow, min(fast, 1.0 - slow), rho, count, alone[1], together=together)
 
 
 def _pole(parts: Sequence[Array], r: Array, count: int) -> tuple[float, float] | None:
@@ -134,7 +125,7 @@ def white(parts: Sequence[Array]) -> bool:
 
     [Ljung and Box 1978, doi:10.1093/biomet/65.2.297]
     """
-    lags = int(min(200, max(20, sum(p.size for p in parts) // 20)))
+    lags = int(min(FURTHEST, max(20, sum(p.size for p in parts) // 20)))
     r, _, count = correlations(parts, lags)
     statistic = count * (count + 2) * float(np.sum(r**2 / np.maximum(count - np.arange(1, lags + 1), 1)))
     bound = TOLERATED + SURER / np.sqrt(max(count, 1))

@@ -1,11 +1,9 @@
 """Is a recorded velocity a measurement of its own, or was it computed from the recorded position?
 
-Drives log both, but most have an encoder only: the velocity is its difference, averaged or filtered. Its noise is then
-the position's, and whoever takes both for independent finds errors that go together, which no model leaves by chance. A
-velocity of a sensor of its own cannot be foretold from the position to better than its own noise.
-
-What was filtered at a higher rate than it was logged at cannot be foretold so well; but what is wrong with it goes on
-from sample to sample, as no sensor's noise does, and no model leaves nothing but noise in it.
+Most drives have an encoder only: the velocity is its difference, averaged or filtered. Its noise is then the
+position's: whoever takes both for independent finds errors that go together, which no model leaves by chance. That of a
+sensor of its own cannot be foretold from the position to better than its own noise. What was filtered at a higher rate
+than it was logged at cannot be foretold so well, but what is wrong with it goes on from sample to sample.
 """
 
 from __future__ import annotations
@@ -21,12 +19,9 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-REACH = 8
-"""Differences of the position before and after a sample that its velocity may be a combination of."""
-OWN = 2
-"""Velocities before a sample that a recursive filter may use."""
-ENOUGH = 10
-"""Samples for each coefficient, at least."""
+REACH, OWN, ENOUGH = 8, 2, 10
+"""Differences of the position before and after a sample that its velocity may be a combination of; velocities before
+it that a recursive filter may use; and samples for each coefficient, at least."""
 FORETOLD = 0.1
 """Part of the velocity's noise, and of what its neighbours foretell, beneath which it is foretold by the position."""
 WIDE, MOST = 60, 20_000
@@ -51,18 +46,14 @@ def _is_derived(t: Array, q: Array, v: Array) -> bool:
     """Tell whether a velocity v (T,) is a linear combination of differences of the position q (T,) nearby, and of what
     it was just before; NaN is a missing sample.
     """
-    rows = np.arange(REACH, t.size - REACH)
-    if rows.size < ENOUGH * (2 * REACH + OWN):
-        return False
-    slopes = np.diff(q) / np.diff(t)
-    near = np.column_stack([slopes[rows + k] for k in range(-REACH, REACH)])
+    rows, slopes = np.arange(REACH, t.size - REACH), np.diff(q) / np.diff(t)
     own = np.column_stack([v[rows - k] for k in range(1, OWN + 1)])
-    there = np.isfinite(near).all(axis=1) & np.isfinite(own).all(axis=1) & np.isfinite(v[rows])
-    near, own, target = near[there], own[there], v[rows][there]
-    if target.size < ENOUGH * (2 * REACH + OWN):
+    both = np.column_stack([*(slopes[rows + k] for k in range(-REACH, REACH)), own])
+    there = np.isfinite(both).all(axis=1) & np.isfinite(v[rows])
+    if np.count_nonzero(there) < ENOUGH * (2 * REACH + OWN):
         return False
-    left, without = (_left(basis, target) for basis in (np.hstack([near, own]), own))
-    return left < FORETOLD * min(without, noise_level(t, v).sigma)
+    left, without = (np.sqrt(np.mean(_rest(basis[there], v[rows][there]) ** 2)) for basis in (both, own))
+    return bool(left < FORETOLD * min(without, noise_level(t, v).sigma))
 
 
 def _is_filtered(t: Array, q: Array, v: Array) -> bool:
@@ -72,26 +63,18 @@ def _is_filtered(t: Array, q: Array, v: Array) -> bool:
     there = np.isfinite(q) & np.isfinite(v)
     t, q, v = t[there][:MOST], q[there][:MOST], v[there][:MOST]
     reach = min(WIDE, t.size // 40)
-    if reach < REACH or not _is_fine(t, q, v):
+    if reach < REACH:
         return False
+    noise, step = noise_level(t, q).sigma, np.median(np.diff(t))
+    walk = noise_level(t, v).sigma * np.sqrt(step * (t[-1] - t[0]) / 6)
     apart = np.cumsum((v[1:] + v[:-1]) / 2 * np.diff(t)) - q[1:]
-    walk = noise_level(t, v).sigma * np.sqrt(np.median(np.diff(t)) * (t[-1] - t[0]) / 6)
-    if np.std(apart) < APART * np.hypot(noise_level(t, q).sigma, walk):
+    if np.sqrt(2) * noise > FINE * np.std(v) * step or np.std(apart) < APART * np.hypot(noise, walk):
         return False
     slopes, rows = np.diff(q) / np.diff(t), np.arange(reach, t.size - 1 - reach)
     near = np.lib.stride_tricks.sliding_window_view(slopes, 2 * reach)[: rows.size]
     rest = _rest(near, v[rows])
-    return float(np.std(rest)) < NEARLY * np.std(v) and noise_level(t[rows], rest).sigma < SMOOTH * float(np.std(rest))
-
-
-def _is_fine(t: Array, q: Array, v: Array) -> bool:
-    """Tell whether a position q (T,) is so fine that its noise makes little of a difference; v (T,): its velocity."""
-    return bool(np.sqrt(2) * noise_level(t, q).sigma <= FINE * np.nanstd(v) * np.median(np.diff(t)))
-
-
-def _left(basis: Array, target: Array) -> float:
-    """Return the RMS of what a linear combination of columns leaves of a target (T,)."""
-    return float(np.sqrt(np.mean(_rest(basis, target) ** 2)))
+    size = float(np.std(rest))
+    return bool(size < NEARLY * np.std(v)) and noise_level(t[rows], rest).sigma < SMOOTH * size
 
 
 def _rest(basis: Array, target: Array) -> Array:

@@ -7,12 +7,13 @@ sum_c n_c ln(RSS_c / n_c), plus the priors; Levenberg and Marquardt's method wit
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.effects import find_effect
+from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains
@@ -20,14 +21,12 @@ from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
-ENOUGH = 0.02
-"""A fit ends where a step lowers -2 log likelihood by less than this,"""
-FAR = 1e-3
-"""or by less than this share of its distance from that of pure noise: a wrong model need not be fitted to the end."""
-STUCK = 1e9
-"""Damping from which on a step is none."""
-ENDLESS = 1e100
-"""Curvature of the objective from which on sensitivities have run away: such a model counts as one that diverges."""
+ENOUGH, FAR = 0.02, 1e-3
+"""A fit ends where a step lowers -2 log likelihood by less than this, or by less than this share of its distance from
+that of pure noise: a wrong model need not be fitted to the end."""
+STUCK, ENDLESS = 1e9, 1e100
+"""Damping from which on a step is none; curvature of the objective from which on a model counts as one that diverges:
+its sensitivities have run away."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +46,11 @@ class Fit:
 
     def parameters(self) -> dict[str, float]:
         """Return the free parameters by name."""
-        return {c.name: c.value(float(x)) for c, x in zip(self.candidate.coordinates, self.theta, strict=True)}
+        return self.candidate.named(self.theta)
 
     def fitted(self) -> Model:
         """Return the candidate's model with the fitted values; what its sensors add is not part of it."""
-        model = self.candidate.model
-        declared = {n.split(".", 1)[1]: par for n, par in model.par_declarations().items()}
-        plain = {n: v for n, v in self.parameters().items() if not n.startswith("sensor_")}
-        return model.with_parameters({n: declared[n].nearest(v) for n, v in plain.items()})
+        return self.candidate.model_at(self.theta)
 
 
 def tidied(f: Fit) -> Fit:
@@ -63,10 +59,10 @@ def tidied(f: Fit) -> Fit:
     at = {k.name: i for i, k in enumerate(f.candidate.coordinates)}
     for key in f.candidate.label:
         use = f.candidate.model.effects.get(key)
-        turning = find_effect(use.type, "effects").turning if use else ()
-        if not turning or any(f"{key}.{name}" not in at for name in turning):
+        names = [f"{key}.{name}" for name in (EFFECTS[use.type].turning if use else ())]
+        if not names or not set(names) <= set(at):
             continue
-        amplitude, phase = (at[f"{key}.{name}"] for name in turning)
+        amplitude, phase = (at[name] for name in names)
         unit = f.candidate.coordinates[phase].unit
         if theta[amplitude] < 0:
             theta[amplitude], signs[amplitude] = -theta[amplitude], -1.0
@@ -76,64 +72,47 @@ def tidied(f: Fit) -> Fit:
 
 
 def _normal(
-    problem: Problem, c: Candidate, theta: Array, found: tuple[list[Array], list[Array], list[Array]]
+    problem: Problem, c: Candidate, theta: Array, errors: Sequence[Array], derivatives: Sequence[Array]
 ) -> tuple[float, Array, Array, Array]:
     """Return cost, number of samples (ny), gradient and Gauss-Newton Hessian."""
     ny, count = c.equations.sizes[2], theta.size
     rss, number = np.zeros(ny), np.zeros(ny)
     squares, products = np.zeros((ny, count, count)), np.zeros((ny, count))
-    for E, D in zip(found[0], found[1], strict=True):
-        e, d = E, D[:, :, :count]
-        there = np.isfinite(e)
+    for E, D in zip(errors, derivatives, strict=True):
+        e, d, there = E, D[:, :, :count], np.isfinite(E)
         if not there.all():
             e, d = np.where(there, e, 0.0), np.where(there[: len(d), :, None], d, 0.0)
+        number += there.sum(axis=0)
         for k in range(ny):
-            number[k] += np.count_nonzero(there[:, k])
             rss[k] += e[:, k] @ e[:, k]
-            if d.shape[0]:
+            if len(d):
                 squares[k] += d[:, k].T @ d[:, k]
                 products[k] += e[:, k] @ d[:, k]
-    floor = (1e-9 * problem.noise) ** 2 * np.maximum(number, 1)
-    rss = np.maximum(rss, floor)
-    prior = np.array([(x - k.prior) / k.spread for k, x in zip(c.coordinates, theta, strict=True)])
+    rss = np.maximum(rss, (1e-9 * problem.noise) ** 2 * np.maximum(number, 1))
     inverse = np.array([1.0 / k.spread for k in c.coordinates])
+    prior = np.array([(x - k.prior) / k.spread for k, x in zip(c.coordinates, theta, strict=True)])
     cost = float(np.sum(number * np.log(rss / np.maximum(number, 1))) + np.sum(prior**2))
-    weights = number / rss
-    slopes = np.array([k.slope(float(x)) for k, x in zip(c.coordinates, theta, strict=True)])
+    weights, slopes = number / rss, c.slopes(theta)
     gradient = slopes * (weights @ products) + prior * inverse
     hessian = np.outer(slopes, slopes) * np.tensordot(weights, squares, 1) + np.diag(inverse**2)
     return cost, number, gradient, hessian
 
 
-def likelihood(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> float:
-    """Return the objective of `fit` at one point, infinite where the model diverges."""
-    found = follow_records(problem, c, theta, gains, False)
-    if found is None:
-        return np.inf
-    cost = _normal(problem, c, theta, found)[0]
-    return cost if np.isfinite(cost) else np.inf
-
-
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def fit(
-    problem: Problem,
-    c: Candidate,
-    gains: Gains,
-    theta: Array | None = None,
-    steps: int = 10,
-) -> Fit | None:
+def fit(problem: Problem, c: Candidate, gains: Gains, theta: Array | None = None, steps: int = 10) -> Fit | None:
     """Fit a candidate at one gain, from theta (its own start by default); None if the start diverges."""
-    low, high = c.bounds
-    first = evaluated(problem, c, np.clip(c.start() if theta is None else theta, low, high), gains)
+    first = evaluated(problem, c, np.clip(c.start() if theta is None else theta, *c.bounds), gains)
     return None if first is None else further(problem, first, steps)
 
 
-def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains) -> Fit | None:
-    """Return a candidate at one point, as if it were fitted; None if it diverges there."""
-    found = follow_records(problem, c, x, gains, True)
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains, with_s: bool = True) -> Fit | None:
+    """Return a candidate at one point, as if it were fitted; None if it diverges there. ``with_s``: with the slope and
+    the curvature of its objective.
+    """
+    found = follow_records(problem, c, x, gains, with_s)
     if found is None:
         return None
-    cost, number, gradient, hessian = _normal(problem, c, x, found)
+    cost, number, gradient, hessian = _normal(problem, c, x, *found[:2])
     if not (np.isfinite(cost) and np.abs(hessian).max(initial=0.0) < ENDLESS):
         return None
     return Fit(c, x, cost, number, tuple(found[0]), hessian, gains, gradient)
@@ -142,10 +121,9 @@ def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains) -> Fit | N
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def further(problem: Problem, f: Fit, steps: int) -> Fit:
     """Go on with a fit for some steps of Levenberg and Marquardt's method."""
-    low, high = f.candidate.bounds
     damping = 1e-3
     for _ in range(steps):
-        new = _step(f.theta, f.gradient, f.hessian, damping, low, high)
+        new = _step(f.theta, f.gradient, f.hessian, damping, *f.candidate.bounds)
         shift = new - f.theta
         gained = -2 * f.gradient @ shift - shift @ f.hessian @ shift
         if float(gained) < ENOUGH:
@@ -167,22 +145,19 @@ def _step(x: Array, gradient: Array, hessian: Array, damping: float, low: Array,
     """Return the damped Gauss-Newton step, projected on the bounds; what leaves them is taken out and solved anew."""
     active = np.zeros(x.size, dtype=bool)
     new = x.copy()
-    for _ in range(x.size + 1):
+    while not active.all():
         free = np.flatnonzero(~active)
-        if not free.size:
-            return np.asarray(new)
-        rows = hessian[free]
-        diagonal = rows[np.arange(free.size), free]
-        matrix = rows[:, free]
-        matrix[np.diag_indices(free.size)] += damping * diagonal + 1e-12 * max(diagonal.max(), 1e-300)
-        right = gradient[free] + rows[:, active] @ (new - x)[active]
+        matrix = hessian[np.ix_(free, free)]
+        diagonal = np.diag(matrix)
+        matrix = matrix + np.diag(damping * diagonal + 1e-12 * max(diagonal.max(), 1e-300))
+        right = gradient[free] + hessian[np.ix_(free, active)] @ (new - x)[active]
         new[free] = x[free] - np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
         outside = (new < low) | (new > high)
         new = np.clip(new, low, high)
         if not outside.any():
-            return np.asarray(new)
+            break
         active |= outside
     return np.asarray(new)
 
 
-__all__ = ["Fit", "evaluated", "fit", "further", "likelihood", "tidied"]
+__all__ = ["Fit", "evaluated", "fit", "further", "tidied"]

@@ -1,16 +1,18 @@
-"""Records made ready: what is fitted to, what is held out, and informative stretches of what is long."""
+"""Records made ready: what is fitted to, what is held out, informative stretches of what is long, and wrong signs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signlin_ros.errors import RecordError
+from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.derived import without_derived
-from signlin_ros.fitting.problem import LEAD, Problem, prepare, stretch_of
+from signlin_ros.fitting.fit import Fit
+from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.problem import Problem, looks, prepare, stretch_of
 from signlin_ros.follow.data import measured_channels
 from signlin_ros.follow.segments import (
     LEAST_SAMPLES,
@@ -22,54 +24,51 @@ from signlin_ros.follow.segments import (
     segment,
     with_measured_position,
 )
-from signlin_ros.follow.tracking import Tracker
+from signlin_ros.follow.tracking import mean
 from signlin_ros.model import Model
 from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData
 
-Array = NDArray[np.float64]
-
 MOST, PARTS = 20_000, 10
 """Samples that are fitted to at most, in so many stretches: more only make standard errors smaller than the model is
 true."""
+BETTER = 0.5
+"""What is left with a signal reversed, as a share of what is left without (RMS, geometric mean over the channels), that
+puts its sign in doubt."""
 
 
 def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
-    """Return the first two thirds of every record, and the last third."""
-    cut = [len(d) * 2 // 3 for d in data]
-    return [d.part(0, c) for d, c in zip(data, cut, strict=True)], [d.part(c) for d, c in zip(data, cut, strict=True)]
-
-
-def prepared(model: Model, data: Sequence[ModelData], unseen: Sequence[ModelData] | None) -> tuple[Problem, Problem]:
-    """Return the problem of the records that are fitted to and that of unseen ones; they share channels and gains.
-
-    Raises `RecordError` where nothing is measured or moves, or where too little could be held out.
-    """
-    first, second = (list(data), list(unseen)) if unseen else held_out(data)
-    model = with_measured_position(model, [*first, *second])
-    channels = measured_channels(model, [*first, *second])
-    check_moving([*data, *(unseen or ())], channels)
-    if not unseen:
-        _check_held_out(data, second, channels)
-    (known, notes), (left, more) = _cut(first, channels), _cut(second, channels)
-    own, position = without_derived(model, [*known, *left], channels), model.plant.position
-    notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
-    notes += constant_inputs(model, [*data, *(unseen or ())])
-    problem = replace(prepare(model, known, own), notes=notes, parts=tuple(known))
-    segments = tuple(segment(problem.base, problem.channels, part) for part in left)
-    unseen_noise, noise = (sensor_noise([(s.t, s.y) for s in one]) for one in (segments, problem.segments))
-    other = replace(problem, segments=segments, noise=unseen_noise, notes=more, parts=tuple(left))
-    return replace(problem, noise=noise), other
-
-
-def _check_held_out(data: Sequence[ModelData], last: Sequence[ModelData], channels: tuple[str, ...]) -> None:
+    """Return the first two thirds of every record, and the last third; raise `RecordError` where that is too little."""
+    first = [d.part(0, len(d) * 2 // 3) for d in data]
+    last = [d.part(len(d) * 2 // 3) for d in data]
     for whole, part in zip(data, last, strict=True):
         if len(part) < LEAST_SAMPLES:
             needed = f"at least {3 * LEAST_SAMPLES} are needed, or {LEAST_SAMPLES} and a validation record"
             raise RecordError(f"{whole.source}: {len(whole)} samples, of which the last third is held out; {needed}")
-    if not any(moves(part, channels) for part in last):
+    if not any(moves(part, tuple(part.measured)) for part in last):
         why = "nothing moves in the last third, which is held out; give a validation record"
         raise RecordError(f"{data[0].source}: {why}")
+    return first, last
+
+
+def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelData]) -> tuple[Problem, Problem]:
+    """Return the problem of the records that are fitted to and that of unseen ones; they share channels and gains.
+
+    Raises `RecordError` where nothing is measured or moves, or where records are too short.
+    """
+    data = [*first, *second]
+    model = with_measured_position(model, data)
+    channels = measured_channels(model, data)
+    check_moving(data, channels)
+    (known, notes), (unseen, more) = _cut(first, channels), _cut(second, channels)
+    own, position = without_derived(model, [*known, *unseen], channels), model.plant.position
+    notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
+    notes += constant_inputs(model, data)
+    problem = replace(prepare(model, known, own), notes=notes, parts=tuple(known))
+    segments = tuple(segment(problem.base, problem.channels, part) for part in unseen)
+    noise, other = (sensor_noise([(s.t, s.y) for s in one]) for one in (problem.segments, segments))
+    rest = replace(problem, segments=segments, noise=other, notes=more, parts=tuple(unseen))
+    return replace(problem, noise=noise), rest
 
 
 def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[ModelData], tuple[str, ...]]:
@@ -89,29 +88,42 @@ def stretched(problem: Problem) -> Problem:
         return problem
     size = MOST // PARTS
     places = [(s, first) for s in problem.segments for first in range(0, max(s.t.size - size, 0) + 1, size)]
-    wrong = np.argsort([-_wrong(problem, s, slice(first, first + size)) for s, first in places])
-    even = np.linspace(0, len(places) - 1, PARTS // 2).astype(int).tolist()
-    chosen = dict.fromkeys([*even, *wrong.tolist()])
-    kept = sorted(list(chosen)[:PARTS])
-    return replace(
-        problem, segments=tuple(_after_a_lead(problem, s, first, size) for s, first in (places[i] for i in kept))
-    )
+    parts = [stretch_of(problem, s, first, size) for s, first in places]
+    runs = [run.innovation for _, run in looks(problem.base, parts, problem.channels, problem.levels[1])]
+    wrong = np.argsort([-np.mean(mean(left**2) / problem.noise**2) for left in runs]).tolist()
+    even = np.linspace(0, len(parts) - 1, PARTS // 2).astype(int).tolist()
+    chosen = list(dict.fromkeys([*even, *wrong]))[:PARTS]
+    return replace(problem, segments=tuple(parts[i] for i in sorted(chosen)))
 
 
-def _after_a_lead(problem: Problem, s: Segment, first: int, size: int) -> Segment:
-    """Return a stretch with what came before it, where effects take up what they remember."""
-    before = stretch_of(problem, s, slice(max(first - LEAD, 0), first + 1)) if first else None
-    return replace(stretch_of(problem, s, slice(first, first + size)), inner=first > 0, before=before)
+def reversed_signal(problem: Problem, base: Fit) -> str:
+    """Return the input or channel with whose sign reversed the model as given, not fitted, leaves at most half as much;
+    empty if there is none. An input goes before a channel: of one input and one channel nothing tells which it is.
+
+    A plug the wrong way round is the commonest fault of a rig, and no effect: what is fitted to it (a delay of half a
+    period, parameters far from their values) only imitates it.
+    """
+    tried = ((_left(problem, base.candidate, segments), name) for name, segments in _with_one_reversed(problem))
+    least, name = min(tried, default=(np.inf, ""))
+    return name if least < BETTER * _left(problem, base.candidate, problem.segments) else ""
 
 
-def _wrong(problem: Problem, s: Segment, part: slice) -> float:
-    """Return how wrong the model as given is on a part of a record: what an observer leaves, in units of the noise."""
-    piece, model, middle = stretch_of(problem, s, part), problem.base, problem.levels[1]
-    scale = np.array([problem.x_scale[n] for n in model.states])
-    x0 = np.array([piece.start.get(name, 0.0) for name in model.states])
-    run = Tracker(model, piece.t, piece.u, piece.y, problem.channels, scale, piece.early)
-    left = run.run(x0, middle.rows(model.states)).innovation / problem.noise
-    return float(np.nanmean(left**2)) if np.isfinite(left).any() else 0.0
+def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, list[Segment]]]:
+    inputs, channels = problem.base.inputs, problem.channels
+    for name, sign in zip(inputs, 1.0 - 2.0 * np.eye(len(inputs)), strict=True):
+        yield name, [replace(s, u=s.u * sign) for s in problem.segments]
+    for name, sign in zip(channels, 1.0 - 2.0 * np.eye(len(channels)), strict=True) if len(channels) > 1 else ():
+        starts = [s.start | {n: -v for n, v in s.start.items() if n == name} for s in problem.segments]
+        yield name, [replace(s, y=s.y * sign, start=x) for s, x in zip(problem.segments, starts, strict=True)]
 
 
-__all__ = ["held_out", "prepared", "stretched"]
+def _left(problem: Problem, base: Candidate, segments: Sequence[Segment]) -> float:
+    """Return the RMS of what a model leaves of records at the middle gain, in multiples of the noise."""
+    found = follow_records(problem, base, base.start(), problem.levels[1], False, segments)
+    if found is None:
+        return np.inf
+    mean = np.nanmean(np.concatenate(found[0]) ** 2, axis=0) / problem.noise**2
+    return float(np.exp(0.5 * np.mean(np.log(mean + 1e-300))))
+
+
+__all__ = ["held_out", "prepared", "reversed_signal", "stretched"]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.missing import inertia
 from signlin_ros.errors import RecordError
-from signlin_ros.fitting.gains import Gains, design, doubts, time_constants
+from signlin_ros.fitting.gains import Gains, design, time_constants
 from signlin_ros.follow.data import Early, cut, measured_channels, travelled
 from signlin_ros.follow.segments import (
     Segment,
@@ -22,7 +22,7 @@ from signlin_ros.follow.segments import (
     with_measured_position,
     without,
 )
-from signlin_ros.follow.tracking import Tracker, filled
+from signlin_ros.follow.tracking import Run, Tracker, filled
 from signlin_ros.model import Model
 from signlin_ros.noise import moving, noise_level, white_noise
 from signlin_ros.plants.dc_motor import quasi_static_current
@@ -31,10 +31,9 @@ from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
-FASTEST = 4.0
-"""Largest N v dt of a wave, v being the RMS velocity: of faster ones hardly anything is left in a sample."""
-LOST = 3.0
-"""Standard deviations of the noise below which a velocity is not known."""
+FASTEST, LOST = 4.0, 3.0
+"""Largest N v dt of a wave, v being the RMS velocity: of faster ones hardly anything is left in a sample; standard
+deviations of the noise below which a velocity is not known."""
 FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 """Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches; and how many
 samples before each tell what an effect remembers at its start."""
@@ -74,7 +73,16 @@ class Problem:
     @functools.cached_property
     def led(self) -> Problem:
         """The same, where effects remember what was before each stretch: half as much again takes it."""
-        return _shortened(self)
+        most = min(max(FEWEST, self.samples // 2), LONG)
+        if self.samples <= most:
+            return self
+        chunks = CHUNKS if most > 2 * FEWEST else CHUNKS // 2
+        parts, size = [], most // chunks
+        for s in self.segments:
+            share = max(1, round(chunks * s.t.size / self.samples))
+            firsts = np.linspace(0, max(s.t.size - size, 0), share).astype(int).tolist()
+            parts += [stretch_of(self, s, first, size) for first in firsts]
+        return replace(self, segments=tuple(parts))
 
     @property
     def stretch(self) -> tuple[float, float]:
@@ -101,31 +109,27 @@ class Problem:
         return rotary_unit(unit) if self.rotary else unit
 
     @property
+    def counts(self) -> Array:
+        """Number of samples of every channel (ny,) that are not missing."""
+        return np.asarray(sum(np.isfinite(s.y).sum(axis=0) for s in self.segments), dtype=float)
+
+    @property
     def samples(self) -> int:
         """Number of samples in all records."""
         return sum(s.t.size for s in self.segments)
 
 
-def _shortened(problem: Problem) -> Problem:
-    """Return the problem on some stretches of its records, spread evenly, where it has many samples."""
-    most = min(max(FEWEST, problem.samples // 2), LONG)
-    chunks = CHUNKS if most > 2 * FEWEST else CHUNKS // 2
-    if problem.samples <= most:
-        return problem
-    parts = []
-    size = most // chunks
-    for s in problem.segments:
-        share = max(1, round(chunks * s.t.size / problem.samples))
-        for first in np.linspace(0, max(s.t.size - size, 0), share).astype(int).tolist():
-            before = stretch_of(problem, s, slice(max(first - LEAD, 0), first + 1)) if first else None
-            parts.append(replace(stretch_of(problem, s, slice(first, first + size)), inner=first > 0, before=before))
-    return replace(problem, segments=tuple(parts))
+def stretch_of(problem: Problem, s: Segment, first: int, size: int) -> Segment:
+    """Return a stretch of a record with what came before it, where effects take up what they remember."""
+    before = _part(problem, s, max(first - LEAD, 0), first + 1) if first else None
+    return replace(_part(problem, s, first, first + size), inner=first > 0, before=before)
 
 
-def stretch_of(problem: Problem, s: Segment, part: slice) -> Segment:
-    """Return a stretch of a record, from where that had led."""
+def _part(problem: Problem, s: Segment, first: int, last: int) -> Segment:
+    """Return a part of a record, from where that had led."""
+    part = slice(first, last)
     t, u, y = s.t[part], s.u[part], s.y[part]
-    start = known_start(problem.base, problem.channels, t, y) | _led_to(problem, s, part.start)
+    start = known_start(problem.base, problem.channels, t, y) | _led_to(problem, s, first)
     return Segment(t, u, y, start, s.source, False, cut(s.early, part))
 
 
@@ -148,13 +152,14 @@ def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
     return {plant.position: s.start.get(plant.position, 0.0) + float(travelled(t, velocity, early)[-1])}
 
 
-def first_look(model: Model, segments: Sequence[Segment], channels: tuple[str, ...], gains: Gains) -> list[Array]:
-    """Return the states (T, n) of the base model held to every record by a high gain."""
-    rows, wide = gains.rows(model.states), np.full(len(model.states), 1e9)
-    result = []
+def looks(
+    model: Model, segments: Sequence[Segment], channels: tuple[str, ...], gains: Gains
+) -> list[tuple[Tracker, Run]]:
+    """Return what follows every record, and the base model held to it by an observer."""
+    rows, wide, result = gains.rows(model.states), np.full(len(model.states), 1e9), []
     for s in segments:
-        x0 = np.array([s.start.get(name, 0.0) for name in model.states])
-        result.append(Tracker(model, s.t, s.u, s.y, channels, wide, s.early).run(x0, rows).state)
+        tracker = Tracker(model, s.t, s.u, s.y, channels, wide, s.early)
+        result.append((tracker, tracker.run(np.array([s.start.get(name, 0.0) for name in model.states]), rows)))
     return result
 
 
@@ -171,97 +176,66 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     everything, noise = np.concatenate([s.y for s in segments]), white_noise([s.y for s in segments])
     if not moving(everything).any():
         raise RecordError(f"{segments[0].source}: {stand_still(channels)}")
-    sizes = {c: float(max(v, 1e-12)) for c, v in zip(channels, np.nanmax(np.abs(everything), axis=0), strict=True)}
-    sizes = _guess_velocity(model, segments, channels, sizes)
+    sizes = dict(zip(channels, np.maximum(np.nanmax(np.abs(everything), axis=0), 1e-12).tolist(), strict=True))
+    sizes = _speed_of(model, segments, channels) | sizes
     taus = time_constants(dt, duration, model.update_period)
-    known = doubts(segments)
-    look = first_look(model, segments, channels, design(model, channels, noise, sizes, dt, taus[0], known))
-    X = np.concatenate(look)
+    # an observer that were uncertain of more of an imposed and recorded state would hide a load in its zero
+    known = {name: max(s.doubt.get(name, np.inf) for s in segments) for name in segments[0].doubt}
+    white = dict(zip(channels, noise.tolist(), strict=True))
+    pairs = looks(model, segments, channels, design(model, white, sizes, dt, taus[0], known))
+    X, u = np.concatenate([run.state for _, run in pairs]), np.concatenate([s.u for s in segments])
     peaks = np.nanmax(np.abs(X), axis=0)
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
-    levels = tuple(design(model, channels, noise, x_scale, dt, tau, known) for tau in taus)
-    scale = _scale(model, segments, channels, look, dt, duration)
-    units = {**model.units, **data[0].units}
-    return Problem(
-        model, channels, segments, noise, scale, levels, x_scale, _ranges(model, segments, X), units, quanta(segments)
-    )
+    levels = tuple(design(model, white, x_scale, dt, tau, known) for tau in taus)
+    columns = dict(zip((*model.states, *model.inputs), (*X.T, *u.T), strict=True))
+    ranges = {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
+    columns |= {c: y for c, y in zip(channels, everything.T, strict=True) if c == model.plant.effort}
+    scale, units = _scale(model, segments, columns, dt, duration), {**model.units, **data[0].units}
+    return Problem(model, channels, segments, noise, scale, levels, x_scale, ranges, units, quanta(segments))
 
 
-def _guess_velocity(
-    model: Model, segments: Sequence[Segment], channels: tuple[str, ...], sizes: dict[str, float]
-) -> dict[str, float]:
-    """Add the size of a velocity that is not measured: from the position, or from the input at the plant's gain."""
-    name, position = model.plant.velocity, model.plant.position
-    if name in sizes or name not in model.states:
-        return sizes
-    if position in channels:
-        c = channels.index(position)
-        slopes = [np.nanstd(np.gradient(s.y[:, c], s.t)) for s in segments]
-        return {**sizes, name: float(max(slopes))}
-    return {**sizes, name: 1.0}
+def _speed_of(model: Model, segments: Sequence[Segment], channels: tuple[str, ...]) -> dict[str, float]:
+    """Return the size of a velocity as the measured positions tell it; nothing where none is measured."""
+    position, velocity = model.plant.position, model.plant.velocity
+    if position not in channels or velocity not in model.states:
+        return {}
+    c = channels.index(position)
+    return {velocity: float(max(np.nanstd(np.gradient(s.y[:, c], s.t)) for s in segments))}
 
 
-def _scale(
-    model: Model, segments: Sequence[Segment], channels: tuple[str, ...], look: list[Array], dt: float, duration: float
-) -> Scale:
+def _scale(model: Model, segments: Sequence[Segment], columns: dict[str, Array], dt: float, duration: float) -> Scale:
+    """Return how large things are; ``columns`` (T,): states, inputs and a measured effort, record after record."""
+
     def rms(values: Array) -> float:
         size = float(np.sqrt(np.nanmean(np.square(values))))
         return size if size > 0 and np.isfinite(size) else 1.0
 
-    X, u = np.concatenate(look), np.concatenate([s.u for s in segments])
-    column = {name: X[:, i] for i, name in enumerate(model.states)}
-    velocity = column.get(model.plant.velocity, u[:, 0])
+    u, velocity = columns[model.inputs[0]], columns[model.plant.velocity]
     parts = np.split(velocity, np.cumsum([s.t.size for s in segments])[:-1])
     acceleration = np.concatenate([np.gradient(v, s.t) for v, s in zip(parts, segments, strict=True)])
-    position = column.get(model.plant.position)
-    if position is None:
-        position = np.cumsum(velocity) * dt
-    motor = model.parameters if "K_t" in model.parameters else {}
-    if motor and "current" not in column:  # without inductance it follows from the voltage
-        column["current"] = quasi_static_current(u[:, 0], velocity, motor["K_m"], motor["R_a"])
-    current = rms(column["current"]) if motor else 1.0
-    force = u[:, 0]
+    position = columns.get(model.plant.position, np.cumsum(velocity) * dt)
+    force, current, motor = u, 1.0, model.parameters if "K_t" in model.parameters else {}
     if motor:
-        force = motor["K_t"] * column["current"]
-    elif "force" in channels:
-        force = np.concatenate([s.y[:, channels.index("force")] for s in segments])
-    travel, mass = float(np.nanmax(np.abs(position))), inertia(model)
-    return Scale(
-        rms(force) if force.any() else rms(mass * acceleration),  # what moves freely is driven by what it has stored
-        travel if travel > 0 else 1.0,
-        rms(velocity),
-        rms(acceleration),
-        current,
-        float(np.max(np.abs(u[:, 0]))) or 1.0,
-        dt,
-        duration,
-        mass,
-    )
-
-
-def _blur(model: Model, s: Segment) -> float:
-    """Return which imposed velocity is lost in its noise, 0 of other motions."""
-    plant = model.plant
-    if not plant.motion_is_imposed():
-        return 0.0
-    return LOST * noise_level(s.t, s.u[:, model.inputs.index(plant.velocity)]).sigma
+        i = columns.get("current")
+        if i is None:  # without inductance it follows from the voltage
+            i = quasi_static_current(u, velocity, motor["K_m"], motor["R_a"])
+        force, current = motor["K_t"] * i, rms(i)
+    elif "force" in columns:
+        force = columns["force"]
+    travel, largest, mass = float(np.nanmax(np.abs(position))), float(np.max(np.abs(u))), inertia(model)
+    drive = rms(force) if force.any() else rms(mass * acceleration)  # what moves freely is driven by what it has stored
+    sizes = (drive, travel or 1.0, rms(velocity), rms(acceleration), current, largest or 1.0)
+    return Scale(*sizes, dt, duration, mass)
 
 
 def _of_known_direction(model: Model, s: Segment) -> Segment:
     """Return a record without what was measured where an imposed motion reverses: in its noise its direction is not
     known, and what is dry would be wrong by twice its force. Where that is no rare moment, everything is kept.
     """
-    blur = _blur(model, s)
-    if not blur:
+    if not model.plant.motion_is_imposed():
         return s
-    return replace(s, y=without(s.y, np.abs(s.u[:, model.inputs.index(model.plant.velocity)]) < blur))
+    v = s.u[:, model.inputs.index(model.plant.velocity)]
+    return replace(s, y=without(s.y, np.abs(v) < LOST * noise_level(s.t, v).sigma))
 
 
-def _ranges(model: Model, segments: Sequence[Segment], X: Array) -> dict[str, tuple[float, float]]:
-    """Return the smallest and largest value of every state and input that the records visit."""
-    u = np.concatenate([s.u for s in segments])
-    columns = {**{n: X[:, i] for i, n in enumerate(model.states)}, **{n: u[:, j] for j, n in enumerate(model.inputs)}}
-    return {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
-
-
-__all__ = ["LEAD", "Problem", "first_look", "prepare", "stretch_of"]
+__all__ = ["Problem", "looks", "prepare", "stretch_of"]

@@ -7,80 +7,75 @@ transform shows the orders N of -A sin(N q + phi) [Savitzky and Golay 1964, doi:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve, savgol_filter
+from scipy.signal import cont2discrete, fftconvolve, savgol_filter
 
-from signlin_ros.comparison.missing import per_force
-from signlin_ros.compiled import exact_tape
+from signlin_ros.comparison.missing import inertia
 from signlin_ros.fitting.candidate import candidate
 from signlin_ros.fitting.fit import fit
 from signlin_ros.fitting.following import follow_records
-from signlin_ros.fitting.gains import Gains, linear_base, stepped
-from signlin_ros.fitting.problem import FASTEST, Problem, first_look
+from signlin_ros.fitting.gains import Gains, linear_base
+from signlin_ros.fitting.problem import FASTEST, Problem, looks
 from signlin_ros.follow.data import travelled
-from signlin_ros.follow.equations import equations, neutral_sensors
-from signlin_ros.follow.segments import Segment
 from signlin_ros.follow.tracking import filled
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
+Motion = tuple[Array, Array, Array]
+"""Position, velocity and what is missing, each (T,)."""
 
 LEAST, APART = 4.0, 6.0
 """Least order, and least distance of two of them, times the way: two thirds of a wave, and about a line's width."""
-MOST = 4
-"""Most orders that are taken from one spectrum."""
-STEPS = 6.0
-"""Steps of an encoder that a period must have: finer waves are its own."""
+MOST, STEPS = 4, 6.0
+"""Most orders that are taken from one spectrum; steps of an encoder that a period must have, else it is its own."""
 SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
 """Smallest N v dt of a fast one, and least order times the way; for how many time constants of the observer it leaves a
 trace, and what that must take from the squares, in means of these: noise takes less at any of a thousand orders."""
 
 
-def _missing_acceleration(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
-    """Return position (T,), velocity (T,) and unexplained acceleration (T,), all records one after the other."""
-    looks = first_look(model, problem.segments, problem.channels, problem.levels[0])
-    eq = equations(model.structure, problem.channels, ())
-    names, plant = model.states, model.plant
-    positions, velocities, residuals = [], [], []
-    for s, X in zip(problem.segments, looks, strict=True):
-        velocity, acceleration = _motion(problem, model, s, X)
-        if plant.position in problem.channels:
-            q = filled(s.t, s.y[:, problem.channels.index(plant.position)])
-        elif plant.position in names:
-            q = X[:, names.index(plant.position)]
-        else:
-            q = travelled(s.t, velocity)
-        columns = [X[:, i] for i in range(len(names))]
-        columns[names.index(plant.velocity)] = velocity
-        sensors = neutral_sensors(len(problem.channels))
-        F = eq.keep.batch([*columns, *s.u.T, *model.p, *sensors, np.sign(velocity)])
-        positions.append(q)
-        velocities.append(velocity)
-        residuals.append(acceleration - F[names.index(plant.velocity)])
-    return np.concatenate(positions), np.concatenate(velocities), np.concatenate(residuals)
+def _missing_acceleration(problem: Problem, model: Model) -> Motion:
+    """Return position, velocity and unexplained acceleration, each (T,), all records one after the other."""
+    plant, rows, at, dt = model.plant, [], model.states.index(model.plant.velocity), problem.scale.step
+    for tracker, run in looks(model, problem.segments, problem.channels, problem.levels[0]):
+        t, x, measured = tracker.t, run.state.copy(), dict(zip(problem.channels, tracker.y.T, strict=True))
+        shown = {c: filled(t, measured[c]) for c in (plant.position, plant.velocity) if c in measured}
+        v, a = x[:, at], np.gradient(x[:, at], t)
+        if plant.velocity in shown:
+            v, a = (savgol_filter(shown[plant.velocity], 5, 2, deriv=k, delta=dt) for k in (0, 1))
+        elif plant.position in shown:
+            v, a = (savgol_filter(shown[plant.position], 9, 3, deriv=k, delta=dt) for k in (1, 2))
+        places = {**dict(zip(model.states, run.state.T, strict=True)), **shown}
+        q = places[plant.position] if plant.position in places else travelled(t, v)
+        x[:, at] = v
+        rows.append((q, v, a - tracker.linearized(x)[0][:, at]))
+    return _joined(rows)
 
 
-def _missing_force(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
+def _missing_force(problem: Problem, model: Model) -> Motion:
     """Return position, velocity and the force that the model lacks, each (T,), where the motion is imposed."""
-    looks = first_look(model, problem.segments, problem.channels, problem.levels[0])
-    plant, tape = model.plant, exact_tape(model.structure)
+    plant, rows = model.plant, []
     at, output = model.states.index(plant.position), problem.channels.index(plant.effort)
-    rows = []
-    for s, X in zip(problem.segments, looks, strict=True):
-        v = s.u[:, model.inputs.index(plant.velocity)]
-        modelled = tape.batch([*X.T, *s.u.T, *model.p, *([np.sign(v)] * len(model.trace.surfaces))])[-1]
-        rows.append((X[:, at], v, modelled - filled(s.t, s.y[:, output])))
-    q, v, force = map(np.concatenate, zip(*rows, strict=True))
-    return q, v, force
+    for tracker, run in looks(model, problem.segments, problem.channels, problem.levels[0]):
+        lacks = tracker.outputs(run.state)[:, output] - filled(tracker.t, tracker.y[:, output])
+        rows.append((run.state[:, at], tracker.u[:, model.inputs.index(plant.velocity)], lacks))
+    return _joined(rows)
+
+
+def _joined(rows: Sequence[Motion]) -> Motion:
+    q, v, a = map(np.concatenate, zip(*rows, strict=True))
+    return q, v, a
 
 
 def _matched(problem: Problem, model: Model, highest: float, count: int) -> list[tuple[float, float, float]]:
     """Return (N, A / inertia, phi) of fast periodic forces: those that turn by about a radian and more in a sample.
 
-    An observer is too slow for them, but it leaves a trace of each: what it leaves is filtered with its own response to
-    a force that acts between two samples (a matched filter), and the amplitudes are those whose response fits best.
-    Positions are those of a high and of a lower gain: the ones are noisier, the others off by what the model lacks.
+    An observer is too slow for them, but it leaves a trace of each: what it leaves is filtered backwards with its own
+    response to a force that acts between two samples (a matched filter), and the amplitudes are those whose response
+    fits best. Positions are those of a high and of a lower gain: the ones are noisier, the others off by what the model
+    lacks.
     """
     c, (high, lower) = candidate(problem, model, ()), problem.levels[:2]
     base = fit(problem, c, lower, None, 4)
@@ -91,7 +86,7 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
             break
         left = [np.nan_to_num(e / problem.noise) for e in runs[0][0]]
         places = [halfway(model, s.t, X) for X, s in zip(run[2], problem.segments, strict=True)]
-        whole = [backwards(e[1:], seen) for e in left]
+        whole = [fftconvolve(e[1:], seen[::-1], axes=0).sum(axis=1)[len(seen) - 1 :][: len(e) - 1] for e in left]
         q, rest = np.concatenate(places), np.concatenate([e[1:].ravel() for e in left])
         for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, SLOWEST / FASTEST * highest):
             waves = [np.exp(1j * order * one)[:, None] for one in places]
@@ -101,11 +96,6 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
             if np.sum((basis @ (sine, cosine)) ** 2) > SEEN * np.mean(rest**2):
                 starts.append((order, float(np.hypot(sine, cosine)), float(np.arctan2(-cosine, -sine))))
     return starts
-
-
-def backwards(left: Array, seen: Array) -> Array:
-    """Return what is left (T, ny) at the ends of steps, filtered backwards with a response (M, ny), at their starts."""
-    return np.asarray(fftconvolve(left, seen[::-1], axes=0).sum(axis=1)[len(seen) - 1 :][: len(left)])
 
 
 def halfway(model: Model, t: Array, X: Array) -> Array:
@@ -120,11 +110,9 @@ def response(problem: Problem, model: Model, gains: Gains) -> Array:
     """Return what an observer of the bare plant leaves (M, ny), in units of the noise, in the samples after one between
     which a unit of acceleration was missing.
     """
-    states, A, _, C = linear_base(model, problem.channels)
-    push = np.zeros((len(states), 1))
-    push[states.index(model.plant.velocity)] = 1.0
-    dt = problem.scale.step
-    free, x = stepped(A, push, dt)
+    states, A, C = linear_base(model, problem.channels)
+    push, dt = (np.array(states) == model.plant.velocity)[:, None].astype(float), problem.scale.step
+    free, x, *_ = cont2discrete((A, push, C, np.zeros((len(C), 1))), dt)
     onward = free @ (np.eye(len(states)) - gains.rows(states)[-1] @ C)
     while x.shape[1] <= TRACE * gains.tau / dt:  # twice as many powers each time
         x, onward = np.hstack([x, onward @ x]), onward @ onward
@@ -147,39 +135,24 @@ def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, A
     return np.concatenate(q), v, np.concatenate([np.nan_to_num(e[1:]) @ row for e in found[0]])
 
 
-def _motion(problem: Problem, model: Model, s: Segment, X: Array) -> tuple[Array, Array]:
-    """Return velocity and acceleration (T,) from what is measured."""
-    dt, plant = problem.scale.step, model.plant
-    if plant.velocity in problem.channels:
-        v = filled(s.t, s.y[:, problem.channels.index(plant.velocity)])
-        return savgol_filter(v, 5, 2), savgol_filter(v, 5, 2, deriv=1, delta=dt)
-    if plant.position in problem.channels:
-        q = filled(s.t, s.y[:, problem.channels.index(plant.position)])
-        return savgol_filter(q, 9, 3, deriv=1, delta=dt), savgol_filter(q, 9, 3, deriv=2, delta=dt)
-    v = X[:, model.states.index(plant.velocity)]
-    return v, np.gradient(v, s.t)
-
-
 def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, float]]:
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi)."""
+    highest = min(problem.fastest, finest(problem))
     if model.plant.motion_is_imposed():
         q, v, force = _missing_force(problem, model)
-        fastest = problem.fastest
-        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, min(fastest, finest(problem)), MOST)]
-    inertia = 1.0 / float(per_force(model)[model.states.index(model.plant.velocity)])
-    highest = min(problem.fastest, finest(problem))
-    starts: list[tuple[float, float, float]] = []
+        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, highest, MOST)]
+    mass, starts = inertia(model), list[tuple[float, float, float]]()
     q, v, a = _missing_acceleration(problem, model)
     for order in _orders(q, v, a, highest, MOST):
         near = (0.0,) if starts else (0.0, -1.5 / np.ptp(q), 1.5 / np.ptp(q))
-        starts += [_start(q, a, order + shift, inertia) for shift in near]
+        starts += [_start(q, a, order + shift, mass) for shift in near]
     for gains in problem.levels[:2]:
         q, v, a = _corrections(problem, model, gains)
         for order in _orders(q, v, a, highest, MOST - 1):
-            N, A, phase = _start(q, a, order, inertia)
+            N, A, phase = _start(q, a, order, mass)
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
     fast = _matched(problem, model, highest, MOST // 2)
-    return starts + [(N, A * inertia, phase) for N, A, phase in fast]
+    return starts + [(N, A * mass, phase) for N, A, phase in fast]
 
 
 def finest(problem: Problem) -> float:
@@ -190,17 +163,13 @@ def finest(problem: Problem) -> float:
 
 
 def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lowest: float = 0.2) -> list[float]:
-    """Return the orders of the highest peaks of the spectrum of a (T,) over q (T,)."""
-    features = np.column_stack([np.ones_like(v), v, np.sign(v), v * np.abs(v)])
-    a = a - features @ np.linalg.lstsq(features, a, rcond=None)[0]
-    return peaks(q, np.clip(a, *np.quantile(a, [0.005, 0.995])), highest, count, lowest)
-
-
-def peaks(q: Array, a: Array, highest: float, count: int, lowest: float) -> list[float]:
     """Return the orders, from ``lowest`` to ``highest``, of the highest peaks of the spectrum of a (T,) over q (T,)."""
     span = float(np.ptp(q))
     if not span > 0:
         return []
+    features = np.column_stack([np.ones_like(v), v, np.sign(v), v * np.abs(v)])
+    a = a - features @ np.linalg.lstsq(features, a, rcond=None)[0]
+    a = np.clip(a, *np.quantile(a, [0.005, 0.995]))
     bins = int(min(2**18, max(256, 4 * span * highest / (2 * np.pi))))
     place = np.minimum(((q - q.min()) / span * bins).astype(int), bins - 1)
     size = 2 ** int(np.ceil(np.log2(4 * bins)))
@@ -214,10 +183,10 @@ def peaks(q: Array, a: Array, highest: float, count: int, lowest: float) -> list
     return found
 
 
-def _start(q: Array, a: Array, order: float, inertia: float) -> tuple[float, float, float]:
+def _start(q: Array, a: Array, order: float, mass: float) -> tuple[float, float, float]:
     waves = np.column_stack([np.sin(order * q), np.cos(order * q)])
     s, c = np.linalg.lstsq(waves, a, rcond=None)[0]
-    return order, float(inertia * np.hypot(s, c)), float(np.arctan2(-c, -s))
+    return order, float(mass * np.hypot(s, c)), float(np.arctan2(-c, -s))
 
 
-__all__ = ["backwards", "finest", "halfway", "peaks", "periodic_starts", "response"]
+__all__ = ["finest", "halfway", "periodic_starts", "response"]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.effects import find_effect
+from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.loop import MOST, follow
@@ -19,21 +19,20 @@ from signlin_ros.follow.segments import Segment, twin
 Array = NDArray[np.float64]
 TURN, FASTER = 0.8, 1.5
 """Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
-RESTING, MEMORY = 0.02, 400
-"""A record is at rest below this share of the RMS velocity; else what is remembered is fitted to so many samples."""
-SECANTS, SETTLED = 8, 1e-3
-"""Most secants, and the share of the squared errors below which another one gains nothing."""
-SWEEPS, NEARBY, REMEMBERED = 4, 0.1, 3.0
-"""Most steps of all that is unknown of a start together, the part of its reach by which slopes are found, and so many
-time constants of the observer as that is remembered."""
+RESTING, MEMORY, REMEMBERED = 0.02, 400, 3.0
+"""A record is at rest below this share of the RMS velocity; else what is remembered is fitted to so many samples, all
+that is unknown together to so many time constants of the observer."""
+SECANTS, SWEEPS, SETTLED, NEARBY = 8, 4, 1e-3, 0.1
+"""Most secants of one unknown, and of all together; the share of the squared errors below which another one gains
+nothing; and the part of its reach by which slopes are found."""
 LOST = 1e100
 """Errors from which on a start leads nowhere: it is sought anew."""
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where a record was found to start: the state x (n,), the steps ``near`` (k, n) by which slopes were found, what
-    these ``changes`` of the errors (k, size) were, None where they were not kept; and the ``record`` itself.
+    """Where a ``record`` was found to start: the state x (n,), the steps ``near`` (k, n) by which slopes were
+    found, and by what these changed the errors: ``changes`` (k, size), None where not kept.
     """
 
     x: Array
@@ -42,35 +41,23 @@ class Start:
     record: Segment | None = None
 
 
-def _initial(c: Candidate, s: Segment) -> Array:
-    x0 = []
-    for name in c.model.states:
-        source = name if name in s.start else twin(name, tuple(s.start))
-        x0.append(s.start.get(source, 0.0))
-    return np.array(x0)
-
-
 def turns(problem: Problem, c: Candidate, p: Array) -> int:
     """Return the substeps that periodic forces ask for: the phase of each must not turn by more than `TURN` in one."""
-    turned = 0.0
-    for key, use in c.model.effects.items():
-        for name in find_effect(use.type, "effects").periodic[:1]:
-            order = p[c.equations.parameters.index(f"{key}.{name}")]
-            turned = max(turned, abs(order) * FASTER * problem.scale.velocity * problem.scale.step)
-    return ceil(min(turned / TURN, MOST))
+    names = [f"{key}.{n}" for key, use in c.model.effects.items() for n in EFFECTS[use.type].periodic[:1]]
+    order = max((abs(p[c.equations.parameters.index(name)]) for name in names), default=0.0)
+    return ceil(min(order * FASTER * problem.scale.velocity * problem.scale.step / TURN, MOST))
 
 
 def record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[Any, ...]) -> Array:
     """Return the state (n,) that a record starts from.
 
-    Where it starts in motion, what an effect remembers (a bristle's bend, a temperature, by how much a load lags) is
-    fitted to the first samples by secants: it is no parameter, since its derivative vanishes where it is best. Where
-    nobody saw the position, all that is unknown is then fitted together, to as many samples as an observer of time
-    constant ``tau`` in s remembers it; a wrong model would bend to its ends a position that was seen. The next time,
-    with other parameters, all that is unknown is sought together from where it was found.
+    Where it starts in motion, what an effect remembers (a bristle's bend, by how much a load lags) is fitted to the
+    first samples by secants: it is no parameter, since its derivative vanishes where it is best. Where nobody saw the
+    position, all that is unknown is then fitted together, to as many samples as an observer of time constant ``tau`` in
+    s remembers it; a wrong model would bend a seen one. The next time it is sought from where it was found.
     """
-    x0 = _initial(c, s)
-    rows, *others = rest
+    twins = [n if n in s.start else twin(n, tuple(s.start)) for n in c.model.states]
+    x0, (rows, *others) = np.array([s.start.get(n, 0.0) for n in twins]), rest
     unknown = {**_unknown(problem, c, s), **_late_states(problem, s, others[4])} if s.whole else {}
     if not unknown:
         return x0
@@ -93,15 +80,14 @@ def record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: t
         return run(x, longer or size)[0]
 
     key = id(s), tau, *unknown
-    known, found = c.starts.get(key), None
-    if known is not None:
-        x = np.where([i in unknown for i in range(x0.size)], known.x, x0)
-        e = errors(x)
-        found = _descended(errors, replace(known, x=x), e, SWEEPS)[0] if np.abs(e).max() < LOST else None
+    found = c.starts.get(key)
+    if found is not None:
+        found = replace(found, x=np.where([i in unknown for i in range(x0.size)], found.x, x0))
+        e = errors(found.x)
+        found = _descended(errors, found, e, SWEEPS)[0] if np.abs(e).max() < LOST else None
     if found is None:
         found = _sought(lambda x: run(x, size), x0, unknown)
-        if longer:
-            found = _descended(errors, replace(found, changes=None), errors(found.x), SWEEPS)[0]
+        found = _descended(errors, found, errors(found.x), SWEEPS)[0] if longer else found
     c.starts[key] = replace(found, record=s)  # which keeps the identity its own
     return found.x
 

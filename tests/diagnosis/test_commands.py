@@ -79,7 +79,7 @@ def test_a_record_that_is_too_short_to_refit_is_compared_all_the_same(record, tm
     file.write_text("\n".join((record / "estimation.csv").read_text().splitlines()[:200]) + "\n")
     content = json.loads(call("compare", record / "model.yaml", file, "--json").stdout)
     assert content["first_rows"] is None
-    assert [note for note in content["notes"] if "not refitted" in note and "at least 100" in note]
+    assert [note for note in content["notes"] if "not refitted" in note and "at least 300 are needed" in note]
     assert "fitted to" not in compare_text(content)
     assert "next 0.2 s" in compare_text(content)
 

@@ -11,6 +11,7 @@ from scipy.signal import butter, lfilter
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.motion import Motion
+from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -47,7 +48,7 @@ def shaken(spring: Callable[[float], float], seed: int) -> ModelData:
 def share(record: ModelData) -> float:
     """Return the share of what the fitted model leaves that follows from its own motion."""
     model = RINGING.with_parameters({"m": 0.0442, "c": 1.76, "k": 9500.0})
-    return Motion.of(model, [record], None, DEFAULT, jobs=1).base.left[0].dependent
+    return Motion(*prepared(model, *held_out([record])), DEFAULT, jobs=1).base.left[0].dependent
 
 
 def test_a_right_model_leaves_what_nothing_predicts():

@@ -11,7 +11,7 @@ from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion import CancelledError, Motion
 from signlin_ros.diagnosis.motion.score import gain
-from signlin_ros.diagnosis.motion.search import search
+from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -35,7 +35,7 @@ def record(model: Model, seed: int, seconds: float = 16.0, channels: tuple[str, 
 
 def motion(truth: Model, base: Model | None = None, **options) -> Motion:
     known, unseen = record(truth, 1, **options), record(truth, 2, **options)
-    return Motion.of(base or Model.from_dict(BASE), [known], [unseen], Criteria(), jobs=1)
+    return Motion(*prepared(base or Model.from_dict(BASE), [known], [unseen]), Criteria(), jobs=1)
 
 
 COULOMB = Model.from_dict({**BASE, "effects": {"coulomb_friction": {"mu": 2.0}}})
@@ -78,7 +78,7 @@ def test_a_friction_that_is_known_but_for_a_scale_is_there():
         speed = simulate(truth, t, u[:, None], np.zeros(1)).x[:, 0] + rng.normal(0, 0.1, t.size)
         return ModelData(t, u[:, None], {"speed": speed}, None, ("voltage",), ("speed",), {"speed": "rad/s"})
 
-    witness = Motion.of(base, [run(1)], [run(2)], Criteria(), jobs=1)
+    witness = Motion(*prepared(base, [run(1)], [run(2)]), Criteria(), jobs=1)
     found = witness.fitted(["coulomb_friction"])
     mu = found.parameters["coulomb_friction.mu"]
     assert mu.value < 4 * mu.std
@@ -88,7 +88,7 @@ def test_a_friction_that_is_known_but_for_a_scale_is_there():
 
 def test_the_simplest_law_that_suffices_is_named():
     found = motion(COULOMB)
-    path = search(found, 3)
+    path = found.search(3)
     assert path[-1][0].effects == ("coulomb_friction",)
     mu = path[-1][0].parameters["coulomb_friction.mu"]
     assert abs(mu.value - 2.0) < 4 * mu.std < 0.5
@@ -120,7 +120,7 @@ def test_an_imposed_motion_without_any_force_of_its_own():
     measured = {"displacement": displacement, "force": force}
     data = ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), {"displacement": "m"})
     nothing = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 0.0}})
-    found = Motion.of(nothing, [data], None, Criteria(), jobs=1)
+    found = Motion(*prepared(nothing, *held_out([data])), Criteria(), jobs=1)
     assert found.base.parameters == {}
     both = found.fitted(["viscous_friction", "coulomb_friction"])
     assert both.parameters["viscous_friction.b"].value == pytest.approx(800.0, rel=0.02)
@@ -135,15 +135,15 @@ def test_gaps_several_records_and_missing_samples():
     cut = ModelData(
         whole.t[kept], whole.u[kept], {"displacement": holes[kept]}, None, whole.inputs, whole.states, whole.units
     )
-    found = Motion.of(Model.from_dict(BASE), [cut, record(COULOMB, 3)], None, Criteria(), jobs=1)
+    found = Motion(*prepared(Model.from_dict(BASE), *held_out([cut, record(COULOMB, 3)])), Criteria(), jobs=1)
     assert not found.refused(found.base, found.fitted(["coulomb_friction"]))
 
 
 def test_it_stops_when_asked():
     asked = []
-    model, data = Model.from_dict(BASE), [record(COULOMB, 1)]
+    sides = prepared(Model.from_dict(BASE), *held_out([record(COULOMB, 1)]))
     with pytest.raises(CancelledError):
-        search(Motion.of(model, data, None, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0), 3)
+        Motion(*sides, Criteria(), progress=asked.append, cancelled=lambda: len(asked) > 0).search(3)
     assert len(asked) == 1
 
 
@@ -160,6 +160,6 @@ def test_records_of_an_independent_program(group, index, tmp_path):
     folder = write(drawn, tmp_path)
     paths = [str(folder / f"{part}.csv") for part in ("estimation", "validation")]
     model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
-    final = search(Motion.of(model, [known], [unseen], Criteria(), jobs=1), 3)[-1][0]
+    final = Motion(*prepared(model, [known], [unseen]), Criteria(), jobs=1).search(3)[-1][0]
     assert {*final.effects} == {*drawn.truth["hidden"]} - {"none"}
     assert final.white

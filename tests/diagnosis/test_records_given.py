@@ -11,7 +11,7 @@ from signlin_ros.diagnosis import diagnose, load_records
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.results import Entry, Estimate
 from signlin_ros.errors import InputError, RecordError, SimulationError
-from signlin_ros.fitting.prepare import prepared
+from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.follow.outliers import without_outliers
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -51,7 +51,7 @@ def stopping(name: str) -> ModelData:
 )
 def test_a_record_that_tells_nothing_is_refused(data, validation, words):
     with pytest.raises(RecordError, match=words):
-        prepared(MOTOR, data, validation)
+        prepared(MOTOR, *((data, validation) if validation else held_out(data)))
 
 
 @pytest.mark.parametrize(

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.motion.fitted import Fitted, Known
 from signlin_ros.fitting.candidate import Coordinate
 
 
 def far(nominal: float, tolerance: float, value: float) -> dict[str, float]:
-    k = Coordinate("c", True, nominal, -50.0, 50.0, 0.0, tolerance)
-    fit: Any = SimpleNamespace(
-        coordinates=(k,), candidate=SimpleNamespace(coordinates=(k,)), theta=np.array([k.theta(value)])
-    )
-    nothing = np.zeros((1, 1))
-    model: Any = None
-    return Fitted((), model, {}, nothing, nothing, (), (), np.ones(1), fit, np.zeros(1)).far(DEFAULT)
+    k, model, fit = Coordinate("c", True, nominal, -50.0, 50.0, 0.0, tolerance), cast(Any, None), cast(Any, None)
+    one, nothing = Known(k, k.theta(value), 0.0), np.zeros((1, 1))
+    found = Fitted((), model, {}, nothing, nothing, np.ones(1), fit, (one,), (), tuple, lambda index: 0.0)
+    return found.far(DEFAULT)
 
 
 @pytest.mark.parametrize(

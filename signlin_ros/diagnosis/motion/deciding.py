@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import attrgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.fitted import Fitted
 from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.problem import Problem
-
-Array = NDArray[np.float64]
 
 
 class Decisions:
@@ -37,15 +35,16 @@ class Decisions:
         Where it leaves nothing but noise, of unseen data as of known ones, these are of noise, and known data count
         too, if unseen data are beyond doubt by themselves: what acts for once is in few blocks.
         """
-        blocks, before = self.gain(before, after).certainty, self.best(before)
-        sides = (after.known_squares, after.unseen_squares, self.problem.noise, self.unseen.noise)
-        noise = after.clean and not elsewhere(*sides, self.criteria.near)
-        if blocks > self.criteria.certainty or after.level > before.level or not noise:
+        c, known, unseen, before = self.criteria, self.problem, self.unseen, self.best(before)
+        blocks = gain(before.unseen_squares, after.unseen_squares, unseen.noise).certainty
+        if blocks > c.certainty or after.level > before.level or not after.clean:
+            return blocks
+        if elsewhere(after.known_squares, after.unseen_squares, known.noise, unseen.noise, c.near):
             return blocks
         together = np.array([one.together for one in after.left])
-        known = beyond_noise(before.known_squares, after.known_squares, _scored(self.problem), together)
-        unseen = beyond_noise(before.unseen_squares, after.unseen_squares, _scored(self.unseen), together)
-        return max(blocks, float(np.hypot(known, unseen))) if min(known, unseen) > self.criteria.least else blocks
+        first = beyond_noise(before.known_squares, after.known_squares, known.counts, together)
+        second = beyond_noise(before.unseen_squares, after.unseen_squares, unseen.counts, together)
+        return max(blocks, float(np.hypot(first, second))) if min(first, second) > c.least else blocks
 
     def refused(self, before: Fitted, after: Fitted) -> str:
         """Return why a model is no step beyond another, empty if it is one.
@@ -70,13 +69,12 @@ class Decisions:
         was always passed. Where the axis turns a wave's order is a whole number, which is as good if all that is left
         was tested, and is noise.
         """
-        (low, high), known = self.problem.stretch, f.clean and self.problem.turns
-        for key in (k for k in f.fit.candidate.label if k in f.model.effects):
-            use = f.model.effects[key]
+        (low, high), whole = self.problem.stretch, f.clean and self.problem.turns
+        for key, use in f.added.items():
             effect = EFFECTS[use.type]
             if not effect.is_met(use.parameters, low, high):
                 return f"the records lie all beyond {key}"
-            for name in () if known else effect.periodic[:1]:
+            for name in () if whole else effect.periodic[:1]:
                 waves = use.parameters[name] * (high - low) / (2 * np.pi)
                 if waves < self.criteria.waves:
                     return f"{key} has {waves:.1f} waves in the record"
@@ -88,34 +86,18 @@ class Decisions:
         parameter far from nominal is not, if there is anything else.
         """
         good = [one for one in options if not self.refused(before, one)]
-        best = min(good, key=lambda one: one.level, default=None)
+        best = min(good, key=attrgetter("level"), default=None)
         near = [one for one in good if best and self.as_good(best, one)]
-        near += [
-            one
-            for one in good
-            if one not in near and any(_simpler(one, other) and self.refused(one, other) for other in near)
-        ]
+        rest = [one for one in good if one not in near]
+        near += [one for one in rest if any(_simpler(one, other) and self.refused(one, other) for other in near)]
         near = [one for one in near if not one.far(self.criteria)] or near
         return sorted(near, key=lambda one: (len(one.effects), one.size, one.level + one.strain / self.unseen.samples))
-
-    def ties(self, before: Fitted, taken: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        """Return what may be there instead of what was taken: what is as good, and what would be better, but for a
-        parameter that is not known.
-        """
-        vague = [f for f in options if f.vague(self.criteria) == self.refused(before, f) != ""]
-        better = [f for f in vague if self.gain(taken, f).certainty > self.criteria.tie and not self.as_good(f, taken)]
-        return [f for f in (*self.alike(before, options), *better) if f is not taken]
 
     def as_good(self, best: Fitted, other: Fitted) -> bool:
         """Tell whether a model is as good as the best: within a standard error, or what a table shows."""
         g = self.gain(other, best)
         alike = bool((g.ratios > 1.0 - self.criteria.alike).all())
         return other is best or g.certainty < self.criteria.tie or alike
-
-
-def _scored(problem: Problem) -> Array:
-    """Return how many samples (channels) are scored, about."""
-    return np.asarray(np.sum([np.isfinite(s.y).sum(axis=0) for s in problem.segments], axis=0), dtype=float)
 
 
 def _simpler(one: Fitted, other: Fitted) -> bool:

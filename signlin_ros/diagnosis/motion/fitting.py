@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.motion.score import level, windowed
-from signlin_ros.diagnosis.motion.trials import Parts, Trial, extended
+from signlin_ros.diagnosis.motion.trials import Parts, Trial
 from signlin_ros.effects import EFFECTS
-from signlin_ros.fitting.candidate import Candidate, nothing
-from signlin_ros.fitting.fit import Fit, fit, further
-from signlin_ros.fitting.narrow import narrowed
+from signlin_ros.fitting.candidate import Candidate
+from signlin_ros.fitting.fit import Fit, evaluated, fit, further
 from signlin_ros.fitting.problem import Problem
 
 Array = NDArray[np.float64]
@@ -24,28 +24,42 @@ FEW, KEPT = 6, 2
 """Starts that are tried where an effect has many, and how many of all go on to the next gain."""
 FIRST, NEXT, LAST = 2, 4, 10
 """Steps of a fit from a start, at the middle gain, and to the end."""
+ROUNDS, CHILDREN, PARENTS, BEST = 4, 48, 14, 3
+"""Rounds of breeding, new points in each, the points that they are drawn around, and those that a fit starts from."""
+LEAST = 0.03
+"""Smallest spread of the logarithm of what is drawn."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """A minimum: the fit at the gain whose windows are predicted best, these errors (blocks, channels), and the fit at
-    the lowest gain, where most shows of what is missing.
+    """A minimum: the fit at the gain whose windows are predicted best, the level of these errors, and the fit at the
+    lowest gain, where most shows of what is missing.
     """
 
     fit: Fit
-    known: Array
+    level: float
     low: Fit
+
+    @classmethod
+    def of(cls, problem: Problem, f: Fit, low: Fit) -> Found:
+        """Return a fit and one at the lowest gain with the level of the first."""
+        return cls(f, level(windowed(problem, f.candidate, f.theta, f.gains), problem.noise), low)
+
+
+def cheapest(fits: Iterable[Fit | None]) -> Fit | None:
+    """Return the fit of the least objective; None where all diverged."""
+    return min((f for f in fits if f), key=attrgetter("cost"), default=None)
 
 
 def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], check: Callable[[], None]) -> Found | None:
     """Return a candidate fitted from the best of some starts at all gains but the highest, one after the other;
     ``check`` is called in between, and may raise.
     """
-    middle, tried = problem.levels[1], list[Fit]()
+    tried = []
     for theta in starts:
         check()
-        tried += [f for f in [fit(problem, c, middle, theta, NEXT)] if f]
-    best = min(tried, key=_cost, default=None)
+        tried.append(fit(problem, c, problem.levels[1], theta, NEXT))
+    best = cheapest(tried)
     if best is None:
         return None
     fits = [further(problem, best, LAST)]
@@ -55,8 +69,7 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
         if lower is None:
             break
         fits.append(lower)
-    scored = [Found(f, windowed(problem, c, f.theta, f.gains), fits[-1]) for f in fits]
-    found = min(scored, key=lambda one: level(one.known, problem.noise))
+    found = min((Found.of(problem, f, fits[-1]) for f in fits), key=attrgetter("level"))
     if found.fit is found.low:
         return found
     slow = fit(problem, c, found.low.gains, found.fit.theta, 0)  # on the way down a fit may lose what it had
@@ -65,18 +78,16 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
 
 def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:
     """Return by how many standard errors coordinates of added effects differ from nothing, by how much the likelihood
-    of the best model falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360].
-
-    It does not depend on the units that a parameter is fitted in, as its own standard error does: a friction that is
-    known only as a multiple of what scales it is surely there. What correlation the residual has is allowed for by the
-    scores' own variance, as in the robust covariance.
+    of the best model falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360]: unlike their own
+    standard errors that does not depend on the units that they are fitted in. The scores' own variance allows for what
+    correlation the residual has.
     """
-    c = f.candidate
-    at = {i: _where(c, i) for i in index}
-    held = tuple(replace(k, low=at[i], high=at[i]) if i in at else k for i, k in enumerate(c.coordinates))
-    theta = f.theta.copy()
-    theta[list(at)] = list(at.values())
-    best = fit(problem, replace(c, coordinates=held), f.gains, theta, NEXT)
+    c, theta, held = f.candidate, f.theta.copy(), list(f.candidate.coordinates)
+    for i in index:
+        kind = held[i].name.partition(".")[0]
+        theta[i] = held[i].nothing(EFFECTS[c.model.effects[kind].type if kind in c.model.effects else kind])
+        held[i] = replace(held[i], low=theta[i], high=theta[i])
+    best = fit(problem, replace(c, coordinates=tuple(held)), f.gains, theta, NEXT)
     if best is None:
         return np.inf
     scores = f.hessian @ covariances[-1] @ f.hessian
@@ -84,49 +95,62 @@ def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple
     return float(np.sqrt(max(best.cost - f.cost, 0.0) / correlated))
 
 
-def _where(c: Candidate, i: int) -> float:
-    """Return the value of a coordinate of an added effect at which that does nothing."""
-    name = c.coordinates[i].name
-    kind = name.partition(".")[0]
-    effect = EFFECTS[c.model.effects[kind].type if kind in c.model.effects else kind]
-    return nothing(c.coordinates[i], effect)
-
-
 def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit | None:
     """Return the best fit of one more effect at the middle gain on a part of the records, from some of its starts with
     base parameters as given and as they were fitted before.
     """
-    remembers, (high, middle) = bool(EFFECTS[trial.effect].states), problem.levels[:2]
+    remembers, (high, middle) = bool(trial.effect.states), problem.levels[:2]
     short = problem.led if remembers else problem.short
-    starts, known, parts = _spread(trial.starts, few), before.parameters(), Parts.of(before)
-    candidates = [extended(problem, parts, trial, start) for start in starts]
-    added = {n: v for n, v in known.items() if any(n.startswith(f"{k}.") or n == k for k in before.candidate.label)}
-    ways = [added] if not before.candidate.label else [added, known]
+    parts, known, label = Parts.of(before), before.parameters(), before.candidate.label
+    at = dict.fromkeys(np.linspace(0, len(trial.starts) - 1, min(few, len(trial.starts))).astype(int).tolist())
+    candidates = [parts.extended(trial.name, trial.starts[i]).candidate(problem) for i in at]
+    added = {n: v for n, v in known.items() if n in label or n.partition(".")[0] in label}
+    ways = [added, known] if label else [added]
     first = [fit(short, c, high, c.start(way), FIRST) for c in candidates for way in ways]
-    best = sorted((f for f in first if f), key=_cost)[:KEPT]
+    best = sorted((f for f in first if f), key=attrgetter("cost"))[:KEPT]
     second = [fit(short, f.candidate, middle, f.theta, NEXT) for f in best]
     if remembers:  # a high gain says little of what is remembered
         second += [fit(short, c, middle, c.start(added), NEXT) for c in candidates]
-    return min((f for f in second if f), key=_cost, default=None)
-
-
-def _spread(starts: Sequence[Mapping[str, float]], few: int) -> list[dict[str, float]]:
-    at = np.unique(np.linspace(0, len(starts) - 1, min(few, len(starts))).astype(int)).tolist()
-    return [dict(starts[i]) for i in at]
+    return cheapest(second)
 
 
 def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
-    """Return the best fit of an effect with many local minima, from the best of many starts and what they breed."""
+    """Return the best fit of an effect with many local minima, in which a descent ends, as of what makes and breaks
+    contact: from the best of many starts, all positive, and of what they breed.
+
+    The cross-entropy method [Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 2] on -2 log likelihood without
+    its derivatives.
+    """
     parts, middle = Parts.of(before), problem.levels[1]
-    first = extended(problem, parts, trial, trial.starts[0])
-    key = first.label[-1]
-    starts = narrowed(problem.short, first, trial.starts, key, middle, each)
-    fits = (fit(problem, extended(problem, parts, trial, s), middle, None, LAST) for s in starts)
-    return min((f for f in fits if f), key=_cost, default=None)
+    c = parts.extended(trial.name, trial.starts[0]).candidate(problem)
+    own = {k.name: i for i, k in enumerate(c.coordinates) if k.name.partition(".")[0] == c.label[-1]}
+    free = {n: own[f"{c.label[-1]}.{n}"] for n in trial.starts[0] if f"{c.label[-1]}.{n}" in own}
+    index = list(free.values())
+
+    def cost(z: Array) -> float:
+        theta = c.start()
+        theta[index] = [c.coordinates[i].theta(value) for i, value in zip(index, np.exp(z).tolist(), strict=True)]
+        f = evaluated(problem.short, c, np.clip(theta, *c.bounds), middle, False)
+        return f.cost if f else np.inf
+
+    best = _bred(np.log([[one[n] for n in free] for one in trial.starts]), cost, each)[:BEST]
+    starts = [{**trial.starts[0], **dict(zip(free, np.exp(z).tolist(), strict=True))} for z in best]
+    candidates = [parts.extended(trial.name, start).candidate(problem) for start in starts]
+    return cheapest(fit(problem, c, middle, None, LAST) for c in candidates)
 
 
-def _cost(f: Fit) -> float:
-    return f.cost
+def _bred(points: Array, cost: Callable[[Array], float], each: Each) -> Array:
+    """Return points (N, n) and what was bred of them, best first."""
+    costs = np.array(list(each(cost, list(points))))
+    draw = np.random.default_rng(0).standard_normal
+    low, high, size = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0, points.shape[1]
+    for _ in range(ROUNDS):
+        parents = points[np.argsort(costs)[:PARENTS]]
+        spread = np.linalg.cholesky(np.cov(parents.T).reshape(size, size) + LEAST**2 * np.eye(size))
+        children = np.clip(parents.mean(axis=0) + draw((CHILDREN, size)) @ spread.T, low, high)
+        points = np.concatenate([points, children])
+        costs = np.concatenate([costs, list(each(cost, list(children)))])
+    return np.asarray(points[np.argsort(costs)])
 
 
-__all__ = ["Each", "Found", "bred", "climbed", "settled", "without"]
+__all__ = ["FEW", "NEXT", "Found", "bred", "cheapest", "climbed", "settled", "without"]

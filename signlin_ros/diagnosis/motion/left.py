@@ -1,9 +1,9 @@
 """What a model leaves: is it more than the sensors' noise?
 
-A force that the model lacks is a function of position, velocity, input and time. So the residual is regressed on some
-dozens of such functions, each as the observer would have left it, and judged by how well that predicts samples which
-the regression did not see [cross-validation: Stone, J. R. Stat. Soc. B 36 (1974) 111; correlation of residuals with
-functions of what is known: Billings and Voon, Int. J. Control 44 (1986) 235].
+A force that the model lacks is a function of position, velocity, input and time. So the residual is regressed on
+dozens of such functions, each as the observer would have left it, and judged by how well that predicts unseen samples
+[Stone, J. R. Stat. Soc. B 36 (1974) 111; residuals and functions of what is known: Billings and Voon, Int. J. Control
+44 (1986) 235].
 """
 
 from __future__ import annotations
@@ -34,24 +34,22 @@ MOST, ENOUGH, RIDGE = 30_000, 10, 1e-5
 """Samples that are looked at; samples for each function, below which nothing is said; ridge of the regression."""
 SLOW = (0.1, 0.03)
 """Velocities, as shares of the largest, within which friction may fade."""
-ABOUT = 0.9
-"""Part of the sensor's variance from which on a residual is about as large: far less, and that noise is overrated."""
-ALL = 0.99
-"""Part of a response that counts as nearly all of it."""
+ABOUT, ALL = 0.9, 0.99
+"""Part of the sensor's variance from which on a residual is about as large: far less, and that noise is overrated; part
+of a response that counts as nearly all of it."""
 
 
 @dataclass(frozen=True)
 class Left:
-    """The residual of a channel: root mean square in multiples of the sensor's noise, the share of its square that
-    follows from the model's motion (NaN: too few samples to tell), whether it is more than noise, and how many samples
-    of it go together.
+    """The residual of a channel: RMS in multiples of the sensor's noise, the share of its square that follows from the
+    model's motion (NaN: too few samples to tell), whether it is more than noise, and how many samples go together.
     """
 
     channel: str
     over_noise: float
     dependent: float
     structured: bool
-    together: float = 1.0
+    together: float
 
 
 def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
@@ -62,15 +60,12 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
     """
     lowest = problem.levels[-1]
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
-    lost, f = slow is None, slow or f
-    shares = dependence(problem, f)
-    found, result = colours(f.innovations, problem.noise), []
-    for channel, one, share, noise in zip(
-        problem.channels, found, shares.tolist(), problem.noise.tolist(), strict=True
-    ):
-        noisy = ABOUT < one.variance / noise**2 < 1.0 + criteria.dependent
-        structured = lost or (not noisy and (one.structured or share > criteria.dependent))
+    f, lost, result = slow or f, slow is None, []
+    found, shares = colours(f.innovations, problem.noise), dependence(problem, f).tolist()
+    for channel, one, share, noise in zip(problem.channels, found, shares, problem.noise.tolist(), strict=True):
         over = float(np.sqrt(one.variance) / noise)
+        noisy = ABOUT < over**2 < 1.0 + criteria.dependent
+        structured = lost or (not noisy and (one.structured or share > criteria.dependent))
         result.append(Left(channel, over, share, bool(structured), one.together))
     return tuple(result)
 
@@ -79,25 +74,28 @@ def dependence(problem: Problem, f: Fit) -> Array:
     """Return which share (ny) of the squared residual of a fit follows from its own motion, on samples left out; 0 or
     less: none; NaN where samples are too few to tell. Nothing is said (0) of a model that an extended Kalman filter
     follows, whose gain changes.
+
+    Where an inertia is moved, with the slowest observer whose response is short beside the parts that are left out.
     """
-    none = np.zeros(len(problem.channels))
-    if f.candidate.filtered:
+    none, samples, c = np.zeros(len(problem.channels)), problem.samples, f.candidate
+    if c.filtered:
         return none
-    seen, gains, block = None, f.gains, max(int(BLOCK / problem.scale.step), LEAST)
-    if problem.base.plant.velocity in f.candidate.model.states:
-        looks = ((response(problem, f.fitted(), one), one) for one in problem.levels[::-1])
-        sizes = [(max(block, ceil(LENGTHS * _length(r))), r, one) for r, one in looks]
-        usual = [s for s in sizes if 2 * FOLDS * s[0] <= problem.samples]
-        quick = [s for s in sizes[-1:] if FEWEST * s[0] <= problem.samples]
-        block, seen, gains = next(iter([*usual, *quick]), (0, None, gains))
-    found = _regressors(problem, f, gains, seen, block) if block else None
+    least = max(int(BLOCK / problem.scale.step), LEAST)
+    looks: list[tuple[int, Array | None, Gains]] = [(least, None, f.gains)]
+    if problem.base.plant.velocity in c.model.states:
+        model = f.fitted()
+        seen = ((response(problem, model, gains), gains) for gains in problem.levels[::-1])
+        sizes = [(max(least, ceil(LENGTHS * _length(r))), r, gains) for r, gains in seen]
+        looks = [one for one in sizes if 2 * FOLDS * one[0] <= samples]
+        looks += [one for one in sizes[-1:] if FEWEST * one[0] <= samples]
+    found = _regressors(problem, f, *looks[0]) if looks else None
     if found is None or found[1].size < ENOUGH * found[0].shape[2]:
         return none + np.nan
     return _predicted(found[0], found[1], found[2] % min(FOLDS, int(found[2].max()) + 1))
 
 
 def _regressors(
-    problem: Problem, f: Fit, gains: Gains, seen: Array | None, block: int
+    problem: Problem, f: Fit, block: int, seen: Array | None, gains: Gains
 ) -> tuple[Array, Array, NDArray[np.int_]] | None:
     """Return functions (T, ny, k) of a fit's motion as an observer leaves them, its residual (T, ny) in units of the
     noise, and the number (T,) of the block that a sample is in; None where the motion is lost.
@@ -114,7 +112,7 @@ def _regressors(
         known = np.isfinite(e)
         q, v, u = (m[: len(e)] / size for m, size in zip(motion, largest, strict=True))
         features.append(np.where(known[:, :, None], _as_left(_functions(q, v, u), seen, *e.shape), 0.0))
-        residuals.append(np.where(known, np.nan_to_num(e / problem.noise), 0.0))
+        residuals.append(np.where(known, e / problem.noise, 0.0))
         blocks.append(np.arange(len(e)) // block + done)
         done += len(e) // block + 1
     return np.concatenate(features), np.concatenate(residuals), np.concatenate(blocks)
@@ -166,11 +164,11 @@ def _predicted(Z: Array, y: Array, fold: NDArray[np.int_]) -> Array:
     folds = int(fold.max()) + 1
     parts = [(Z[fold == i].reshape(-1, Z.shape[2]), y[fold == i].ravel()) for i in range(folds)]
     grams, sides = np.array([z.T @ z for z, _ in parts]), np.array([z.T @ e for z, e in parts])
-    scale = np.sqrt(np.maximum(np.diag(grams.sum(axis=0)), 1e-300))
-    left = np.zeros(y.shape[1])
+    gram, side, left = grams.sum(axis=0), sides.sum(axis=0), np.zeros(y.shape[1])
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     for i in range(folds):
-        rest = (grams.sum(axis=0) - grams[i]) / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
-        beta = np.linalg.solve(rest, (sides.sum(axis=0) - sides[i]) / scale) / scale
+        rest = (gram - grams[i]) / np.outer(scale, scale) + RIDGE * np.eye(scale.size)
+        beta = np.linalg.solve(rest, (side - sides[i]) / scale) / scale
         left += np.sum((y[fold == i] - Z[fold == i] @ beta) ** 2, axis=0)
     return np.asarray(1.0 - left / np.maximum(np.sum(y**2, axis=0), 1e-300))
 

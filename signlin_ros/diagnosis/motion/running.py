@@ -23,7 +23,7 @@ class Running:
         self._tell, self._cancelled = progress or (lambda what: None), cancelled or (lambda: False)
 
     def say(self, what: str) -> None:
-        """Tell what is being done; raise `CancelledError` if somebody asked to stop."""
+        """Tell what is being done, after `check`."""
         self.check()
         self._tell(what)
 

@@ -13,30 +13,28 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.scores import Score, rated
 from signlin_ros.fitting.candidate import Candidate
-from signlin_ros.fitting.following import follow_records, seen_late
+from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.problem import Problem
-from signlin_ros.follow.equations import equations, neutral_sensors
-from signlin_ros.follow.loop import NONE_LATE, follow
 from signlin_ros.follow.segments import Segment
+from signlin_ros.follow.tracking import Tracker
+from signlin_ros.model import Model
 from signlin_ros.predict import windows
 
 Array = NDArray[np.float64]
 
-BLOCKS = 100
-"""Blocks of whole windows, at most, that a standard error is taken from."""
+FEWEST, BLOCKS = 3, 100
+"""Blocks of whole windows that a standard error is taken from, at least and at most."""
 LOST = 1e6
 """Error of a model that diverges, in variances of the noise."""
-FEWEST = 3
-"""Blocks from which a standard error is told."""
 PLAIN = float(np.log(4.0))
 """Fall of the logarithm of a squared error from which on a block says all that it can: to half the error."""
 
 
 @dataclass(frozen=True)
 class Gain:
-    """What one model explains beyond another: standard errors, share of the squared error beyond the noise (the largest
-    of all channels), and by channel the standard errors and the ratio of root mean squares.
+    """What one model explains beyond another: standard errors, the largest share that a channel's squared error beyond
+    the noise falls by, and by channel the standard errors and the ratio of root mean squares.
     """
 
     certainty: float
@@ -53,9 +51,8 @@ def gain(before: Array, after: Array, noise: Array) -> Gain:
     """Compare two models by their mean squared errors (blocks, channels); ``noise`` (channels) of the sensors.
 
     Certainties are means over blocks of the logarithm by which the error falls, over their standard errors: where a
-    motion dies down, the first blocks would else decide alone. Noise is added, below which no error matters. To half
-    the error counts as much as to a tenth [Huber, Robust Statistics, 1981, ch. 3]: else what falls everywhere, by more
-    where there was more, would be in doubt.
+    motion dies down, the first blocks would else decide alone. Below the noise no error matters; to half the error
+    counts as much as to a tenth [Huber, Robust Statistics, 1981, ch. 3], else a fall that varies would be in doubt.
     """
     there = np.isfinite(before) & np.isfinite(after)
     a, b = np.where(there, before, 0.0), np.where(there, after, 0.0)
@@ -93,10 +90,8 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
 
 
 def elsewhere(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
-    """Tell whether a model follows unseen data so many times worse than those that it was fitted to, both beside the
-    noise of their sensors (channels): noise has a size of its own in every record, and is the same to a model.
-
-    ``known``, ``unseen``: mean squared errors (blocks, channels); ``here``, ``there``: noise of these sides.
+    """Tell whether mean squared errors (blocks, channels) of unseen data are so many times those of known ones, both
+    beside the noise of their sensors, ``there`` and ``here`` (channels): it has a size of its own in every record.
     """
     first, second = (np.sqrt(np.nanmean(squares, axis=0)) for squares in (known, unseen))
     least = np.max([first * np.maximum(there / here, 1.0), here, there], axis=0)
@@ -123,24 +118,20 @@ def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> Arra
     if errors is None:
         errors = [np.sqrt(LOST) * problem.noise + np.zeros(s.y.shape) for s in problem.segments]
     group = max(1, -(-sum(len(at) - 1 for at in cuts) // BLOCKS))
-    edges = (np.array([*at[1:-1:group], at[-1]]) + 1 for at in cuts)
-    return np.concatenate([_mean_squares(e[: at[-1]], at[:-1]) for e, at in zip(errors, edges, strict=True)])
-
-
-def _mean_squares(e: Array, begin: NDArray[np.intp]) -> Array:
-    """Return the mean squares (blocks, ny) of errors (T, ny) in blocks that ``begin`` (blocks,) at some samples."""
-    there = np.isfinite(e)
-    count = np.add.reduceat(there, begin, axis=0, dtype=float)
-    squares = np.add.reduceat(np.where(there, e, 0.0) ** 2, begin, axis=0)
-    return np.where(count > 0, squares / np.maximum(count, 1), np.nan)
+    result = []
+    for e, at in zip(errors, cuts, strict=True):
+        begin, there = np.array(at[1:-1:group], dtype=int) + 1, np.isfinite(e[: at[-1] + 1])
+        count = np.add.reduceat(there, begin, axis=0, dtype=float)
+        squares = np.add.reduceat(np.where(there, e[: at[-1] + 1], 0.0) ** 2, begin, axis=0)
+        result.append(np.where(count > 0, squares / np.maximum(count, 1), np.nan))
+    return np.concatenate(result)
 
 
 def _cuts(problem: Problem) -> list[list[int]]:
     """Return where the windows of every record begin, and where the last one ends; nothing is scored in the first."""
     longest = max(float(s.t[-1] - s.t[0]) for s in problem.segments)
     horizon = min(max(problem.base.update_period, 2 * problem.scale.step), longest / 4)
-    pairs = (windows(s.t, horizon) for s in problem.segments)
-    return [[0, *(last for _, last in one)] for one in pairs]
+    return [[0, *(last for _, last in windows(s.t, horizon))] for s in problem.segments]
 
 
 def _errors(
@@ -150,73 +141,40 @@ def _errors(
     run = follow_records(problem, c, theta, gains, False)
     if run is None:
         return None
-    p, found = c.p(theta), []
+    model, found = c.model_at(theta), []
     for s, e, X, at in zip(problem.segments, run[0], run[2], cuts, strict=True):
         known = X if c.filtered else _corrected(gains, c, X, e)
-        free = _restarted(problem, c, p, s, known, list(at[:-1]))
-        if free is None:
+        least = [max(problem.x_scale.get(name, 0.0), 1e-9) for name in model.states]
+        size = np.maximum(least, np.abs(known).max(axis=0))
+        free = Tracker(model, s.t, s.u, s.y, problem.channels, size, s.early).restarted(known, np.array(at[:-1]))
+        if free.stopped is not None:
             return None
-        found.append(s.y - _shown(problem, c, p, s, known, free, at))
+        found.append(s.y - _shown(problem, c, c.p(theta), model, s, known, free.state, at))
     return found
 
 
 def _corrected(gains: Gains, c: Candidate, X: Array, e: Array) -> Array:
     """Return the states (T, n) with what the sample itself tells of them."""
-    rows = gains.rows(c.model.states)
-    rows[:, [name in c.floating for name in c.model.states]] = 0.0
-    count = min(len(rows), len(X))
-    known: Array = X.copy()
-    e = np.nan_to_num(e)
-    known[:count] += np.einsum("kij,kj->ki", rows[:count], e[:count])
-    known[count:] += e[count:] @ rows[-1].T
-    return known
+    rows = gains.rows(c.model.states, c.floating)
+    held = rows[np.minimum(np.arange(len(X)), len(rows) - 1)]
+    return np.asarray(X + np.einsum("kij,kj->ki", held, np.nan_to_num(e)))
 
 
-def _restarted(problem: Problem, c: Candidate, p: Array, s: Segment, known: Array, at: list[int]) -> Array | None:
-    """Return the states (T, n) of the model by itself, started anew from the known ones (T, n) at some samples."""
-    states, n = c.model.states, known.shape[1]
-    eq = equations(c.model.structure, states, ())
-    values = np.concatenate([p[: len(c.model.trace.parameters)], neutral_sensors(n)])
-    gains = np.zeros((s.t.size, n, n))
-    gains[at] = np.eye(n)
-    size = np.array(
-        [
-            max(problem.x_scale.get(name, 0.0), float(np.abs(x).max()), 1e-9)
-            for name, x in zip(states, known.T, strict=True)
-        ]
-    )
-    E, X = np.zeros((s.t.size, n)), np.zeros((s.t.size, n))
-    late = float(c.equations.delay @ p) - s.early
-    y = np.ascontiguousarray(known)
-    rest = (NONE_LATE, np.zeros((3, 0)), np.ones(n), E, np.zeros((0, n, 0)), X)
-    arguments = (s.t, s.u, y, gains, y[0].copy(), values, size, late, eq.ringing(values, size))
-    return X if follow(eq.calls(False), eq.flags(False), *arguments, *rest) == s.t.size else None
-
-
-def _shown(problem: Problem, c: Candidate, p: Array, s: Segment, known: Array, free: Array, at: Sequence[int]) -> Array:
+def _shown(
+    problem: Problem, c: Candidate, p: Array, model: Model, s: Segment, known: Array, free: Array, at: Sequence[int]
+) -> Array:
     """Return what the channels would show (T, ny) of free runs (T, n), sensors and their delays included."""
-    late = float(c.equations.delay @ p) - s.early
-    u = (
-        s.u[np.clip(np.searchsorted(s.t, s.t - late + 1e-9, side="right") - 1, 0, s.t.size - 1)]
-        if np.any(late)
-        else s.u
-    )
-    shown = _outputs(c, p, free, u)
+    acting = np.searchsorted(s.t, s.t - (model.delay - s.early) + 1e-9, side="right") - 1
+    u = s.u[np.clip(acting, 0, s.t.size - 1)]
+    gain, offset, lags = c.sensors(p)
+    outputs = Tracker(model, s.t, u, s.y, problem.channels, np.ones(len(model.states))).outputs
+    shown = outputs(free)
     begun = s.t[np.asarray(at)[np.maximum(np.searchsorted(at, np.arange(s.t.size)) - 1, 0)]]
-    for j, (lag, state, *_) in enumerate(seen_late(problem, c, p).tolist()):
-        if lag > 0.0:
-            i, then, X = int(state), s.t - lag, free.copy()
-            X[:, i] = np.where(then < begun, np.interp(then, s.t, known[:, i]), np.interp(then, s.t, free[:, i]))
-            shown[:, j] = _outputs(c, p, X, u)[:, j]
-    return shown
-
-
-def _outputs(c: Candidate, p: Array, X: Array, u: Array) -> Array:
-    """Return what the channels show (T, ny) at states (T, n) and inputs (T, m)."""
-    eq, columns = c.equations, [*X.T, *u.T, *p]
-    n, h, ny = X.shape[1], eq.places.h, eq.sizes[2]
-    sign = np.sign(eq.keep.batch([*columns, 0.0])[n]) if eq.sizes[5] else 1.0
-    return np.asarray(eq.keep.batch([*columns, sign])[h : h + ny].T)
+    for j in np.flatnonzero(lags > 0.0).tolist():
+        then = s.t - lags[j]
+        pairs = ((np.interp(then, s.t, x) for x in both) for both in zip(known.T, free.T, strict=True))
+        shown[:, j] = outputs(np.column_stack([np.where(then < begun, *pair) for pair in pairs]))[:, j]
+    return np.asarray(gain * shown + offset)
 
 
 __all__ = ["Gain", "beyond_noise", "elsewhere", "gain", "level", "of_windows", "windowed"]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import count
 
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import InputError, ModelError
-from signlin_ros.fitting.candidate import Candidate, candidate
+from signlin_ros.fitting.candidate import Candidate, candidate, numbers
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.fitting.scan import periodic_starts
@@ -23,69 +25,72 @@ LATE = (1.5, 5.0)
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect that may be missing: its name, and complete sets of parameters to start from; for one of a sensor these
-    are named by what it does on a channel, ``sensor_offset.speed``.
+    """An effect that may be missing: its name, and complete sets of parameters to start from, those of a sensor named
+    ``sensor_offset.speed``.
     """
 
-    effect: str
-    starts: tuple[dict[str, float], ...]
+    name: str
+    starts: tuple[dict[str, float], ...] = ()
 
     @property
-    def of_sensor(self) -> bool:
-        """Whether it changes what is shown, and no equation."""
-        return issubclass(EFFECTS[self.effect], SensorEffect)
+    def effect(self) -> type[Effect]:
+        """The class of the effect."""
+        return EFFECTS[self.name]
 
-    def on(self, model: Model) -> bool:
-        """Tell whether a model has this effect of a sensor on the channel that is tried."""
-        channel = next(iter(self.starts[0])).partition(".")[2]
-        return any(use.type == self.effect and channel in use.parameters for use in model.effects.values())
+    @property
+    def channel(self) -> str:
+        """The channel that an effect of a sensor is on; empty for others."""
+        return next(iter(self.starts[0]), "").partition(".")[2]
+
+    def values(self, model: Model) -> dict[str, float] | None:
+        """Return the parameters that a model has of the effect, None if it has it not."""
+        uses = [use.parameters for use in model.effects.values() if use.type == self.name]
+        if self.channel:
+            uses = [{f"{self.name}.{self.channel}": use[self.channel]} for use in uses if self.channel in use]
+        return uses[-1] if uses else None
+
+    def given(self, problem: Problem, model: Model | None) -> Trial:
+        """Return a trial that starts from the values that a model has of its effect, if it has it."""
+        values = self.values(model) if model else None
+        if values is None:
+            return self
+        return replace(self, starts=(values if self.channel else completed(problem, self.effect, values),))
 
 
 def trials(problem: Problem, names: Sequence[str] | None = None) -> list[Trial]:
     """Return what can be tried on the base model; raise `InputError` for a name that cannot."""
     every = EFFECTS if names is None else names
     found = [one for name in every for one in _trials(problem, name, names is not None)]
-    known = {one.effect for one in found}
-    for name in names or ():
-        if name not in known:
-            has = any(use.type == name for use in problem.base.effects.values())
-            why = "the model has it already" if has else f"it does not apply to {problem.base.plant.name}"
-            raise InputError(f"effect {name!r} cannot be added: {why}")
+    for name in set(names or ()) - {one.name for one in found}:
+        has = any(use.type == name for use in problem.base.effects.values())
+        why = "the model has it already" if has else f"it does not apply to {problem.base.plant.name}"
+        raise InputError(f"effect {name!r} cannot be added: {why}")
     return found
 
 
-def trials_of(problem: Problem, name: str) -> list[Trial]:
-    """Return what can be tried of one effect, nothing where it cannot be added."""
-    return _trials(problem, name, False)
-
-
 def _trials(problem: Problem, name: str, asked: bool) -> list[Trial]:
-    effect = find_effect(name, "effect")
-    if any(use.type == name for use in problem.base.effects.values()) and not effect.periodic:
+    effect, base = find_effect(name, "effect"), problem.base
+    if any(use.type == name for use in base.effects.values()) and not effect.periodic:
         return []
     flat = effect.angular and not effect.periodic and problem.stretch[1] - problem.stretch[0] < ARC
     if not (asked or (effect.proposed and not flat)):
         return []
     if issubclass(effect, SensorEffect):
         return _of_sensors(problem, name)
-    plant = problem.base.plant
-    if (effect.plants and plant.name not in effect.plants) or name in plant.built_in:
+    if (effect.plants and base.plant.name not in effect.plants) or name in base.plant.built_in:
         return []
     if problem.scale.imposed and effect.input is not Effect.input:
         return []  # what is imposed is measured, not commanded
-    starts = _starts(problem, effect)
-    try:
-        applies = bool(starts) and bool(
-            problem.base.with_effect(name, key=free_key(problem.base, name), **starts[0]).trace
-        )
-    except ModelError:
-        applies = False
-    return [Trial(name, tuple(starts))] if applies else []
+    starts = tuple(_starts(problem, effect))
+    with suppress(ModelError):  # the plant cannot have it
+        if starts and base.with_effect(name, key=free_key(base, name), **starts[0]).trace:
+            return [Trial(name, starts)]
+    return []
 
 
 def tryable(problem: Problem, name: str) -> bool:
     """Tell whether a diagnosis tries an effect by itself, and the plant can have it."""
-    return EFFECTS[name].proposed and bool(trials_of(problem, name))
+    return bool(_trials(problem, name, False))
 
 
 def _of_sensors(problem: Problem, name: str) -> list[Trial]:
@@ -98,10 +103,8 @@ def _of_sensors(problem: Problem, name: str) -> list[Trial]:
 
 def free_key(model: Model, name: str) -> str:
     """Return a key under which an effect can be added to a model."""
-    key, number = name, 2
-    while key in model.effects:
-        key, number = f"{name}_{number}", number + 1
-    return key
+    keys = (f"{name}_{number}" if number > 1 else name for number in count(1))
+    return next(key for key in keys if key not in model.effects)
 
 
 def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
@@ -139,24 +142,16 @@ def completed(problem: Problem, effect: type[Effect], values: Mapping[str, float
 
 def rescanned(problem: Problem, trial: Trial, before: Fit) -> Trial:
     """Return a trial with orders and phases as they show in what was fitted before; others as they are."""
-    effect = EFFECTS[trial.effect]
-    if not effect.periodic or not before.candidate.label:
+    if not trial.effect.periodic or not before.candidate.label:
         return trial
-    waves = _waves(problem, effect, before.fitted())
-    starts = tuple(completed(problem, effect, trial.starts[0] | wave) for wave in waves)
+    waves = _waves(problem, trial.effect, before.fitted())
+    starts = tuple(completed(problem, trial.effect, trial.starts[0] | wave) for wave in waves)
     return replace(trial, starts=starts or trial.starts)
-
-
-def sensors_of(f: Fit) -> dict[str, float]:
-    """Return what a fit has on sensors beyond the base model, ``sensor_offset.speed`` by name."""
-    return {n: v for n, v in f.parameters().items() if n.startswith("sensor_") and n in f.candidate.label}
 
 
 @dataclass(frozen=True)
 class Parts:
-    """What a model has beyond the one that was given: the whole of it, the keys of the effects that were added, and
-    what was added to sensors, ``sensor_offset.speed`` by name.
-    """
+    """A model without its sensors, the keys of the effects that were added to it, and what was added to sensors."""
 
     model: Model
     keys: tuple[str, ...]
@@ -165,55 +160,36 @@ class Parts:
     @classmethod
     def of(cls, f: Fit) -> Parts:
         """Return the parts of what was fitted."""
-        model = f.fitted()
-        return cls(model, tuple(k for k in f.candidate.label if k in model.effects), sensors_of(f))
+        model, label = f.fitted(), f.candidate.label
+        sensors = {n: v for n, v in f.parameters().items() if n.startswith("sensor_") and n in label}
+        return cls(model, tuple(k for k in label if k in model.effects), sensors)
 
-    @staticmethod
-    def sensed(c: Candidate) -> dict[str, float]:
-        """Return what a candidate adds to sensors, at its start."""
-        return {n: c.values[n] for n in c.label if n in c.values and n.startswith("sensor_")}
+    @property
+    def whole(self) -> Model:
+        """The model with its sensors."""
+        model, kinds = self.model, dict[str, dict[str, float]]()
+        for name, value in self.sensors.items():
+            kind, _, channel = name.partition(".")
+            kinds.setdefault(kind, {})[channel] = value
+        for kind, values in kinds.items():
+            model = model.with_effect(kind, None, **values)
+        return model
 
     def without(self, key: str) -> Parts:
         """Return the same without one of the effects."""
-        if key in self.sensors:
-            return replace(self, sensors={n: v for n, v in self.sensors.items() if n != key})
         return replace(self, model=self.model.without_effect(key), keys=tuple(k for k in self.keys if k != key))
 
+    def extended(self, name: str, start: Mapping[str, float]) -> Parts:
+        """Return the same with an effect more, at one of the points of a trial."""
+        if issubclass(EFFECTS[name], SensorEffect):
+            return replace(self, sensors={**self.sensors, **start})
+        key = free_key(self.model, name)
+        return replace(self, model=self.model.with_effect(name, key=key, **start), keys=(*self.keys, key))
+
     def candidate(self, problem: Problem) -> Candidate:
-        """Return what is fitted."""
-        return candidate(problem, self.model, self.keys, self.sensors)
+        """Return what is fitted: with the base parameters at nominal, since a model that lacks something bends them."""
+        c, given = candidate(problem, self.model, self.keys, self.sensors), numbers(problem.base)
+        return replace(c, values={n: given.get(n, v) for n, v in c.values.items()})
 
 
-def extended(problem: Problem, before: Parts, trial: Trial, start: Mapping[str, float]) -> Candidate:
-    """Return the candidate that adds an effect, at one of its starts, to what was fitted before; with the base
-    parameters at nominal, since a base model that lacks something bends them.
-    """
-    if trial.of_sensor:
-        return from_nominal(problem, replace(before, sensors={**before.sensors, **start}).candidate(problem))
-    key = free_key(before.model, trial.effect)
-    more = replace(before, model=before.model.with_effect(trial.effect, key=key, **start), keys=(*before.keys, key))
-    return from_nominal(problem, more.candidate(problem))
-
-
-def from_nominal(problem: Problem, c: Candidate) -> Candidate:
-    """Return a candidate with the base parameters as they were given."""
-    values = dict(c.values)
-    given = dict(problem.base.parameters)
-    for key, use in problem.base.effects.items():
-        given |= {f"{key}.{name}": value for name, value in use.parameters.items()}
-    return replace(c, values={n: given.get(n, v) for n, v in values.items()})
-
-
-__all__ = [
-    "Parts",
-    "Trial",
-    "completed",
-    "extended",
-    "free_key",
-    "from_nominal",
-    "rescanned",
-    "sensors_of",
-    "trials",
-    "trials_of",
-    "tryable",
-]
+__all__ = ["Parts", "Trial", "completed", "free_key", "rescanned", "trials", "tryable"]

@@ -6,32 +6,34 @@ import functools
 import os
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.deciding import Decisions
-from signlin_ros.diagnosis.motion.fitted import Fitted, at_bound, covariances, estimates, largest, names_of, whole_model
-from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, climbed, settled, without
+from signlin_ros.diagnosis.motion.fitted import Fitted, coordinates_of, covariances, estimates
+from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, cheapest, climbed, settled, without
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.running import Progress, Running
 from signlin_ros.diagnosis.motion.score import level, windowed
-from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, extended, rescanned, trials
+from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, rescanned, trials
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
-from signlin_ros.fitting.candidate import Candidate, candidate
+from signlin_ros.fitting.candidate import Candidate, candidate, numbers
 from signlin_ros.fitting.fit import Fit, fit, tidied
 from signlin_ros.fitting.gains import Gains
-from signlin_ros.fitting.prepare import prepared, stretched
+from signlin_ros.fitting.prepare import stretched
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import unit_asked
 from signlin_ros.model import Model
-from signlin_ros.records import ModelData
 
 SERIOUS, FIRST, FINISHED = 0.25, 3, 8
 """Share of the best candidate's gain that makes another one worth a thorough fit; how many get one in any case, and at
 most."""
+BEAM = 2
+"""How many single effects a search tries with every other one where none is enough by itself."""
 
 Array = NDArray[np.float64]
 
@@ -54,6 +56,7 @@ class Motion(Decisions, Running):
         cancelled: Callable[[], bool] | None = None,
         seen: Callable[[Fitted], None] | None = None,
     ) -> None:
+        """Fit the model as given; ``seen`` is called with every fit that is the best of its effects by then."""
         self.problem, self.unseen, self.criteria = problem, unseen, criteria
         self.short = stretched(problem)
         super().__init__(jobs or min(os.cpu_count() or 1, 2), progress, cancelled)
@@ -62,22 +65,13 @@ class Motion(Decisions, Running):
         self._asked: list[tuple[tuple[tuple[str, ...], Model | None], Fitted]] = []
         self.heard: dict[str, dict[str, float]] = {}
         self.searched: dict[tuple[str, ...], set[str]] = {}
-        self._base()
-
-    @classmethod
-    def of(
-        cls,
-        model: Model,
-        known: list[ModelData],
-        unseen: list[ModelData] | None,
-        criteria: Criteria,
-        jobs: int | None = None,
-        progress: Progress | None = None,
-        cancelled: Callable[[], bool] | None = None,
-        seen: Callable[[Fitted], None] | None = None,
-    ) -> Motion:
-        """Prepare records (the last third is held out where ``unseen`` is None) and fit the model as given."""
-        return cls(*prepared(model, known, unseen), criteria, jobs, progress, cancelled, seen)
+        self.say("base model")
+        found = self._settled(candidate(problem, problem.base, ()), None)
+        if found is None:
+            step = problem.scale.step
+            apart = f"the model diverges on these records: the samples are {step:.3g} s apart{unit_asked(step)}"
+            raise SimulationError(f"{problem.base.source}: {apart}")
+        self._keep(found)
 
     def holding(self, names: Collection[str]) -> Motion:
         """Return the same witness of the model with some of its parameters held at their values."""
@@ -98,62 +92,52 @@ class Motion(Decisions, Running):
         """The model as given."""
         return self.as_it_is(self.problem.base)
 
-    def _base(self) -> None:
-        self.say("base model")
-        found = settled(self.short, candidate(self.problem, self.problem.base, ()), [None], self.check)
-        if found is None:
-            step = self.problem.scale.step
-            apart = f"the model diverges on these records: the samples are {step:.3g} s apart{unit_asked(step)}"
-            raise SimulationError(f"{self.problem.base.source}: {apart}")
-        self._keep(found)
+    def best(self, f: Fitted) -> Fitted:
+        """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
+        return self._best[f.kind]
+
+    def _settled(self, c: Candidate, *starts: Array | None) -> Found | None:
+        return settled(self.short, c, starts, self.check)
 
     def _keep(self, found: Found) -> Fitted:
         """Return a fit with all that is told of it, or the best of its class, if that is another one."""
-        mine = self._told(found)
+        mine = self._told(found.fit, found.low)
         known = self._best.get(mine.kind)
-        if known is None or self._known_level(mine) < self._known_level(known):
+        if known is None or self._level(mine.known_squares) < self._level(known.known_squares):
             self._best[mine.kind] = mine
             self._seen(mine)
         return self._best[mine.kind]
 
-    def _told(self, found: Found) -> Fitted:
-        """Return a fit with all that is told of it."""
-        f = tidied(found.fit)
-        errors = covariances(self.short, f)
-        observer, seen = self._observed(f, found)
+    def _told(self, f: Fit, low: Fit) -> Fitted:
+        """Return a fit with all that is told of it, judged from the states of its own observer or of the quickest,
+        where a slow one loses its track; what is left is that of the fit at the lowest gain.
+        """
+        f = tidied(f)
+        whole, errors, uses = Parts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
+        coordinates = coordinates_of(f, errors)
         return Fitted(
-            names_of(self.problem, f),
-            whole_model(f),
-            estimates(self.problem, f, largest(errors)),
-            seen,
-            windowed(self.unseen, f.candidate, f.theta, observer),
-            functools.partial(left, self.short, found.low, self.criteria),
-            at_bound(f),
+            tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label),
+            whole,
+            estimates(self.problem, whole, coordinates),
+            *self._windows(f.candidate, f.theta, (f.gains, self.problem.levels[0])),
             self.unseen.noise,
             f,
+            coordinates,
             errors,
+            functools.partial(left, self.short, low, self.criteria),
             functools.cache(functools.partial(without, self.short, f, errors)),
         )
 
-    def _observed(self, f: Fit, found: Found) -> tuple[Gains, Array]:
-        """Return the observer from whose states a model predicts the known records best, and the squared errors there:
-        that of the fit, or the quickest, where a slow one loses its track.
+    def _windows(self, c: Candidate, theta: Array, observers: Sequence[Gains]) -> tuple[Array, Array]:
+        """Return the squared errors of known and of unseen records from the states of one of some observers: that which
+        predicts the known ones best.
         """
-        whole = self.short is self.problem
-        own = found.known if whole else windowed(self.problem, f.candidate, f.theta, f.gains)
-        quick = windowed(self.problem, f.candidate, f.theta, self.problem.levels[0])
-        better = self._level(quick) < self._level(own)
-        return (self.problem.levels[0], quick) if better else (f.gains, own)
+        tried = [(windowed(self.problem, c, theta, gains), gains) for gains in observers]
+        squares, gains = min(tried, key=lambda one: self._level(one[0]))
+        return squares, windowed(self.unseen, c, theta, gains)
 
     def _level(self, squares: Array) -> float:
         return level(squares, self.problem.noise)
-
-    def _known_level(self, f: Fitted) -> float:
-        return self._level(f.known_squares)
-
-    def best(self, f: Fitted) -> Fitted:
-        """Return the best fit of a model that is known by now: a larger one may have shown the way out of a minimum."""
-        return self._best[f.kind]
 
     def fitted(self, effects: Sequence[str], start: Model | None = None) -> Fitted:
         """Return the best fit of these effects beside the base parameters.
@@ -161,15 +145,16 @@ class Motion(Decisions, Running):
         Started from the values that ``start`` has, if it has all of them; else from those that a scan finds, one effect
         after the other, each from the values that ``start`` has of it.
         """
-        uses, asked = start.effects.values() if start else (), (tuple(effects), start)
+        asked = (tuple(effects), start)
         known = next((f for one, f in self._asked if one == asked), None)
         if known:
             return self.best(known)
-        found = self._as_given(effects, start) if start and set(effects) <= {u.type for u in uses} else None
+        has = {use.type for use in start.effects.values()} if start else set()
+        found = self._as_given(effects, start) if start and set(effects) <= has else None
         if found is None:
             found = self.base
             for name in effects:
-                found = self._with(found, [self._given(t, start) for t in trials(self.problem, [name])])
+                found = self._with(found, [t.given(self.problem, start) for t in trials(self.problem, [name])])
         self._asked.append((asked, found))
         return found
 
@@ -177,19 +162,15 @@ class Motion(Decisions, Running):
         """Return effects with the values that a model has of them, and of its base parameters, as they are."""
         c, theta = self.valued(effects, model)
         f = fit(self.short, c, self.problem.levels[0], theta, 0)
-        return self._told(Found(f, windowed(self.short, c, theta, f.gains), f)) if f else None
+        return self._told(f, f) if f else None
 
     def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> Fitted:
         """Return a model with the values that it has, and with the same states as the one given; nothing is fitted but
         the observer, which is the one that predicts the known records best.
         """
-        known, unseen = (replace(side, base=model) for side in (self.problem, self.unseen))
-        c = candidate(known, model, ())
-        theta = np.array([k.prior for k in c.coordinates])
-        tried = [(windowed(known, c, theta, gains), gains) for gains in known.levels]
-        squares, gains = min(tried, key=lambda one: self._level(one[0]))
-        found = windowed(unseen, c, theta, gains)
-        return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=found)
+        c = candidate(replace(self.problem, base=model), model, ())
+        squares, unseen = self._windows(c, c.start(), self.problem.levels)
+        return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=unseen)
 
     def soon(self, c: Candidate, theta: Array) -> float:
         """Return -2 log likelihood of the known records a few steps from some coordinates; inf where it diverges."""
@@ -201,65 +182,40 @@ class Motion(Decisions, Running):
         if not effects:
             return self.base
         c, theta = self.valued(effects, start)
-        found = settled(self.short, c, [None, theta], self.check)
-        held = self._held(c, theta, found)
-        best = min((one for one in (found, held) if one), key=lambda one: self._level(one.known), default=None)
+        found = self._settled(c, None, theta)
+        best = self._held(c, theta, found) or found
         return self._around(best) if best else None
 
     def valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
         """Return the candidate with some effects, and its coordinates with the values of a model that has them all."""
-        c = self.base.fit.candidate
         parts = Parts.of(self.base.fit)
         for name in effects:
-            given = [self._given(t, start) for t in trials(self.problem, [name])]
-            trial = next((t for t in given if not t.of_sensor or t.on(start)), given[0])
-            c = extended(self.problem, parts, trial, trial.starts[0])
-            parts = Parts(c.model, tuple(k for k in c.label if k in c.model.effects), Parts.sensed(c))
-        known = {
-            **start.parameters,
-            **{f"{k}.{n}": v for k, use in start.effects.items() for n, v in use.parameters.items()},
-        }
-        return c, c.start({n: known[n] for n in (k.name for k in c.coordinates) if n in known})
+            options = trials(self.problem, [name])
+            trial = next((t for t in options if t.values(start)), options[0]).given(self.problem, start)
+            parts = parts.extended(name, trial.starts[0])
+        c = parts.candidate(self.problem)
+        return c, c.start(numbers(start))
 
     def _held(self, c: Candidate, theta: Array, found: Found | None) -> Found | None:
         """Return a candidate fitted from given values with the quickest observer, which keeps a motion to what was
-        measured: a slower one lets it slip from one wave to the next, and the fit walks away.
+        measured: a slower one lets it slip from one wave to the next, and the fit walks away. None where what was
+        ``found`` without it is as good.
         """
         tried = (fit(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, NEXT))
-        fits = [(windowed(self.short, c, f.theta, f.gains), f) for f in tried if f]
-        known, f = min(fits, key=lambda one: self._level(one[0]), default=(None, None))
-        if known is None or f is None or (found and self._level(found.known) <= self._level(known)):
+        held = min((Found.of(self.short, f, f) for f in tried if f), key=attrgetter("level"), default=None)
+        if held is None or (found and found.level <= held.level):
             return None
-        low = fit(self.short, c, self.problem.levels[-1], f.theta, NEXT)
-        return Found(f, known, min((one for one in (low, found and found.low) if one), key=lambda g: g.cost, default=f))
+        low = fit(self.short, c, self.problem.levels[-1], held.fit.theta, NEXT)
+        return replace(held, low=cheapest([low, found.low if found else None]) or held.fit)
 
     def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
         """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
-        fits = [f for f in self.each(lambda t: self._climbed(now.fit, t), options) if f]
-        best = min(fits, key=lambda f: f.cost, default=None)
+        best = cheapest(self.each(lambda t: self._climbed(now.fit, t), options))
         found = self._finished(now, best) if best else None
         if found is None:
-            name = options[0].effect
+            name = options[0].name
             raise SimulationError(f"{self.problem.base.source}: with {name} the model diverges on these records")
         return found
-
-    def _given(self, trial: Trial, start: Model | None) -> Trial:
-        """Return a trial that starts from the values that a model has of its effect, if it has it."""
-        uses = [u for u in start.effects.values() if u.type == trial.effect] if start else []
-        if not uses:
-            return trial
-        if trial.of_sensor:
-            (name,) = trial.starts[0]
-            value = uses[-1].parameters.get(name.partition(".")[2])
-            return trial if value is None else replace(trial, starts=({name: value},))
-        return replace(trial, starts=(completed(self.problem, EFFECTS[trial.effect], uses[-1].parameters),))
-
-    def _heard(self, trial: Trial) -> Trial:
-        """Return a trial that starts from what the force witness found of its effect, too."""
-        values = self.heard.get(trial.effect)
-        if not values:
-            return trial
-        return replace(trial, starts=(completed(self.problem, EFFECTS[trial.effect], values), *trial.starts))
 
     def _climbed(self, before: Fit, trial: Trial, few: int = FEW) -> Fit | None:
         self.check()
@@ -269,52 +225,47 @@ class Motion(Decisions, Running):
         """Return a promising fit gone on with to the end, also from the base parameters of what it extends, and that
         one from where this one arrived: each is then the best of its class.
         """
-        self.check()
-        c, known = f.candidate, before.fit.parameters()
-        mixed = c.start({**f.parameters(), **known})
-        found = settled(self.short, c, [f.theta, mixed], self.check)
+        found = self._settled(f.candidate, f.theta, f.candidate.start({**f.parameters(), **before.fit.parameters()}))
         return self._around(self._nearby(found)) if found else None
 
     def _nearby(self, found: Found) -> Found:
         """Return a fit, or a better one that its last effect leads to from near where it arrived."""
-        f, middle = found.fit, self.problem.levels[1]
+        f = found.fit
         key = f.candidate.label[-1]
         use = f.fitted().effects.get(key)
         near = EFFECTS[use.type].nearby(use.parameters) if use else []
         if not use or not near:
             return found
-        parts, trial = Parts.of(f).without(key), Trial(use.type, ())
-        candidates = [extended(self.problem, parts, trial, completed(self.problem, EFFECTS[use.type], p)) for p in near]
+        points = [completed(self.problem, EFFECTS[use.type], p) for p in near]
+        parts = Parts.of(f).without(key)
+        candidates = [parts.extended(use.type, point).candidate(self.problem) for point in points]
         plain = {n: v for n, v in f.parameters().items() if not n.startswith(f"{key}.")}
-        fits = self.each(lambda c: fit(self.short, c, middle, c.start(plain), NEXT), candidates)
-        here = fit(self.short, f.candidate, middle, f.theta, NEXT)
-        best = min((one for one in fits if one), key=lambda one: one.cost, default=None)
-        if best is None or (here and best.cost > here.cost - 1.0):
-            return found
-        again = settled(self.short, best.candidate, [best.theta], self.check)
-        return min([found, *([again] if again else [])], key=lambda one: self._level(one.known))
+        again = self._lower(f, [(c, c.start(plain)) for c in candidates])
+        return again if again and again.level < found.level else found
 
     def _around(self, found: Found) -> Fitted:
-        """Keep a fit, and fit those that lack one of its effects from where it arrived."""
+        """Keep a fit, and fit those that lack one of its effects from where it arrived, if that shows a way out of a
+        local minimum.
+        """
         mine, label = self._keep(found), set(found.fit.candidate.label)
-        for known in list(self._best.values()):
-            other = set(known.fit.candidate.label)
-            if other < label and len(label) == len(other) + 1:
-                self._refit(known, found)
+        for other in list(self._best.values()):
+            c = other.fit.candidate
+            if set(c.label) < label and len(label) == len(c.label) + 1:
+                again = self._lower(other.fit, [(c, c.start(found.fit.parameters()))])
+                if again:
+                    self._keep(again)
         return mine
 
-    def _refit(self, before: Fitted, found: Found) -> None:
-        """Fit the smaller model from where the larger one arrived, if that shows a way out of a local minimum."""
-        c = before.fit.candidate
-        if not c.coordinates:
-            return
-        theta = c.start({n: v for n, v in found.fit.parameters().items() if n in {k.name for k in c.coordinates}})
-        middle = self.problem.levels[1]
-        here, there = (fit(self.short, c, middle, x, n) for x, n in ((before.fit.theta, 3), (theta, 3)))
-        if here and there and there.cost < here.cost - 1.0:
-            again = settled(self.short, c, [there.theta], self.check)
-            if again:
-                self._keep(again)
+    def _lower(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Found | None:
+        """Return the best of some points gone on with to the end, if a few steps from there lead further down than they
+        do from a fit; None if not.
+        """
+        middle, starts = self.problem.levels[1], [(f.candidate, f.theta), *points]
+        here, *there = self.each(lambda one: fit(self.short, one[0], middle, one[1], NEXT), starts)
+        best = cheapest(there)
+        if best is None or (here and best.cost > here.cost - 1.0):
+            return None
+        return self._settled(best.candidate, best.theta)
 
     # ------------------------------------------------------------ one effect more
 
@@ -323,17 +274,24 @@ class Motion(Decisions, Running):
 
         ``rival``: a model that is as good already; only what comes near it is fitted out.
         """
-        options = [self._heard(t) for t in trials(self.problem, names) if t.effect not in of.effects]
-        self.searched.setdefault(of.effects, set()).update(t.effect for t in options)
+        options = [self._heard(t) for t in trials(self.problem, names) if t.name not in of.effects]
+        self.searched.setdefault(of.effects, set()).update(t.name for t in options)
         self.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
         fits = [f for f in self.each(lambda t: self._climbed(of.fit, t), options) if f]
         kept = self._promising(of, fits, rival)
         self.say(f"fitting {len(kept)} of them to the end")
         found = self._all_finished(of, kept)
-        if not names and found and not min(found, key=lambda one: one.level).white:
+        if not names and found and not min(found, key=attrgetter("level")).white:
             found += self._all_finished(of, self._richer(of, found, options))
         found += [plain for one in found for plain in self.plainer(one)]
-        return sorted({one.kind: one for one in found}.values(), key=lambda one: one.level)
+        return sorted({one.kind: one for one in found}.values(), key=attrgetter("level"))
+
+    def _heard(self, trial: Trial) -> Trial:
+        """Return a trial that starts from what the force witness found of its effect, too."""
+        values = self.heard.get(trial.name)
+        if not values:
+            return trial
+        return replace(trial, starts=(completed(self.problem, trial.effect, values), *trial.starts))
 
     def _all_finished(self, of: Fitted, fits: Sequence[Fit]) -> list[Fitted]:
         return [one for one in self.each(lambda f: self._finished(of, f), fits) if one]
@@ -341,59 +299,76 @@ class Motion(Decisions, Running):
     def _richer(self, of: Fitted, found: Sequence[Fitted], options: Sequence[Trial]) -> list[Fit]:
         """Return fits of effects that extend others, from where these arrived."""
         jobs = []
-        for one in (f for f in found if f.fit.candidate.label[-1] in f.model.effects):
-            use = one.model.effects[one.fit.candidate.label[-1]]
+        for use in (f.added[key] for f in found for key in f.fit.candidate.label[-1:] if key in f.added):
             for trial in options:
-                after = EFFECTS[trial.effect].after(use.type, use.parameters)
-                whole = [
-                    completed(self.problem, EFFECTS[trial.effect], {**trial.starts[0], **start}) for start in after
-                ]
-                jobs += [replace(trial, starts=tuple(whole))] if whole else []
+                after = [{**trial.starts[0], **p} for p in trial.effect.after(use.type, use.parameters)]
+                starts = tuple(completed(self.problem, trial.effect, p) for p in after)
+                jobs += [replace(trial, starts=starts)] if starts else []
         return [f for f in self.each(lambda t: self._climbed(of.fit, t, len(t.starts)), jobs) if f]
 
     def plainer(self, f: Fitted) -> list[Fitted]:
         """Return a fit with the simpler law in place of one that cannot be told from it, or that is one for the values
         found; without it beside others where nothing tells it from nothing.
         """
-        parts, found = Parts.of(f.fit), list[Fitted | None]()
-        for key in parts.keys:
-            effect, values = EFFECTS[f.model.effects[key].type], f.model.effects[key].parameters
-            vague = f.vague(self.criteria).startswith(key)
+        parts, found = Parts.of(f.fit), list[Found | None]()
+        for key, use in f.added.items():
+            effect, vague = EFFECTS[use.type], f.vague(self.criteria).startswith(key)
             nothing = {n: 0.0 for n in effect.telling if vague and not effect.pars()[n].positive}
-            simpler = effect.simpler(values | nothing)
-            fewer = [extended(self.problem, parts.without(key), Trial(n, ()), start) for n, start in simpler.items()]
+            rest, simpler = parts.without(key), effect.simpler(use.parameters | nothing)
+            fewer = [rest.extended(n, start) for n, start in simpler.items()]
             if vague and not fewer and len(f.effects) > 1:
-                fewer = [parts.without(key).candidate(self.problem)]
-            found += [self._from(f, c) for c in fewer]
-        return [one for one in found if one]
-
-    def _from(self, f: Fitted, c: Candidate) -> Fitted | None:
-        """Return a candidate fitted from where another fit arrived."""
-        self.check()
-        found = settled(self.short, c, [c.start(f.fit.parameters())], self.check)
-        return self._around(found) if found else None
+                fewer = [rest]
+            candidates = [one.candidate(self.problem) for one in fewer]
+            found += [self._settled(c, c.start(f.fit.parameters())) for c in candidates]
+        return [self._around(one) for one in found if one]
 
     def _promising(self, of: Fitted, fits: Sequence[Fit], rival: Fitted | None = None) -> list[Fit]:
         """Return the fits that gain a fair share of what the best gains, by likelihood on stretches; some in any case,
         but where a ``rival`` is as good as these have to be.
         """
         base, other = (
-            fit(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, 4) if one else None
+            fit(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, NEXT) if one else None
             for one in (of, rival)
         )
-        ordered = sorted(fits, key=lambda f: f.cost)
+        ordered = sorted(fits, key=attrgetter("cost"))
         if base is None or not ordered:
             return ordered[:FINISHED]
-        most = base.cost - min([ordered[0].cost, *([other.cost] if other else [])])
+        most = base.cost - min(f.cost for f in (ordered[0], other) if f)
         first = 0 if other else FIRST
         return [f for i, f in enumerate(ordered) if i < first or base.cost - f.cost > SERIOUS * most][:FINISHED]
 
     def bred(self, of: Fitted, names: Sequence[str] | None = None) -> list[Fitted]:
         """Return what can be added of the effects that have many local minima, from the best of all their starts."""
-        options = [t for t in trials(self.problem, names) if EFFECTS[t.effect].rugged and t.effect not in of.effects]
+        options = [t for t in trials(self.problem, names) if t.effect.rugged and t.name not in of.effects]
         self.say("effects with many local minima")
         fits = [bred(self.short, self.best(of).fit, t, self.each) for t in options]
         return self._all_finished(of, [f for f in fits if f])
+
+    # ------------------------------------------------------------ one effect after the other
+
+    def search(self, depth: int, names: Sequence[str] | None = None) -> list[list[Fitted]]:
+        """Return the steps from the base to what is proposed: of each what was taken, then the other options that there
+        were, least error first. The first is the base; the last holds what was tried in vain, too. ``names``: of the
+        effects that are tried, all of them by default.
+        """
+        now = self.base
+        path = [[now]]
+        while len(now.effects) < depth and (len(path) == 1 or not now.white):
+            options = self.extensions(now, names)
+            alike = self.alike(now, options)
+            if not (now.white or (alike and alike[0].white)):
+                options += self.bred(now, names)
+                alike = self.alike(now, options)
+            if not alike and depth > 1 and not (now.white or now.effects):
+                options += [two for one in options[:BEAM] for two in self.extensions(one, names)]
+                alike = self.alike(now, options)
+            if not alike:
+                path[-1] += [one for one in options if one not in path[-1]]
+                break
+            now = alike[0]
+            path.append([now, *(one for one in options if one is not now)])
+        path[0][0] = self.best(path[0][0])
+        return path
 
 
 __all__ = ["Motion"]
