@@ -103,9 +103,9 @@ def comparable(force: Testimony, f: Fitted) -> bool:
         return False
     if set(f.effects) & not_seen(force) and f.white:
         return False
-    if any(effect.periodic for effect in effects) and max(_orders(f)) > force.search.finest:
+    if any(effect.periodic for effect in effects) and max(_orders(f)) > force.search.waves.finest:
         return False
-    if any(effect.angular and not effect.periodic for effect in effects) and force.search.finest < 1.0:
+    if any(effect.angular and not effect.periodic for effect in effects) and force.search.waves.finest < 1.0:
         return False  # a weight is a wave of order one
     return force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
 
@@ -155,7 +155,7 @@ def with_laws(force: Testimony, fit: Fit) -> Model:
         model = model.with_effect(
             name, free_key(model, name), **r.laws[name].parameters(shape, fit.theta[fit.spans[name]])
         )
-    moved = zip(r.base.names[:-1], fit.theta, strict=False)
+    moved = zip(r.names[:-1], fit.theta, strict=False)
     return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
 
 

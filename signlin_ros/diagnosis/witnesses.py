@@ -110,7 +110,7 @@ class Witnesses:
         if fit is None:
             return f
         model = with_laws(force, fit)
-        untold = set(f.model.plant.pars()) - {*force.search.r.base.names, *scaling(force.search.r.current)}
+        untold = set(f.model.plant.pars()) - {*force.search.r.names, *scaling(force.search.r.current)}
         model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
         stated = motion.stated([n for n, _ in fit.members], model)
         less = stated is not None and mean_certainty(written_left(force, f), written_left(force, stated))

@@ -10,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
-from signlin_ros.diagnosis.force.filters import low_pass
 from signlin_ros.diagnosis.force.record import Piece
-from signlin_ros.diagnosis.force.regression import Fit, Regression, mean_certainty
+from signlin_ros.diagnosis.force.regression import TINY, Fit, Regression, mean_certainty
 
 Array = NDArray[np.float64]
 
@@ -38,11 +38,15 @@ APART, HALF = 3, 0.5
 """Blocks that a spline function spans; part of what is left beyond the noise that such a change takes away."""
 
 
+@numba.njit(cache=True)
 def slipping(q: Array, widths: Array) -> Array:
-    """Return elastic elements (T, w) that follow a position and slip at their half widths (a Jenkin element each)."""
-    from signlin_ros.diagnosis.force.elements import jenkin
-
-    return jenkin(np.ascontiguousarray(q), np.ascontiguousarray(widths))
+    """Return elastic elements (T, w) that follow q (T,) and slip at their half widths (w,): a Jenkin element each."""
+    s = np.zeros((q.size, widths.size))
+    for k in range(1, q.size):
+        d = q[k] - q[k - 1]
+        for j in range(widths.size):
+            s[k, j] = min(max(s[k - 1, j] + d, -widths[j]), widths[j])
+    return s
 
 
 def _lagged(x: Array, step: float, tau: float) -> Array:
@@ -50,45 +54,33 @@ def _lagged(x: Array, step: float, tau: float) -> Array:
     return np.asarray(lfilter([a], [1.0, a - 1.0], x))
 
 
-def _coordinates(piece: Piece, position: str, velocity: str) -> Array:
+def _coordinates(piece: Piece) -> Array:
     """Return what a force may go with (T, d); not the effort and acceleration of now: what is left has their noise."""
-    v = piece.values[velocity]
-    effort = low_pass(piece.effort, min(2 * piece.cutoff, 0.4 / piece.step), piece.step)
-    columns = [v, _lagged(v, piece.step, LAGS[0]), _lagged(np.abs(v), piece.step, LAGS[1])]
-    columns += [_lagged(effort, piece.step, LAGS[0])]
-    if piece.position_measured:
-        columns.insert(1, piece.values[position])
-    return np.column_stack(columns)
+    v, step = piece.v, piece.step
+    past = [_lagged(v, step, LAGS[0]), _lagged(np.abs(v), step, LAGS[1]), _lagged(piece.effort_nearby, step, LAGS[0])]
+    return np.column_stack([v, *([piece.q] if piece.position_measured else []), *past])
 
 
 def unseen_after(r: Regression, fit: Fit) -> Array:
     """Return what is left (K,) of unseen data after a flexible regression on what a fit leaves."""
-    plant = r.model.plant
-    position, velocity = plant.position, plant.velocity
-    sides = [[_coordinates(p, position, velocity) for p in s.pieces] for s in (r.known, r.unseen)]
-    everything = np.concatenate(sides[0])
+    everything = np.concatenate([_coordinates(p) for p in r.known.pieces])
     mean, spread = everything.mean(axis=0), everything.std(axis=0) + 1e-12
     rng = np.random.default_rng(0)
     W = rng.standard_normal((everything.shape[1], FEATURES)) * np.repeat(WIDTHS, FEATURES // len(WIDTHS))
     phase = rng.uniform(0.0, 2 * np.pi, FEATURES)
-    travel = max(float(np.ptp(p.values[position])) for p in r.known.pieces) + 1e-300
+    widths = np.array(BRISTLES) * (r.known.travel + TINY)
 
-    def features(piece: Piece, Z: Array) -> Array:
-        Z = np.clip((Z - mean) / spread, -3.0, 3.0)
-        widths = np.array(BRISTLES) * travel
-        direction = np.sign(piece.values[velocity])[:, None]
-        seen = [piece.seen(slipping(piece.values[position], widths) / widths)]
+    def features(piece: Piece) -> Array:
+        Z = np.clip((_coordinates(piece) - mean) / spread, -3.0, 3.0)
+        direction = np.sign(piece.v)[:, None]
+        seen = [piece.seen(slipping(piece.q, widths) / widths)]
         seen += [piece.seen(np.cos(Z @ W[:, part] + phase[part])) for part in piece.at_once(FEATURES)]
         return np.hstack([*seen, *(piece.seen(one) for one in (Z, Z[:, :1] * Z[:, 1:], direction, direction * Z))])
 
-    A, V = (
-        np.vstack([features(p, z) for p, z in zip(s.pieces, zs, strict=True)])
-        for s, zs in zip((r.known, r.unseen), sides, strict=True)
-    )
+    A, V = (np.vstack([features(p) for p in side.pieces]) for side in (r.known, r.unseen))
     centre, scale = A.mean(axis=0), A.std(axis=0) + 1e-12
     A, V = (A - centre) / scale, (V - centre) / scale
-    weight = _chosen(A, fit.left, r.known.blocks)
-    coefficients = _ridge(A, fit.left, weight)
+    coefficients = _ridge(A, fit.left, _chosen(A, fit.left, r.known.blocks))
     return np.asarray(fit.unseen - V @ coefficients)
 
 
@@ -127,16 +119,16 @@ def changing(r: Regression, left: Array) -> str:
     """Return which force changes slowly along the unseen records, and by its change is most of what is left (K,) beyond
     the sensors' noise; empty if none does. Each block of time is predicted from those around it.
     """
-    unseen, velocity, found = r.unseen, r.model.plant.velocity, dict[float, str]()
+    unseen, found = r.unseen, dict[float, str]()
     kinds: dict[str, Callable[[Piece], Array]] = {
         "load": lambda p: np.ones_like(p.t),
         "dry friction": lambda p: p.sign,
-        "viscous friction": lambda p: p.values[velocity],
+        "viscous friction": lambda p: p.v,
     }
     beyond = float(np.mean(left**2)) - unseen.noise
     for name, kind in kinds.items():
         whole = np.concatenate([p.seen(kind(p)) for p in unseen.pieces])
-        steady = left - whole * float(whole @ left) / max(float(whole @ whole), 1e-300)
+        steady = left - whole * float(whole @ left) / max(float(whole @ whole), TINY)
         pairs = zip(unseen.pieces, unseen.split(steady), strict=True)
         after = np.concatenate([_along(p, part, kind(p)) for p, part in pairs])
         gone = float(np.mean(steady**2) - np.mean(after**2))
@@ -154,9 +146,9 @@ def _along(piece: Piece, left: Array, force: Array) -> Array:
     if number < CHANGES[0]:
         return np.array(left)
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, number - 2), np.ones(3)])
-    of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), 1e-300), knots, 3).tocsc()
-    A = np.column_stack([piece.seen(of_time[:, [k]].toarray()[:, 0] * force) for k in range(number)])
-    A = A / (A.std() + 1e-300)
+    of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), TINY), knots, 3).toarray()
+    A = piece.seen(of_time * force[:, None])
+    A = A / (A.std() + TINY)
     weight, fold, after = _chosen(A, left, piece.blocks), piece.blocks % (FOLDS - 1), left.copy()
     for out in (fold == k for k in range(FOLDS - 1)):
         if out.any() and not out.all():

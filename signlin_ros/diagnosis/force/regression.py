@@ -8,7 +8,7 @@ blocks of time, which need no white residual [Liang and Zeger, Biometrika 73 (19
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.filters import low_pass, slope
-from signlin_ros.diagnosis.force.laws import KEY, Law, Shape
+from signlin_ros.diagnosis.force.filters import slope
+from signlin_ros.diagnosis.force.laws import Law, Shape
 from signlin_ros.diagnosis.force.record import Piece, arriving, missing_force
 from signlin_ros.model import Model
 
@@ -45,6 +45,21 @@ def scaling(current: bool) -> tuple[str, ...]:
     return ("K_t",) if current else ("K_t", "R_a", "L_a")
 
 
+def base_of(model: Model, current: bool) -> dict[str, float]:
+    """Return the parameters that the base columns move, and their relative tolerances.
+
+    What only scales the measured effort is left out: the effort must not explain itself. Its tolerance goes to what it
+    scales. ``current``: whether a motor's current is measured.
+    """
+    scales = scaling(current)
+    scale = np.hypot.reduce([0.0, *(model.tolerance_of(n) for n in scales if n in model.parameters)])
+    spread = {n: model.tolerance_of(n) for n, value in model.parameters.items() if n not in scales and value}
+    found = {n: float(np.hypot(one, scale)) for n, one in spread.items() if one}
+    for key, use in model.effects.items():
+        found |= {f"{key}.{n}": KNOWN_EFFECT for n, v in use.parameters.items() if isinstance(v, float) and v}
+    return {n: one for n, one in found.items() if n in model.trace.parameters}
+
+
 @dataclass(frozen=True)
 class Side:
     """The records of one side, fitted or unseen, stacked: y (K,), base columns X (K, b), block of each sample (K,).
@@ -60,6 +75,17 @@ class Side:
     effort: float
     free: bool = False
 
+    @classmethod
+    def of(cls, model: Model, pieces: Sequence[Piece], moved: Iterable[str]) -> Side:
+        """Return the regression of one side's records; ``moved``: parameters of the base columns, lateness beside."""
+        y, X, effort = (np.concatenate(parts) for parts in zip(*(_rows(model, p, moved) for p in pieces), strict=True))
+        before = np.cumsum([0, *(p.blocks.max() + 1 for p in pieces)])
+        blocks = np.concatenate([p.blocks + count for p, count in zip(pieces, before, strict=False)])
+        free = not np.any(effort)
+        if free:
+            effort = np.concatenate([p.seen(p.acceleration) for p in pieces]) * inertia(model)
+        return cls(tuple(pieces), y, X, blocks, float(np.sqrt(np.mean(effort**2))), free)
+
     def columns(self, law: Law, shape: Shape) -> Array:
         """Return the columns (K, c) of a law."""
         return np.vstack([law.columns(p, shape) for p in self.pieces])
@@ -68,6 +94,11 @@ class Side:
     def noise(self) -> float:
         """Mean square of what the sensors' noise makes of a force."""
         return float(np.mean([p.noise**2 for p in self.pieces]))
+
+    @property
+    def travel(self) -> float:
+        """How far a record goes at most."""
+        return max(float(np.ptp(p.q)) for p in self.pieces)
 
     def split(self, values: Array) -> list[Array]:
         """Return values (K,) by record."""
@@ -93,12 +124,14 @@ def _as_effort(model: Model, piece: Piece, left: Array) -> Array:
     return left if part is None else left / np.maximum(part, LEAST_PART)
 
 
-@dataclass(frozen=True)
-class Base:
-    """The base columns: names, and the standard deviations (b,) of their coefficients known beforehand."""
-
-    names: tuple[str, ...]
-    spread: Array
+def _rows(model: Model, piece: Piece, moved: Iterable[str]) -> tuple[Array, Array, Array]:
+    """Return the missing force (K,), its change by each base parameter (K, b) and the effort (K,) of a piece."""
+    y = missing_force(model, piece)
+    others = [model.with_parameters({name: model.value(name) * (1 + STEP)}) for name in moved]
+    columns = [(y - missing_force(other, piece)) / STEP for other in others]
+    late = slope(piece.effort_nearby, piece.step) * piece.step
+    seen = piece.seen(np.column_stack([y, *columns, late, piece.effort]))
+    return seen[:, 0], seen[:, 1:-1], seen[:, -1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,97 +179,42 @@ class Fit:
         return float(np.mean(self.unseen**2))
 
 
-def base_of(model: Model, current: bool) -> dict[str, tuple[float, float]]:
-    """Return the parameters that the base columns move: value and relative tolerance.
-
-    What only scales the measured effort is left out: the effort must not explain itself. Its tolerance goes to what it
-    scales. ``current``: whether a motor's current is measured.
-    """
-    scales = scaling(current)
-    scale = float(np.hypot.reduce([model.tolerance_of(n) for n in scales if n in model.parameters] or [0.0]))
-    found = {}
-    for name, value in model.parameters.items():
-        spread = model.tolerance_of(name)
-        if name in scales or not value or not spread:
-            continue
-        found[name] = (value, float(np.hypot(spread, scale)))
-    for key, use in model.effects.items():
-        names = (f"{key}.{n}" for n, v in use.parameters.items() if isinstance(v, float) and v)
-        found |= {n: (model.value(n), KNOWN_EFFECT) for n in names}
-    return found
-
-
-def side(model: Model, pieces: Sequence[Piece], moved: Mapping[str, tuple[float, float]]) -> Side:
-    """Return the regression of one side's records."""
-    rows = [_rows(model, p, moved) for p in pieces]
-    blocks, count = [], 0
-    for p in pieces:
-        blocks.append(p.blocks + count)
-        count += int(p.blocks.max()) + 1
-    y, X, effort = (np.concatenate([r[k] for r in rows]) for k in range(3))
-    free = not np.any(effort)
-    if free:
-        effort = np.concatenate([p.seen(p.acceleration) for p in pieces]) * inertia(model)
-    return Side(tuple(pieces), y, X, np.concatenate(blocks), float(np.sqrt(np.mean(effort**2))), free)
-
-
-def _rows(model: Model, piece: Piece, moved: Mapping[str, tuple[float, float]]) -> tuple[Array, Array, Array]:
-    """Return the missing force (K,), its change by each base parameter (K, b) and the effort (K,) of a piece."""
-    names = model.trace.parameters
-    y = missing_force(model, piece)
-    columns = []
-    for name, (value, _) in moved.items():
-        if name not in names:
-            columns.append(np.zeros_like(y))
-            continue
-        p = model.p.copy()
-        p[names.index(name)] = value * (1 + STEP)
-        columns.append((y - missing_force(model.with_parameters({name: value * (1 + STEP)}), piece, p)) / STEP)
-    fast = low_pass(piece.effort, min(2 * piece.cutoff, 0.4 / piece.step), piece.step)
-    columns.append(slope(fast, piece.step) * piece.step)
-    seen = piece.seen(np.column_stack([y, *columns, piece.effort]))
-    return seen[:, 0], seen[:, 1:-1], seen[:, -1]
-
-
-def telling(model: Model, piece: Piece, moved: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    """Return the base parameters that change the missing force at all."""
-    moves = np.any(_rows(model, piece, moved)[1][:, :-1] != 0.0, axis=0)
-    return {n: v for (n, v), m in zip(moved.items(), moves, strict=True) if m}
-
-
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Records, the laws that may be missing, and how sets of laws are fitted to them."""
+    """Records, the laws that may be missing, and how sets of laws are fitted to them.
+
+    ``names`` of the base columns, and the standard deviations ``spread`` (b,) of their coefficients known beforehand;
+    ``current``: whether a motor's current is measured.
+    """
 
     model: Model
     laws: Mapping[str, Law]
     known: Side
     unseen: Side
-    base: Base
+    names: tuple[str, ...]
+    spread: Array
     criteria: Criteria
     current: bool
 
     @property
     def b(self) -> int:
         """Number of base columns."""
-        return len(self.base.names)
+        return len(self.names)
 
     def fitted(self, members: Sequence[Member]) -> Fit:
         """Return the least-squares fit of a set of laws on the known side, and what it leaves of both."""
         members = tuple(members)
         X = self._matrix(self.known, members)
-        spread = np.concatenate([self.base.spread, np.full(X.shape[1] - self.b, np.inf)])
-        floor = np.where(np.isfinite(spread), np.expm1(-3 * np.minimum(spread, 50.0)), -np.inf)
-        floor[self.b - 1], ceiling = -APART, np.full(X.shape[1], np.inf)
-        ceiling[self.b - 1] = APART
+        spread, floor, ceiling = (np.full(X.shape[1], value) for value in (np.inf, -np.inf, np.inf))
+        spread[: self.b], floor[: self.b] = self.spread, np.expm1(-3 * np.minimum(self.spread, 50.0))
+        floor[self.b - 1], ceiling[self.b - 1] = -APART, APART
         spans, at = {}, self.b
         for n, shape in members:
-            law = self.laws[n]
-            spans[n] = slice(at, at + law.width(shape))
-            floor[spans[n]] = np.where(law.positive(shape), 0.0, -np.inf)
-            at += law.width(shape)
+            positive = self.laws[n].positive(shape)
+            spans[n] = slice(at, at + len(positive))
+            floor[spans[n]] = np.where(positive, 0.0, -np.inf)
+            at += len(positive)
         theta, held, size, left = _bounded(self.known.y, X, spread, floor, ceiling)
-        cost = sum(self.laws[n].free(shape) for n, shape in members)
 
         def as_effort(side: Side, left: Array) -> Array:
             more = sum((side.driving(self.laws[n], z, theta[spans[n]]) for n, z in members), np.zeros(()))
@@ -248,6 +226,7 @@ class Regression:
         def covariance() -> Array:
             return _covariance(self.known, self._matrix(self.known, members), spread, held, size, left)
 
+        cost = sum(self.laws[n].free(shape) for n, shape in members)
         return Fit(members, theta, as_effort(self.known, left), unseen, covariance, spans, cost)
 
     def _matrix(self, side: Side, members: Sequence[Member]) -> Array:
@@ -255,14 +234,9 @@ class Regression:
         return np.hstack([side.X, *(side.columns(self.laws[n], z) for n, z in members)])
 
     def surely(self, a: Fit, b: Fit) -> float:
-        """Return by how many standard errors a is better than b on unseen data, by blocks of time.
-
-        The mean difference of squares, or of their logarithms, whichever is surer: one block must not decide.
-        """
-        if a is b or a.members == b.members:
-            return 0.0
-        blocks, n = self.unseen.blocks, np.bincount(self.unseen.blocks)
-        first, second = (np.bincount(blocks, f.unseen**2)[n > 0].astype(float) for f in (a, b))
+        """Return by how many standard errors a is better than b on unseen data, by blocks of time."""
+        there = np.bincount(self.unseen.blocks) > 0
+        first, second = (np.bincount(self.unseen.blocks, f.unseen**2)[there].astype(float) for f in (a, b))
         return mean_certainty(second, first)
 
     def percent(self, fit: Fit) -> float:
@@ -335,18 +309,4 @@ def _covariance(side: Side, X: Array, spread: Array, held: NDArray[np.bool_], si
     return every
 
 
-__all__ = [
-    "APART",
-    "KEY",
-    "TINY",
-    "Base",
-    "Fit",
-    "Member",
-    "Regression",
-    "Side",
-    "base_of",
-    "mean_certainty",
-    "scaling",
-    "side",
-    "telling",
-]
+__all__ = ["APART", "TINY", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "scaling"]

@@ -41,7 +41,7 @@ class Subsets:
             columns.append(C)
             bounded = list(law.positive(shape))
             positive += bounded
-            kind = families.setdefault(law.effect.family or name, len(families))
+            kind = families.setdefault(law.family, len(families))
             whole = list(range(at, at + C.shape[1]))
             for part in [whole, *([[j] for j in whole] if len(whole) > 1 and all(bounded) else [])]:
                 self.members.append((name, shape))
@@ -67,7 +67,7 @@ class Subsets:
         that it cannot have; ``size``: mean square of what is left, by which tolerances weigh.
         """
         base, r = np.arange(self.r.b), self.r
-        spread = np.minimum(np.maximum(r.base.spread, 1e-12), 1e12) * self._scale[: r.b]
+        spread = np.minimum(np.maximum(r.spread, 1e-12), 1e12) * self._scale[: r.b]
         held = np.minimum(size / np.maximum(spread**2, TINY), 1e12 * self._size)
         found = np.empty(len(sets))
         for at in range(0, len(sets), BATCH):
