@@ -7,8 +7,8 @@ the computed effort pass through the same low-pass and are decimated; what the f
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -44,14 +44,13 @@ EDGE = 2
 class Inverse:
     """Effort as measured and as computed (K,) each, over all stretches, after filtering and decimation.
 
-    ``name`` and ``unit`` of the effort; ``cutoff`` in Hz; ``decimation``: every so many samples are kept; ``t`` (K,) s.
+    ``name`` and ``unit`` of the effort; ``cutoff`` in Hz; ``decimation``: every so many samples are kept.
     """
 
     name: str
     unit: str
     cutoff: float
     decimation: int
-    t: Array
     measured: Array
     computed: Array
 
@@ -90,36 +89,18 @@ class _Even:
     known: Array
 
 
-def inverse(
-    model: Model,
-    stretches: Sequence[Stretch],
-    channels: tuple[str, ...],
-    noise: Sequence[Noise],
-    units: dict[str, str],
-    cutoff: float | None = None,
-) -> Inverse | None:
-    """Compare the effort computed from the motion with the measured one; None where one of them is not known.
-
-    ``cutoff`` in Hz; by default a tenth of the sampling rate, or less where the noise asks for it. Raises `InputError`
-    if it is not below half the sampling rate.
-    """
-    efforts = Efforts.of(model, stretches, channels, noise, cutoff)
-    if efforts is None:
-        return None
-    name, filtered = efforts.name, efforts.filtered
-    shown = ("torque", model.plant.force_unit) if name == "current" else (name, units.get(name, model.units[name]))
-    return Inverse(*shown, filtered.cutoff, filtered.every, efforts.t, efforts.measured, efforts.computed(model))
-
-
 @dataclass(frozen=True)
 class Efforts:
-    """The effort of records, as measured and as any model computes it from their motion, filtered and decimated alike.
+    """The effort of records, as measured and as any model computes it from their motion, filtered and decimated alike:
+    by a low-pass of order 4 at ``cutoff`` Hz, samples ``step`` s apart.
 
-    ``name``: of the input, output or state that tells the effort; arrays (K,) are over all stretches.
+    ``name``: of the input, output or state that tells the effort; arrays (K,) are over all stretches, without their
+    ends.
     """
 
     name: str
-    filtered: _Filter
+    cutoff: float
+    step: float
     level: dict[str, Noise]
     even: tuple[_Even, ...]
 
@@ -134,7 +115,8 @@ class Efforts:
     ) -> Efforts | None:
         """Return the efforts of records; None where motion or effort is not known, or they are too short.
 
-        ``cutoff`` in Hz, see `inverse`. Raises `InputError` if it is not below half the sampling rate.
+        ``cutoff`` in Hz; by default a tenth of the sampling rate, or less where the noise asks for it. Raises
+        `InputError` if it is not below half the sampling rate.
         """
         effort = _effort_name(model, channels)
         if effort is None or not {model.plant.position, model.plant.velocity} & {*channels, *model.inputs}:
@@ -148,42 +130,60 @@ class Efforts:
         if not 0 < cutoff < 0.5 / step:
             half = f"half the sampling rate, {0.5 / step:g} Hz"
             raise InputError(f"cutoff: found {cutoff:g} Hz; allowed: above 0 and below {half}")
-        filtered = _Filter(float(cutoff), step)
-        long = tuple(e for e in even if e.t.size >= (2 * EDGE + 2) * filtered.every + SHORTEST)
-        found = cls(effort, filtered, level, long)
-        return found if long and found.t.size else None
+        found = cls(effort, float(cutoff), step, level, tuple(even))
+        long = tuple(e for e in even if e.t.size >= (2 * EDGE + 2) * found.every + SHORTEST)
+        found = replace(found, even=long)
+        return found if long and found.measured.size else None
 
-    def _kept(self, shown: Callable[[_Even], NDArray[Kind]]) -> NDArray[Kind]:
-        """Return what is ``shown`` of every stretch after decimation, where it is not near long holes."""
-        return np.concatenate([shown(e)[self.filtered.known(e)] for e in self.even])
+    def inverse(self, model: Model, units: Mapping[str, str]) -> Inverse:
+        """Return the effort computed from the motion by a model, beside the measured one; ``units`` of the record."""
+        name, unit = self.name, units.get(self.name) or model.units[self.name]
+        if name == "current":
+            name, unit = "torque", model.plant.force_unit
+        return Inverse(name, unit, self.cutoff, self.every, self.measured, self.computed(model))
 
-    @cached_property
-    def t(self) -> Array:
-        """The time (K,) in s."""
-        return self._kept(lambda e: self.filtered.sampled(e.t))
+    @property
+    def every(self) -> int:
+        """Every so many samples are kept."""
+        return max(1, int(1 / (self.step * self.cutoff) + 1e-9))
 
     @cached_property
     def measured(self) -> Array:
         """The measured effort (K,)."""
-        return self._kept(lambda e: self.filtered.thinned(e.effort))
+        return self._thinned(lambda e: e.effort)
 
     def computed(self, model: Model) -> Array:
         """Return the effort (K,) that the motion takes according to a model of the same plant."""
-        return self._kept(lambda e: self.filtered.thinned(self._computed(model, e)))
+        return self._thinned(lambda e: self._computed(model, e))
 
     def moving(self, model: Model) -> NDArray[np.bool_]:
         """Return where (K,) nothing stands within reach of the filter; everywhere if there is no state of velocity."""
-        reach = np.ones(2 * self.filtered.every + 1, dtype=bool)
-        standing = self._kept(lambda e: self.filtered.sampled(binary_dilation(self._motion(model, e)[2], reach)))
-        return np.asarray(~standing)
+        reach = np.ones(2 * self.every + 1, dtype=bool)
+        standing = [(e, binary_dilation(self._motion(model, e)[2], reach)) for e in self.even]
+        return np.concatenate([self._known(e, ~stands[:: self.every]) for e, stands in standing])
 
     def along(self, model: Model, name: str) -> Array | None:
         """Return a state or an input (K,), filtered like the efforts; None where the model has none of this name."""
         if name in model.inputs:
-            return self._kept(lambda e: self.filtered.thinned(e.u[:, model.inputs.index(name)]))
+            return self._thinned(lambda e: e.u[:, model.inputs.index(name)])
         if name not in model.states:
             return None
-        return self._kept(lambda e: self.filtered.thinned(self._motion(model, e)[0][:, model.states.index(name)]))
+        return self._thinned(lambda e: self._motion(model, e)[0][:, model.states.index(name)])
+
+    def _passed(self, values: Array) -> Array:
+        """Return values (T,) without what is faster than the cut-off, and without a phase shift."""
+        return np.asarray(sosfiltfilt(butter(4, self.cutoff, fs=1 / self.step, output="sos"), values))
+
+    def _thinned(self, shown: Callable[[_Even], Array]) -> Array:
+        """Return what is shown (T,) of every stretch, filtered and decimated (K,)."""
+        passed = ((e, self._passed(shown(e))) for e in self.even)
+        every = self.every
+        return np.concatenate([self._known(e, decimate(x, every) if every > 1 else x) for e, x in passed])
+
+    def _known(self, e: _Even, values: NDArray[Kind]) -> NDArray[Kind]:
+        """Return values after decimation without the ends of a stretch, and what is near long holes."""
+        near = uniform_filter1d(e.known, 2 * EDGE * self.every + 1, mode="nearest")[:: self.every]
+        return np.asarray(values[EDGE:-EDGE][near[EDGE:-EDGE] > 1 - 1e-9])
 
     def _computed(self, model: Model, e: _Even) -> Array:
         """Return the effort (T,) that the motion takes according to the model."""
@@ -202,41 +202,13 @@ class Efforts:
         motion = {k: v for k, v in e.values.items() if k in model.states}
         if velocity not in model.states:
             return driven(model, e.t, e.u, motion), np.zeros(e.t.size), np.zeros(e.t.size, dtype=bool)
-        low_pass = self.filtered
-        source, order, _ = _best_source(model, self.level, low_pass.step, low_pass.cutoff)
-        motion |= {k: low_pass(motion[k]) for k in (position, velocity) if k in motion}
+        source, order, _ = _best_source(model, self.level, self.step, self.cutoff)
+        motion |= {k: self._passed(motion[k]) for k in (position, velocity) if k in motion}
         if order == 2 or velocity not in motion:
             motion[velocity] = np.gradient(motion[position], e.t)
         acceleration = np.gradient(motion[velocity], e.t)
-        noise = derivative_noise(self.level[source].effective, order - 1, low_pass.cutoff, low_pass.step)
+        noise = derivative_noise(self.level[source].effective, order - 1, self.cutoff, self.step)
         return driven(model, e.t, e.u, motion), acceleration, np.abs(motion[velocity]) <= STILL * noise
-
-
-class _Filter:
-    """A zero-phase Butterworth low-pass of order 4 at ``cutoff`` Hz, and a decimation by ``every``."""
-
-    def __init__(self, cutoff: float, step: float) -> None:
-        self.cutoff, self.step = cutoff, step
-        self.every = max(1, int(1 / (step * cutoff) + 1e-9))
-        self._sos = butter(4, cutoff, fs=1 / step, output="sos")
-
-    def __call__(self, values: Array) -> Array:
-        """Return values (T,) without what is faster than the cut-off, and without a phase shift."""
-        return np.asarray(sosfiltfilt(self._sos, values))
-
-    def thinned(self, values: Array) -> Array:
-        """Return values (T,) filtered, decimated, and without their ends."""
-        passed = self(values)
-        return np.asarray((decimate(passed, self.every) if self.every > 1 else passed)[EDGE:-EDGE])
-
-    def sampled(self, values: NDArray[Kind]) -> NDArray[Kind]:
-        """Return values (T,) at the samples that are kept by `thinned`."""
-        return values[:: self.every][EDGE:-EDGE]
-
-    def known(self, e: _Even) -> NDArray[np.bool_]:
-        """Return which of the samples after decimation are not near long holes."""
-        known = uniform_filter1d(e.known, 2 * EDGE * self.every + 1, mode="nearest") > 1 - 1e-9
-        return np.asarray(self.sampled(known))
 
 
 def _effort_name(model: Model, channels: tuple[str, ...]) -> str | None:
@@ -302,4 +274,4 @@ def _cutoff(model: Model, level: dict[str, Noise], step: float, effort: float) -
     return float(f"{0.1 * highest:.2g}")
 
 
-__all__ = ["Efforts", "Inverse", "inverse"]
+__all__ = ["Efforts", "Inverse"]

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.inverse import Efforts, Inverse, inverse
+from signlin_ros.comparison.inverse import Efforts, Inverse
 from signlin_ros.comparison.locate import Region, by_direction, locate
 from signlin_ros.comparison.missing import Missing, missing
 from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
@@ -204,7 +204,8 @@ def compare(
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
     asked = _asked(model, records, validation, progress, cancelled)
     scored = _scored(observer, units, free, window, asked.ready.noise if asked.ready else {})
-    effort, where = inverse(model, parts, channels, observer.noise, units, cutoff), locate(observer, lacking, units)
+    efforts, where = Efforts.of(model, parts, channels, observer.noise, cutoff), locate(observer, lacking, units)
+    effort = efforts.inverse(model, units) if efforts else None
     return Comparison(
         model=model,
         channels=scored,

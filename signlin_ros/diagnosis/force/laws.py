@@ -93,8 +93,7 @@ def columns_of(structure: Structure) -> Tape:
 def loads_of(structure: Structure) -> Tape | None:
     """Return the slopes of these rows over the effort; None where the law does not follow it."""
     t = trace(structure)
-    slopes = by_effort(t, structure.plant, _changes(t, structure))
-    return None if slopes is None else tape_of(t, slopes)
+    return by_effort(t, structure.plant, _changes(t, structure))
 
 
 def _symbols(t: Trace) -> dict[str, ca.SX]:
@@ -152,10 +151,13 @@ class Law:
         """Return the force (K, columns) of unit levels along a piece, through the low-pass at the compared samples."""
         return piece.once((self.name, shape), lambda: self._seen(piece, shape, columns_of))
 
-    def loads(self, piece: Piece, shape: Shape) -> Array | None:
-        """Return what unit levels add (K, columns) to the part of the effort that drives; None if they add nothing."""
-        if loads_of(self.model.structure) is None:
-            return None  # as in every other shape
+    @property
+    def follows_effort(self) -> bool:
+        """Whether the law, in any shape, adds to the part of the effort that drives."""
+        return loads_of(self.model.structure) is not None
+
+    def loads(self, piece: Piece, shape: Shape) -> Array:
+        """Return what unit levels add (K, columns) to the part of the effort that drives."""
         unit = effort_unit(self.model)
         return piece.once(("load", self.name, shape), lambda: self._seen(piece, shape, loads_of) / unit)
 
@@ -190,14 +192,14 @@ class Law:
             scale = c.pop(0)
             values |= {n: values[n] * scale for n in self.parts.group}
         if self.parts.turning:
-            values |= self._turned(c[0], c[1])
+            values |= dict(zip(self.parts.turning, _turned(*c), strict=True))
         pars = self.effect.pars()
         return {n: pars[n].nearest(v) for n, v in values.items()}
 
-    def _turned(self, a: float, b: float) -> dict[str, float]:
-        """Return amplitude and phase of two columns: -A sin(N q + phi), or -A sin(q - q0)."""
-        amplitude, phase = self.parts.turning  # type: ignore[misc]
-        return {amplitude: math.hypot(a, b), phase: math.atan2(b, a)}
+
+def _turned(a: float, b: float) -> tuple[float, float]:
+    """Return amplitude and phase of two columns: -A sin(N q + phi), or -A sin(q - q0)."""
+    return math.hypot(a, b), math.atan2(b, a)
 
 
 @dataclass(frozen=True)
@@ -220,19 +222,15 @@ class Ripple(Law):
 
     def parameters(self, shape: Shape, coefficients: Array) -> dict[str, Any]:
         """See `Law`."""
-        _, amplitude, phase = self.wave.effect.periodic
-        turned = [self.wave._turned(a, b) for a, b in coefficients.reshape(-1, 2)]
-        orders = [N for _, N in shape]
-        return {"orders": orders, "A": [t[amplitude] for t in turned], "phi": [t[phase] for t in turned]}
+        amplitudes, phases = zip(*(_turned(a, b) for a, b in coefficients.reshape(-1, 2)), strict=True)
+        return {"orders": [N for _, N in shape], "A": list(amplitudes), "phi": list(phases)}
 
 
 def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, Law]:
     """Return the laws that act as a force along a measured motion, and that a model may lack, by their names.
 
-    ``placed``: whether the position was measured; if not, what depends on it cannot be told.
-
-    ``angular``: whether something may go with the sine of the position itself: the axis turns, or travels a whole
-    period of it.
+    ``placed``: whether the position was measured; if not, what depends on it cannot be told. ``angular``: whether
+    something may go with the sine of the position itself: the axis turns, or travels a whole period of it.
 
     Left to the motion witness: what changes the input, an electrical state or a sensor, and hidden inertias.
     """
@@ -241,11 +239,8 @@ def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, Law]:
         law = _law(model, name, effect) if angular or effect.periodic or not effect.turning else None
         if law is not None and (placed or not depends_on_place(law.model.structure)):
             found[name] = law
-    for name, effect in EFFECTS.items():
-        if effect.whole_orders and not effect.proposed and "cogging_torque" in found:
-            wave = found["cogging_torque"]
-            found[name] = Ripple(name, wave.model, wave.parts, wave)
-    return found
+    wave = found.get("cogging_torque")
+    return {**found, "torque_ripple": Ripple("torque_ripple", wave.model, wave.parts, wave)} if wave else found
 
 
 def _law(model: Model, name: str, effect: type[Effect]) -> Law | None:
@@ -266,8 +261,6 @@ def grid(law: Law, scale: Scale) -> list[Shape]:
     """Return the shapes that are tried: those of the effect's own starts, each once; waves are scanned for."""
     if law.effect.periodic or isinstance(law, Ripple):
         return []
-    if not (law.parts.shape or law.structural):
-        return [_reference(law, {})]
     ways = WAYS if law.effect.states else WAYS[:1]
     scales = [replace(scale, travel=scale.travel * way) for way in ways]
     points = list(dict.fromkeys(_reference(law, start) for s in scales for start in law.effect.starts(s)))

@@ -29,45 +29,32 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-BANDS = 0.12 * np.geomspace(1.0, 1e-3, 31)
-"""Cut-offs that are tried, as parts of the sampling rate, from wide to narrow."""
-PERIODS = 8.0
-"""A record must hold so many periods of the cut-off."""
-WIDER = 2.0
-"""The motion that laws are driven with passes through a low-pass so many times wider."""
+BANDS, PERIODS = 0.12 * np.geomspace(1.0, 1e-3, 31), 8.0
+"""Cut-offs that are tried, as parts of the sampling rate, the widest first; periods that a record must hold of one."""
+WIDER, HIGHEST = 2.0, 0.4
+"""The motion that laws are driven with passes through a low-pass so many times wider, at most at this part of the
+sampling rate."""
 EDGE = 1.2
 """Periods of the cut-off that are left out at either end."""
-PER_PERIOD = 2.5
-"""Samples that are kept for a period of the cut-off."""
-SAMPLED = 10.0
-"""Samples for a period of the cut-off with which laws are driven."""
-MOST = 4000
-"""Most samples of a record that are compared."""
-SLOW = 0.004
-"""Slower than this share of the largest velocity counts as rest, whatever the noise."""
+SAMPLED, PER_PERIOD, MOST = 10.0, 2.5, 4000
+"""Samples for a period of the cut-off with which laws are driven, and that are compared; most of these of a record."""
 SLOWEST, TURNS = 2.0, 10.0
 """Frequency in Hz, and its periods in a record, below which a velocity's sensor tells it better than a position's."""
+SURELY, SLOW = 3.0, 0.004
+"""Slower than so many times its noise, or than this share of its largest, a velocity counts as rest."""
 AT_REST = 0.15
 """Where more than this share of what the filter sees is rest, nothing is compared: friction there is any force."""
-SHORTEST_REST = 0.04
-"""Rest in s from which on the net force tells the sign of dry friction."""
-AT_ONCE = 2_000_000
-"""Most values that pass the low-pass at once."""
-BLOCKS, FEWEST_BLOCKS = 60, 10
-"""Most blocks that a record is cut into for standard errors, and as many a short one, if each holds two periods of the
-cut-off;"""
-BLOCK = 0.3
-"""and the length in s of a block otherwise."""
-HIGHEST = 0.4
-"""Part of the sampling rate above which no low-pass is set."""
-FEWEST = 20
-"""Samples that a channel must have."""
-SURELY = 3.0
-"""Times the velocity's noise below which it counts as rest."""
-FEW_AT_REST = 4
-"""Samples of rest in a row that are a rest."""
+SHORTEST_REST, FEW_AT_REST = 0.04, 4
+"""Rest in s, and its samples, from which on the net force tells the sign of dry friction,"""
 RESTING = (0.01, 0.9)
-"""Shares of a record at rest between which the net force tells the sign of friction there."""
+"""if such a share of the record is rest."""
+BLOCK, FEWEST_BLOCKS, BLOCKS = 0.3, 10, 60
+"""Length in s of a block for standard errors, and how many of them a record is cut into, if each holds two periods of
+the cut-off."""
+AT_ONCE, FEWEST = 2_000_000, 20
+"""Most values that pass the low-pass at once; samples that a channel must have."""
+LEAST_PART = 0.01
+"""Part of the effort that drives at least: a drive that holds itself has none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,16 +277,15 @@ def missing_force(model: Model, piece: Piece) -> Array:
     return np.asarray(((piece.effort if model.plant.motion_is_imposed() else piece.acceleration) - rate) * mass(model))
 
 
-def arriving(model: Model, piece: Piece) -> Array | None:
-    """Return which part (K,) of the effort drives at the samples that are compared, by the slope of the force over the
-    effort; None where all of it does. Friction that follows the load takes the rest: a force that is missing then asks
-    for more effort than its own size.
+def asked_effort(model: Model, piece: Piece) -> Array:
+    """Return the missing force (K,) at the samples that are compared, as the effort that it asks for: more than its own
+    size where friction follows the load and takes part of the effort before it drives.
     """
-    tape = arriving_tape(model.structure)
+    left, tape = piece.seen(missing_force(model, piece)), arriving_tape(model.structure)
     if tape is None:
-        return None
+        return left
     slopes = evaluated(model, tape, piece, states_of(model, piece), model.p)[0]
-    return piece.seen(slopes * mass(model) / effort_unit(model))
+    return left / np.maximum(piece.seen(slopes * mass(model) / effort_unit(model)), LEAST_PART)
 
 
 def effort_unit(model: Model) -> float:
@@ -329,8 +315,9 @@ def evaluated(model: Model, tape: Tape, piece: Piece, x: Array, p: Array) -> Arr
 
 
 __all__ = [
+    "LEAST_PART",
     "Piece",
-    "arriving",
+    "asked_effort",
     "best_cutoff",
     "effort_gain",
     "effort_unit",

@@ -18,7 +18,7 @@ from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.filters import slope
 from signlin_ros.diagnosis.force.laws import Law, Shape
-from signlin_ros.diagnosis.force.record import Piece, arriving, missing_force
+from signlin_ros.diagnosis.force.record import LEAST_PART, Piece, asked_effort, missing_force
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -36,8 +36,6 @@ TINY = 1e-300
 """What keeps a division from failing."""
 FEWEST = 3
 """Blocks from which a standard error is told."""
-LEAST_PART = 0.01
-"""Part of the effort that drives at least: a drive that holds itself has none."""
 
 
 def scaling(current: bool) -> tuple[str, ...]:
@@ -111,17 +109,7 @@ class Side:
 
     def missing(self, model: Model) -> Array:
         """Return the force (K,) that a model lacks, as the effort that it asks for."""
-        return np.concatenate([_as_effort(model, p, p.seen(missing_force(model, p))) for p in self.pieces])
-
-    def driving(self, law: Law, shape: Shape, levels: Array) -> Array | float:
-        """Return what a law with some levels (columns,) adds (K,) to the part of the effort that drives."""
-        loads = [law.loads(p, shape) for p in self.pieces]
-        return np.concatenate([one @ levels for one in loads if one is not None]) if loads[0] is not None else 0.0
-
-
-def _as_effort(model: Model, piece: Piece, left: Array) -> Array:
-    part = arriving(model, piece)
-    return left if part is None else left / np.maximum(part, LEAST_PART)
+        return np.concatenate([asked_effort(model, p) for p in self.pieces])
 
 
 def _rows(model: Model, piece: Piece, moved: Iterable[str]) -> tuple[Array, Array, Array]:
@@ -217,8 +205,11 @@ class Regression:
         theta, held, size, left = _bounded(self.known.y, X, spread, floor, ceiling)
 
         def as_effort(side: Side, left: Array) -> Array:
-            more = sum((side.driving(self.laws[n], z, theta[spans[n]]) for n, z in members), np.zeros(()))
-            return np.asarray(left / np.maximum(1.0 + more, LEAST_PART)) if np.any(more) else left
+            part = np.ones_like(left)
+            for n, shape in members:
+                if self.laws[n].follows_effort:
+                    part += np.concatenate([self.laws[n].loads(p, shape) @ theta[spans[n]] for p in side.pieces])
+            return left / np.maximum(part, LEAST_PART)
 
         def unseen() -> Array:
             return as_effort(self.unseen, self.unseen.y - self._matrix(self.unseen, members) @ theta)
@@ -274,8 +265,7 @@ def _bounded(
             Z = X[:, free] / scale[free]
             gram, side = Z.T @ Z, Z.T @ (y - X[:, held] @ theta[held])
         size = new
-        A = gram + np.diag(np.minimum(_precision(spread, scale, size, y.size)[free], 1e12 * y.size))
-        theta[free] = np.linalg.solve(A, side) / scale[free]
+        theta[free] = np.linalg.solve(gram + np.diag(precision(spread, scale, size, y.size)[free]), side) / scale[free]
         left = y - X @ theta
         new = float(np.sqrt(np.mean(left**2))) + TINY
         beyond = free & ((theta < floor) | (theta > ceiling))
@@ -286,21 +276,21 @@ def _bounded(
     return theta, ~free, size, left
 
 
-def _precision(spread: Array, scale: Array, size: float, n: int) -> Array:
-    """Return what is known beforehand of coefficients (c,) of scaled columns, where what is left has a ``size``."""
+def precision(spread: Array, scale: Array, size: float, n: int) -> Array:
+    """Return what is known beforehand of coefficients (c,) of scaled columns, where n samples leave a ``size``."""
     known = np.minimum(size / (spread * scale + TINY), 1e9)  # a column may be nothing but zeros
-    return np.where(np.isfinite(spread), known**2, 1e-9 * n)
+    return np.where(np.isfinite(spread), np.minimum(known**2, 1e12 * n), 1e-9 * n)
 
 
 def _covariance(side: Side, X: Array, spread: Array, held: NDArray[np.bool_], size: float, left: Array) -> Array:
     """Return the covariance (n, n) of what `_bounded` fitted; inf for what is held at a bound."""
     free, n = ~held, side.y.size
     scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
-    Z, precision = X[:, free] / scale[free], _precision(spread, scale, size, n)[free]
+    Z, known = X[:, free] / scale[free], precision(spread, scale, size, n)[free]
     scores = np.zeros((int(side.blocks.max()) + 1, int(free.sum())))
     np.add.at(scores, side.blocks, Z * left[:, None])
-    inverse = np.linalg.inv(Z.T @ Z + np.diag(np.minimum(precision, 1e12 * n)))
-    prior = np.diag(np.where(np.isfinite(spread[free]), precision * np.mean(left**2), 0.0))
+    inverse = np.linalg.inv(Z.T @ Z + np.diag(known))
+    prior = np.diag(np.where(np.isfinite(spread[free]), known * np.mean(left**2), 0.0))
     covariance = inverse @ (scores.T @ scores + prior) @ inverse
     every = np.zeros((X.shape[1], X.shape[1]))
     every[held, held] = np.inf
@@ -309,4 +299,4 @@ def _covariance(side: Side, X: Array, spread: Array, held: NDArray[np.bool_], si
     return every
 
 
-__all__ = ["APART", "TINY", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "scaling"]
+__all__ = ["APART", "TINY", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "precision", "scaling"]

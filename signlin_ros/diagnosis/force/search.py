@@ -123,25 +123,15 @@ class Search:
     @functools.cached_property
     def _stretch(self) -> tuple[float, float]:
         """Smallest and largest position of the records."""
-        q = [p.q for p in self.r.known.pieces]
-        return min(float(x.min()) for x in q), max(float(x.max()) for x in q)
+        q = np.concatenate([p.q for p in self.r.known.pieces])
+        return float(q.min()), float(q.max())
 
     def refined(self, f: Fit) -> Fit:
         """Return a fit whose shapes lie between the points of the grid, by what is left of the fitted data."""
         for step in STEPS:
             for j, (name, shape) in enumerate(f.members):
-                f = self._restructured(f, j)
                 for n in self._movable(name, shape):
                     f = self._moved(f, j, n, step)
-        return f
-
-    def _restructured(self, f: Fit, j: int) -> Fit:
-        """Return a fit with another value of a parameter that changes the equations, if that leaves less."""
-        name, shape = f.members[j]
-        for n, value in shape:
-            if n in self.r.laws[name].structural:
-                others = dict.fromkeys(v for s in self.shapes[name] for k, v in s if k == n and v != value)
-                f = min([f, *(self.r.fitted(_put(f.members, j, n, v)) for v in others)], key=lambda g: g.trained)
         return f
 
     def _movable(self, name: str, shape: Shape) -> list[str]:
@@ -160,14 +150,17 @@ class Search:
             apart = 2 * np.pi / self.r.known.travel / dict(f.members[j][1])[n] * step
             factors, least = (1 - apart, 1 + apart), self.waves.slowest
         for _ in range(MOVES):
-            near = {k: effect.pars()[n].nearest(dict(f.members[j][1])[n] * k) for k in factors}
-            values = {k: float(f"{v:.12g}") for k, v in near.items()}
-            tried = {k: self.r.fitted(_put(f.members, j, n, v)) for k, v in values.items() if v >= least}
-            better = [k for k, g in tried.items() if g.trained < f.trained * NOTHING]
-            if not better:
+            name, shape = f.members[j]
+            tried = []
+            for factor in factors:
+                value = float(f"{effect.pars()[n].nearest(dict(shape)[n] * factor):.12g}")
+                if value >= least:
+                    moved = (name, tuple((k, value if k == n else v) for k, v in shape))
+                    tried.append((factor, self.r.fitted([*f.members[:j], moved, *f.members[j + 1 :]])))
+            factor, best = min(tried, key=lambda one: one[1].trained, default=(1.0, f))
+            if best.trained >= f.trained * NOTHING:
                 break
-            best = min(better, key=lambda k: tried[k].trained)
-            f, factors = tried[best], (best,)  # the other way lies where it came from
+            f, factors = best, (factor,)  # the other way lies where it came from
         return f
 
     # ------------------------------------------------------------------ the choice
@@ -284,12 +277,6 @@ class Search:
 
 def _names(members: Iterable[Member]) -> frozenset[str]:
     return frozenset(n for n, _ in members)
-
-
-def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:
-    """Return members with another value of a parameter of one's shape."""
-    name, shape = members[j]
-    return (*members[:j], (name, tuple((k, value if k == n else v) for k, v in shape)), *members[j + 1 :])
 
 
 __all__ = ["Search"]

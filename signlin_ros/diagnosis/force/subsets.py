@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.force.laws import Shape
-from signlin_ros.diagnosis.force.regression import TINY, Member, Regression
+from signlin_ros.diagnosis.force.regression import TINY, Member, Regression, precision
 
 Array = NDArray[np.float64]
 Sets = NDArray[np.intp]
@@ -67,8 +67,7 @@ class Subsets:
         that it cannot have; ``size``: mean square of what is left, by which tolerances weigh.
         """
         base, r = np.arange(self.r.b), self.r
-        spread = np.minimum(np.maximum(r.spread, 1e-12), 1e12) * self._scale[: r.b]
-        held = np.minimum(size / np.maximum(spread**2, TINY), 1e12 * self._size)
+        known = precision(r.spread, self._scale[: r.b], np.sqrt(size), self._size)
         found = np.empty(len(sets))
         for at in range(0, len(sets), BATCH):
             some = sets[at : at + BATCH]
@@ -78,7 +77,7 @@ class Subsets:
             none = index == len(self._moments) - 1
             A[none] = 0.0
             A[:, diagonal, diagonal] += np.where(none, 1.0, 1e-9 * self._size)
-            A[:, base, base] += held
+            A[:, base, base] += known
             theta = np.linalg.solve(A, g[:, :, None])[:, :, 0]
             error = np.maximum(self._total - np.sum(theta * g, axis=1), 0.0)
             found[at : at + BATCH] = np.where(np.any((theta < 0.0) & self._positive[index], axis=1), np.inf, error)
