@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.force.equations import by_effort, depends_on_place, rate_of, tape_of
-from signlin_ros.diagnosis.force.record import Piece, effort_unit, evaluated, mass, states_of
+from signlin_ros.diagnosis.force.record import Piece, effort_unit, mass
 from signlin_ros.effects import EFFECTS, Effect, find_effect
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
@@ -169,11 +169,9 @@ class Law:
         for n, value in shape:
             if n not in self.structural:
                 p[model.trace.parameters.index(f"{KEY}.{n}")] = value
-        if self.effect.states:
-            x = states_of(model, piece, p)
-        else:
-            x = piece.once(model.states, lambda: states_of(model, piece))
-        return piece.seen(np.asarray(mass(model) * evaluated(model, what(model.structure), piece, x, p).T))
+        own = self.effect.states
+        x = piece.states(model, p) if own else piece.once(model.states, lambda: piece.states(model))
+        return piece.seen(np.asarray(mass(model) * piece.evaluated(model, what(model.structure), x, p).T))
 
     @functools.cached_property
     def structural(self) -> frozenset[str]:

@@ -115,6 +115,28 @@ class Piece:
         width = max(1, AT_ONCE // self.t.size)
         return [slice(at, at + width) for at in range(0, columns, width)]
 
+    def states(self, model: Model, p: Array | None = None) -> Array:
+        """Return the states (T, n) of a model: what is measured, and what the model carries along with it.
+
+        ``p``: values of the model's parameters in the trace's order, by default its own.
+        """
+        known = {n: v for n, v in self.values.items() if n in model.states}
+        follows = any("." not in n and n not in known for n in model.states)  # the input, as a plant's current does
+        return driven(model, self.t, self.u, known, 0.5 * self.step if follows else 0.0, p=p)
+
+    def evaluated(self, model: Model, tape: Tape, x: Array, p: Array) -> Array:
+        """Return what a tape of a model's equations says (outputs, T) at states x (T, n) for parameters p; the
+        direction of motion as far as it is known decides the sign of the velocity.
+        """
+        surfaces, columns = model.trace.surfaces, [*x.T, *self.u.T, *p]
+        moving = [s.name == model.plant.velocity for s in surfaces]
+        signs: list[Array | float] = [self.sign if m else 0.0 for m in moving]
+        for _ in range(0 if all(moving) else 2):
+            g = surfaces_tape(model.structure).batch([*columns, *signs])
+            signs = [self.sign if m else np.sign(v) for m, v in zip(moving, g, strict=True)]
+        result = tape.batch([*columns, *signs])
+        return np.broadcast_to(result, (len(result), self.t.size))
+
 
 class _Raw:
     """Even samples before any filter: ``t`` (T,) from 0 on, ``step`` in s, inputs ``u`` (T, m) as they act, channels'
@@ -261,19 +283,9 @@ def _direction(v: Array, noise: float, net: Array, wide: float, step: float) -> 
     return sign, still
 
 
-def states_of(model: Model, piece: Piece, p: Array | None = None) -> Array:
-    """Return the states (T, n) of a model along a piece: what is measured, and what the model carries along with it.
-
-    ``p``: values of the model's parameters in the trace's order, by default its own.
-    """
-    known = {n: v for n, v in piece.values.items() if n in model.states}
-    follows = any("." not in n and n not in known for n in model.states)  # the input, as a current of the plant does
-    return driven(model, piece.t, piece.u, known, 0.5 * piece.step if follows else 0.0, p=p)
-
-
 def missing_force(model: Model, piece: Piece) -> Array:
     """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass."""
-    rate = evaluated(model, rate_tape(model.structure), piece, states_of(model, piece), model.p)[0]
+    rate = piece.evaluated(model, rate_tape(model.structure), piece.states(model), model.p)[0]
     return np.asarray(((piece.effort if model.plant.motion_is_imposed() else piece.acceleration) - rate) * mass(model))
 
 
@@ -284,7 +296,7 @@ def asked_effort(model: Model, piece: Piece) -> Array:
     left, tape = piece.seen(missing_force(model, piece)), arriving_tape(model.structure)
     if tape is None:
         return left
-    slopes = evaluated(model, tape, piece, states_of(model, piece), model.p)[0]
+    slopes = piece.evaluated(model, tape, piece.states(model), model.p)[0]
     return left / np.maximum(piece.seen(slopes * mass(model) / effort_unit(model)), LEAST_PART)
 
 
@@ -300,20 +312,6 @@ def mass(model: Model) -> float:
     return float(model.parameters["J" if "J" in model.parameters else "m"])
 
 
-def evaluated(model: Model, tape: Tape, piece: Piece, x: Array, p: Array) -> Array:
-    """Return what a tape of a model's equations says (outputs, T) along a piece; the direction of motion as far as it
-    is known decides the sign of the velocity.
-    """
-    surfaces, columns = model.trace.surfaces, [*x.T, *piece.u.T, *p]
-    moving = [s.name == model.plant.velocity for s in surfaces]
-    signs: list[Array | float] = [piece.sign if m else 0.0 for m in moving]
-    for _ in range(0 if all(moving) else 2):
-        g = surfaces_tape(model.structure).batch([*columns, *signs])
-        signs = [piece.sign if m else np.sign(v) for m, v in zip(moving, g, strict=True)]
-    result = tape.batch([*columns, *signs])
-    return np.broadcast_to(result, (len(result), piece.t.size))
-
-
 __all__ = [
     "LEAST_PART",
     "Piece",
@@ -321,9 +319,7 @@ __all__ = [
     "best_cutoff",
     "effort_gain",
     "effort_unit",
-    "evaluated",
     "mass",
     "missing_force",
     "piece",
-    "states_of",
 ]

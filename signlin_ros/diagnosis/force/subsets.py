@@ -7,7 +7,6 @@ Technometrics 16 (1974) 499, doi:10.1080/00401706.1974.10489231].
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,26 +27,21 @@ class Subsets:
     """Sets of members (laws with their shapes): about what each leaves of the fitted data."""
 
     def __init__(self, r: Regression, shapes: Mapping[str, Sequence[Shape]]) -> None:
-        self.r = r
-        self.members: list[Member] = []
+        self.r, self.members = r, list[Member]()
         names, parts, columns, positive = list(r.laws), list[list[int]](), [r.known.X], [False] * r.b
-        families: dict[str, int] = {}
-        kinds: list[tuple[int, int]] = []
-        at = r.b
-        for name, shape in chain.from_iterable(((n, s) for s in shapes[n]) for n in names if n in shapes):
+        families, kinds = [law.family for law in r.laws.values()], list[tuple[int, int]]()
+        for name, shape in [(n, shape) for n in names for shape in shapes.get(n, ())]:
             law, C = r.laws[name], r.known.columns(r.laws[name], shape)
             if not np.isfinite(C).all():
                 continue  # a law of somebody's own, with a root or a power of what crosses zero
             columns.append(C)
-            bounded = list(law.positive(shape))
-            positive += bounded
-            kind = families.setdefault(law.family, len(families))
-            whole = list(range(at, at + C.shape[1]))
-            for part in [whole, *([[j] for j in whole] if len(whole) > 1 and all(bounded) else [])]:
+            whole = list(range(len(positive), len(positive) + C.shape[1]))
+            positive += law.positive(shape)
+            apart = [[j] for j in whole] if len(whole) > 1 and all(law.positive(shape)) else []
+            for part in [whole, *apart]:
                 self.members.append((name, shape))
                 parts.append(part)
-                kinds.append((names.index(name), kind))
-            at += C.shape[1]
+                kinds.append((names.index(name), families.index(law.family)))
         A = np.hstack(columns)
         self._scale = np.sqrt(np.mean(A**2, axis=0)) + TINY
         A = A / self._scale
@@ -85,7 +79,7 @@ class Subsets:
 
     def best(self, count: int, size: float) -> list[tuple[Member, ...]]:
         """Return the best sets of ``count`` members, one for each set of laws, the best first; ``size``: see `left`."""
-        return [tuple(self.members[j] for j in row) for row in self._best(count, size).tolist()]
+        return [tuple(self.members[j] for j in row) for row in self._best(count, size)]
 
     def _best(self, count: int, size: float) -> Sets:
         sets = self._sets(count, size)
