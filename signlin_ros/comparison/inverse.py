@@ -32,10 +32,9 @@ NOISY = 0.05
 """The cut-off is lowered until the noise of the acceleration is worth no more than this share of the effort."""
 STILL = 3.0
 """Slower than this many standard deviations of the derived velocity counts as standing."""
-UNEVEN = 0.01
-"""Steps that differ by less than this share are even."""
-LOST = 5
-"""So many missing samples in a row are interpolated; around longer holes nothing is compared."""
+UNEVEN, LOST = 0.01, 5
+"""Steps that differ by less than this share are even; so many missing samples in a row are interpolated, and around
+longer holes nothing is compared."""
 EDGE = 2
 """So many decimated samples are left out at either end."""
 
@@ -176,8 +175,7 @@ class Efforts:
 
     def _thinned(self, shown: Callable[[_Even], Array]) -> Array:
         """Return what is shown (T,) of every stretch, filtered and decimated (K,)."""
-        passed = ((e, self._passed(shown(e))) for e in self.even)
-        every = self.every
+        passed, every = ((e, self._passed(shown(e))) for e in self.even), self.every
         return np.concatenate([self._known(e, decimate(x, every) if every > 1 else x) for e, x in passed])
 
     def _known(self, e: _Even, values: NDArray[Kind]) -> NDArray[Kind]:

@@ -32,10 +32,8 @@ LARGE, FEW, RARE = 0.3, 2.2, 0.005
 """An excess above `LARGE` needs only `FEW` standard errors if no more than `RARE` of all shifts in time match it."""
 SHADOW = 2.5
 """The same once what the situations above it explain is taken out."""
-MATTERS = 10.0
-"""Least excess of the share of the error over the share of the time, in per cent."""
-LIFT = 1.2
-"""Least ratio of the two shares."""
+MATTERS, LIFT = 10.0, 1.2
+"""Least excess of the share of the error over the share of the time, in per cent, and least ratio of the two."""
 BAND_ERROR, BAND_MOTION = 0.6, 0.1
 """A band is named where it holds at least this share of the error and at most this share of the acceleration."""
 

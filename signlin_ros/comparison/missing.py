@@ -24,10 +24,9 @@ from signlin_ros.recording.trace import Trace
 
 Array = NDArray[np.float64]
 
-CLEAR = 3.0
-"""What is missing must be this many times larger (RMS) than what the measurement noise alone would make of it."""
-WORTH = 0.005
-"""What is missing must be at least this share of what the equation typically holds."""
+CLEAR, WORTH = 3.0, 0.005
+"""What is missing must be so many times larger (RMS) than what the measurement noise alone would make of it, and this
+share of what the equation typically holds."""
 FREQUENCIES = 512
 """Frequencies at which the smoother is evaluated, up to Nyquist's."""
 

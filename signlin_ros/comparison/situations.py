@@ -18,16 +18,12 @@ JUMP, OF_ALL, LEAST_JUMPS, RARE = 10, 0.05, 3, 0.02
 QUANTILES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98)
 NEAR = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2)
 """Time in s within which a sample counts as near an event."""
-HARMONICS = 1500
-"""Harmonics over the way at which a pattern is looked for,"""
-PATTERN_SAMPLES = 3000
-"""in so many samples."""
+HARMONICS, PATTERN_SAMPLES = 1500, 3000
+"""Harmonics over the way at which a pattern is looked for, in so many samples."""
 SLOW_PASSAGES = 0.1
 """Patterns are looked for down to what this slowest part of the samples resolves."""
-PATTERN_CLEAR = 12
-"""A pattern must explain so many times what the median harmonic does."""
-PATTERN_SHARE = 0.04
-"""Least share of what is missing that a pattern over position must explain."""
+PATTERN_CLEAR, PATTERN_SHARE = 12, 0.04
+"""A pattern over position must explain so many times what the median one does, and this share of what is missing."""
 
 Splits = Iterator[Split | None]
 

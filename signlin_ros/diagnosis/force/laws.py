@@ -42,8 +42,6 @@ GRID = 160
 """Most points of a law's grid."""
 WAYS = (1.0, 0.2, 0.04)
 """What a law remembers may go back over a way that is so much shorter than its starts say."""
-QUARTER = math.pi / 2
-"""A quarter of a turn."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,7 @@ def _changes(t: Trace, structure: Structure) -> ca.SX:
         rows.append(at(e, quiet) - at(e, [*quiet, *((p[n], 0.0) for n in parts.group)]))
     if parts.turning:
         amplitude, phase = parts.turning
-        rows += [at(ca.jacobian(e, p[amplitude]), [*quiet, (p[phase], v)]) for v in (0.0, QUARTER)]
+        rows += [at(ca.jacobian(e, p[amplitude]), [*quiet, (p[phase], v)]) for v in (0.0, math.pi / 2)]
     return ca.vertcat(*rows)
 
 

@@ -19,12 +19,9 @@ Array = NDArray[np.float64]
 
 REFINED = 2
 """The best so many times `Criteria.beam` of a step are refined."""
-STEPS = (0.25, 0.1, 0.04)
-"""Relative steps by which shapes are refined,"""
-MOVES = 3
-"""and how often in a row,"""
-NOTHING = 1 - 1e-4
-"""unless a step leaves more than this of the squared error."""
+STEPS, MOVES, NOTHING = (0.25, 0.1, 0.04), 3, 1 - 1e-4
+"""Relative steps by which shapes are refined, and how often in a row, unless one leaves more than this of the squared
+error."""
 LITTLE = 0.97
 """A step that leaves more than this of the squared error of the one before ends the search."""
 HARMONICS = 8

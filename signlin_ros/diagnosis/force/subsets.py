@@ -17,10 +17,8 @@ from signlin_ros.diagnosis.force.regression import TINY, Member, Regression, pre
 Array = NDArray[np.float64]
 Sets = NDArray[np.intp]
 
-FOLLOWED = 150
-"""Sets of two and more laws that are tried with every other member beside."""
-BATCH = 4096
-"""Sets that are solved together."""
+FOLLOWED, BATCH = 150, 4096
+"""Sets of two and more laws that are tried with every other member beside; sets that are solved together."""
 
 
 class Subsets:
