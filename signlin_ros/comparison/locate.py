@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,10 +32,8 @@ LARGE, FEW, RARE = 0.3, 2.2, 0.005
 """An excess above `LARGE` needs only `FEW` standard errors if no more than `RARE` of all shifts in time match it."""
 SHADOW = 2.5
 """The same once what the situations above it explain is taken out."""
-MATTERS = 10.0
-"""Least excess of the share of the error over the share of the time, in per cent."""
-LIFT = 1.2
-"""Least ratio of the two shares."""
+MATTERS, LIFT = 10.0, 1.2
+"""Least excess of the share of the error over the share of the time, in per cent, and least ratio of the two."""
 BAND_ERROR, BAND_MOTION = 0.6, 0.1
 """A band is named where it holds at least this share of the error and at most this share of the acceleration."""
 
@@ -84,25 +81,23 @@ def locate(observer: Observer, lacking: Sequence[Missing], units: Mapping[str, s
     kept: list[Split] = []
     error = scene.error
     for split in sorted(best, key=lambda s: -s.gain):
-        mask = split.mask.astype(float)
-        if _matters(split) and _significant(scene, split) and scene.excess(mask, error) > SHADOW:
+        if _matters(split) and _significant(scene, split) and scene.excess(split.mask, error) > SHADOW:
             kept.append(split)
             error = _explained(scene.error, kept)
     return (*(_region(scene, s) for s in kept), *_band(scene))
+
+
+def _matters(split: Split) -> bool:
+    return split.gain >= max(MATTERS / 100, (LIFT - 1) * float(split.mask.mean()))
 
 
 def _significant(scene: Scene, split: Split) -> bool:
     """Whether the excess stands out of its scatter; a large one also if it is lost when the situation is shifted in
     time, which a record of few independent blocks can show as well.
     """
-    errors = scene.excess(split.mask.astype(float), scene.error)
+    errors = scene.excess(split.mask, scene.error)
     by_place = split.gain > LARGE and errors > FEW and scene.as_large_elsewhere(split.mask) < RARE
     return errors > SIGNIFICANT or by_place
-
-
-def _matters(split: Split) -> bool:
-    time = float(split.mask.mean())
-    return split.gain >= MATTERS / 100 and split.gain >= (LIFT - 1) * time
 
 
 def _explained(error: Array, kept: Sequence[Split]) -> Array:
@@ -113,7 +108,6 @@ def _explained(error: Array, kept: Sequence[Split]) -> Array:
 
 
 def _region(scene: Scene, split: Split) -> Region:
-    edges = np.cumsum([0, *scene.parts])
     mean, std = block_mean(scene.value, split.mask, scene.block)
     return Region(
         name=split.name,
@@ -124,7 +118,7 @@ def _region(scene: Scene, split: Split) -> Region:
         mean=mean,
         mean_std=std,
         unit=scene.missing.unit,
-        mask=tuple(split.mask[a:b] for a, b in pairwise(edges)),
+        mask=tuple(scene.by_stretch(split.mask)),
         period=split.period,
     )
 
@@ -143,7 +137,7 @@ def by_direction(observer: Observer, lacking: Missing, units: Mapping[str, str])
     """
     scene = Scene(observer, [lacking], units)
     v, turns = scene.velocity, scene.turns
-    clear = time_to(scene, turns) > scene.resolution if turns.size else np.ones(v.size, dtype=np.bool_)
+    clear = time_to(scene, turns) > scene.resolution
     sides = {"forward": clear & (v > scene.slow), "backward": clear & (v < -scene.slow)}
     found = {side: block_mean(scene.value, mask, scene.block) for side, mask in sides.items() if mask.any()}
     return {side: {"mean": mean, "std": std} for side, (mean, std) in found.items()}
@@ -151,14 +145,12 @@ def by_direction(observer: Observer, lacking: Missing, units: Mapping[str, str])
 
 def _band(scene: Scene) -> tuple[Region, ...]:
     """Return the octaves in which what is missing is concentrated while the motion is not, if there are such."""
-    longest = max(scene.parts)
-    start = int(np.cumsum([0, *scene.parts])[int(np.argmax(scene.parts))])
-    segment = min(longest // 6, int(8.0 / scene.observer.step))
+    value, velocity = (max(scene.by_stretch(values), key=len) for values in (scene.value, scene.velocity))
+    segment, rate = min(value.size // 6, int(8.0 / scene.observer.step)), 1.0 / scene.observer.step
     if segment < LEAST_SEGMENT:
         return ()
-    part, rate = slice(start, start + longest), 1.0 / scene.observer.step
-    f, error = welch(scene.value[part], rate, nperseg=segment)
-    _, motion = welch(np.gradient(scene.velocity[part]), rate, nperseg=segment)
+    f, error = welch(value, rate, nperseg=segment)
+    _, motion = welch(np.gradient(velocity), rate, nperseg=segment)
     top = min(0.5 * rate, 0.5 / scene.resolution)
     edges = [top / 2**k for k in range(int(np.log2(max(top / f[2], 1.0))) + 1)][::-1]
     found = []

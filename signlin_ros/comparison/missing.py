@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -23,10 +24,9 @@ from signlin_ros.recording.trace import Trace
 
 Array = NDArray[np.float64]
 
-CLEAR = 3.0
-"""What is missing must be this many times larger (RMS) than what the measurement noise alone would make of it."""
-WORTH = 0.005
-"""What is missing must be at least this share of what the equation typically holds."""
+CLEAR, WORTH = 3.0, 0.005
+"""What is missing must be so many times larger (RMS) than what the measurement noise alone would make of it, and this
+share of what the equation typically holds."""
 FREQUENCIES = 512
 """Frequencies at which the smoother is evaluated, up to Nyquist's."""
 
@@ -36,8 +36,7 @@ class Missing:
     """What one equation lacks: ``values`` (T,) for each stretch in ``unit``, positive where the state should speed up.
 
     ``name``: force, torque or an input; ``noise``: its standard deviation where the model is right; ``resolution`` in
-    s: what is closer together is blurred. ``typical``: RMS of what the equation holds. ``clear``: what is missing
-    stands out of the noise at all.
+    s: what is closer together is blurred. ``typical``: RMS of what the equation holds.
     """
 
     name: str
@@ -46,9 +45,13 @@ class Missing:
     noise: float
     resolution: float
     typical: float
-    clear: bool
 
     @property
+    def clear(self) -> bool:
+        """Whether what is missing stands out of the noise at all."""
+        return self.rms > max(CLEAR * self.noise, WORTH * self.typical)
+
+    @cached_property
     def rms(self) -> float:
         """Its root mean square over all stretches."""
         return float(np.sqrt(np.mean(np.concatenate(self.values) ** 2)))
@@ -95,22 +98,20 @@ def _beside_motion(observer: Observer, units: Mapping[str, str]) -> tuple[Missin
     """Return what the computed force lacks beside the measured one; samples that are missing lack nothing."""
     name = observer.model.plant.effort
     j = observer.channels.index(name)
-    shown = [tracker.outputs(x)[:, j] for tracker, x in zip(observer.trackers, observer.rough, strict=True)]
-    values = tuple(np.nan_to_num(s.y[:, j] - y) for s, y in zip(observer.stretches, shown, strict=True))
-    noise, rms = observer.noise[j].sigma, float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
+    pairs = zip(observer.trackers, observer.rough, strict=True)
+    values = tuple(np.nan_to_num((tracker.y - tracker.outputs(x))[:, j]) for tracker, x in pairs)
     typical = float(np.sqrt(np.nanmean(np.concatenate([s.y[:, j] for s in observer.stretches]) ** 2)))
     unit = units.get(name, observer.model.units[name])
-    return (Missing(name, unit, values, noise, observer.step, typical, rms > max(CLEAR * noise, WORTH * typical)),)
+    return (Missing(name, unit, values, observer.noise[j].sigma, observer.step, typical),)
 
 
 def _equations(observer: Observer, force_unit: str) -> list[_Equation]:
     model, plant = observer.model, observer.model.plant
-    forces, inputs, found = per_force(model), _per_input(model), []
+    forces, inputs, found = per_force(model), _slope(model.trace, "u", 0, model.p, 1.0), []
     for i in observer.disturbed:
         if model.states[i] == plant.velocity and forces[i] != 0:
-            name = "force" if force_unit == "N" else "torque"
-            found.append(_Equation(name, force_unit, i, float(forces[i])))
-        elif inputs[i] != 0 and plant.velocity in model.states:
+            found.append(_Equation("force" if force_unit == "N" else "torque", force_unit, i, float(forces[i])))
+        elif inputs[i] != 0:
             found.append(_Equation(model.inputs[0], plant.input_unit, i, float(inputs[i])))
     return found
 
@@ -123,10 +124,8 @@ def _missing(observer: Observer, equation: _Equation, design: Design) -> Missing
         r = np.zeros_like(run.state)
         _backwards(design.back, design.weigh, np.nan_to_num(run.innovation), r)
         values.append(r @ row / gain)
-    rms = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
     typical = float(observer.typical[equation.state] / abs(equation.per_unit))
-    clear = rms > max(CLEAR * noise / gain, WORTH * typical)
-    return Missing(equation.name, equation.unit, tuple(values), noise / gain, resolution, typical, clear)
+    return Missing(equation.name, equation.unit, tuple(values), noise / gain, resolution, typical)
 
 
 def _response(observer: Observer, equation: _Equation, d: Design) -> tuple[float, float, float]:
@@ -183,11 +182,6 @@ def inertia(model: Model) -> float:
     if model.plant.velocity not in model.states:
         return 0.0
     return 1.0 / abs(float(per_force(model)[model.states.index(model.plant.velocity)]))
-
-
-def _per_input(model: Model) -> Array:
-    """Return the change of every state's rate (n,) for a unit of the first input, where nothing stands in its way."""
-    return _slope(model.trace, "u", 0, model.p, 1.0)
 
 
 @symbolic

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from signlin_ros.follow.observer import Observer
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Kind = TypeVar("Kind", bound=np.generic)
 
 FORGOTTEN = 0.1
 """Correlation of a quantity with itself below which it has forgotten itself."""
@@ -55,6 +57,14 @@ class Scene:
                 return np.asarray(values[:, names.index(name)])
         return None
 
+    def by_stretch(self, values: NDArray[Kind]) -> list[NDArray[Kind]]:
+        """Return values (N,) of each stretch."""
+        return list(np.split(values, np.cumsum(self.parts)[:-1]))
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a quantity, as the record has it, else the model."""
+        return self.units.get(name, self.model.units.get(name, ""))
+
     @property
     def velocity(self) -> Array:
         """The velocity (N,)."""
@@ -83,7 +93,7 @@ class Scene:
         memory = max(remembered(self.error), int(self.resolution / self.observer.step))
         return int(max(1, min(2 * memory, self.error.size // LEAST_BLOCKS)))
 
-    def excess(self, mask: Array, error: Array) -> float:
+    def excess(self, mask: Mask, error: Array) -> float:
         """Return by how many standard errors a mask (N,) holds more of the error (N,) than its share of the time."""
         sums = np.add.reduceat((mask - mask.mean()) * (error - error.mean()), np.arange(0, error.size, self.block))
         spread = float(np.sqrt(np.sum(sums**2)))
@@ -116,9 +126,9 @@ def time_to(scene: Scene, events: NDArray[np.int64]) -> Array:
     """Return the time (N,) in s to the nearest event, given by sample; across stretches no distance is small."""
     number = np.repeat(np.arange(len(scene.parts)), scene.parts)
     clock = scene.t + number * (1e6 + scene.t.max())
-    at = np.searchsorted(clock[events], clock)
-    left, right = clock[events[np.clip(at - 1, 0, events.size - 1)]], clock[events[np.clip(at, 0, events.size - 1)]]
-    return np.asarray(np.minimum(np.abs(clock - left), np.abs(clock - right)))
+    known = np.concatenate([[-np.inf], clock[events], [np.inf]])
+    after = np.searchsorted(known, clock)
+    return np.asarray(np.minimum(clock - known[after - 1], known[after] - clock))
 
 
 __all__ = ["Scene", "Split", "remembered", "time_to"]

@@ -18,16 +18,12 @@ JUMP, OF_ALL, LEAST_JUMPS, RARE = 10, 0.05, 3, 0.02
 QUANTILES = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 0.98)
 NEAR = (0.005, 0.01, 0.02, 0.03, 0.05, 0.1, 0.2)
 """Time in s within which a sample counts as near an event."""
-HARMONICS = 1500
-"""Harmonics over the way at which a pattern is looked for,"""
-PATTERN_SAMPLES = 3000
-"""in so many samples."""
+HARMONICS, PATTERN_SAMPLES = 1500, 3000
+"""Harmonics over the way at which a pattern is looked for, in so many samples."""
 SLOW_PASSAGES = 0.1
 """Patterns are looked for down to what this slowest part of the samples resolves."""
-PATTERN_CLEAR = 12
-"""A pattern must explain so many times what the median harmonic does."""
-PATTERN_SHARE = 0.04
-"""Least share of what is missing that a pattern over position must explain."""
+PATTERN_CLEAR, PATTERN_SHARE = 12, 0.04
+"""A pattern over position must explain so many times what the median one does, and this share of what is missing."""
 
 Splits = Iterator[Split | None]
 
@@ -37,70 +33,51 @@ def rounded(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _thresholds(values: Array) -> list[float]:
-    return list(dict.fromkeys(rounded(float(q)) for q in np.quantile(values, QUANTILES)))
+def _limits(scene: Scene, name: str, shown: str, kind: str, values: Array) -> Splits:
+    """Below and above limits of values (N,) that have the unit of ``name``."""
+    for limit in dict.fromkeys(rounded(float(q)) for q in np.quantile(values, QUANTILES)):
+        yield scene.split(f"{shown} < {limit:g} {scene.unit(name)}", kind, values < limit)
+        yield scene.split(f"{shown} > {limit:g} {scene.unit(name)}", kind, values > limit)
 
 
-def _label(scene: Scene, name: str) -> str:
-    return scene.units.get(name, scene.model.units.get(name, ""))
+def _sizes(scene: Scene, name: str, kind: str) -> Splits:
+    """Below and above limits of the size of a quantity, if the model has it."""
+    values = scene.column(name)
+    if values is not None:
+        yield from _limits(scene, name, f"|{name}|", kind, np.abs(values))
 
 
-def _below_and_above(scene: Scene, name: str, kind: str, values: Array, form: str = "|{}|") -> Splits:
-    unit, shown = _label(scene, name), form.format(name)
-    for limit in _thresholds(values):
-        yield scene.split(f"{shown} < {limit:g} {unit}", kind, values < limit)
-        yield scene.split(f"{shown} > {limit:g} {unit}", kind, values > limit)
+def _signs(scene: Scene, name: str, kind: str, least: float) -> Splits:
+    """Positive and negative, by more than ``least``, if the model has such a quantity."""
+    values = scene.column(name)
+    if values is not None:
+        yield scene.split(f"{name} > 0 {scene.unit(name)}", kind, values > least)
+        yield scene.split(f"{name} < 0 {scene.unit(name)}", kind, values < -least)
 
 
-def _direction(scene: Scene) -> Splits:
-    name, unit = scene.model.plant.velocity, _label(scene, scene.model.plant.velocity)
-    for sign, mask in ((">", scene.velocity > scene.slow), ("<", scene.velocity < -scene.slow)):
-        yield scene.split(f"{name} {sign} 0 {unit}", "direction", mask)
-
-
-def _speed(scene: Scene) -> Splits:
-    yield from _below_and_above(scene, scene.model.plant.velocity, "speed", np.abs(scene.velocity))
-
-
-def _reversals(scene: Scene) -> Splits:
-    yield from _near(scene, scene.turns, f"of a reversal of {scene.model.plant.velocity}", "reversal")
+def _driver(scene: Scene) -> str:
+    """Return the name of the input that drives, empty where the motion is imposed."""
+    name = scene.model.inputs[0]
+    return "" if name == scene.model.plant.velocity else name
 
 
 def _near(scene: Scene, events: NDArray[np.int64], what: str, kind: str) -> Splits:
-    if not events.size:
-        return
     away = time_to(scene, events)
     for reach in NEAR:
         if reach >= 0.5 * scene.resolution:
             yield scene.split(f"within {1e3 * reach:g} ms {what}", kind, away <= reach)
 
 
+def _reversals(scene: Scene) -> Splits:
+    return _near(scene, scene.turns, f"of a reversal of {scene.model.plant.velocity}", "reversal")
+
+
 def _position(scene: Scene) -> Splits:
     name = scene.model.plant.position
     q = scene.column(name)
-    if q is None:
-        return
-    yield from _below_and_above(scene, name, "position", q, "{}")
-    yield from _below_and_above(scene, name, "position", np.abs(q))
-
-
-def _current(scene: Scene) -> Splits:
-    i = scene.column("current")
-    if i is not None:
-        yield from _below_and_above(scene, "current", "load", np.abs(i))
-
-
-def _input_size(scene: Scene) -> Splits:
-    name = scene.model.inputs[0]
-    if name != scene.model.plant.velocity:
-        yield from _below_and_above(scene, name, "input", np.abs(scene.u[:, 0]))
-
-
-def _input_sign(scene: Scene) -> Splits:
-    name = scene.model.inputs[0]
-    if name != scene.model.plant.velocity:
-        for sign, mask in ((">", scene.u[:, 0] > 0), ("<", scene.u[:, 0] < 0)):
-            yield scene.split(f"{name} {sign} 0 {_label(scene, name)}", "input sign", mask)
+    if q is not None:
+        yield from _limits(scene, name, name, "position", q)
+        yield from _sizes(scene, name, "position")
 
 
 def _input_steps(scene: Scene) -> Splits:
@@ -121,8 +98,9 @@ def _branch(scene: Scene) -> Splits:
 
 
 def _power(scene: Scene) -> Splits:
-    effort = scene.column("current") if "current" in scene.model.states else scene.u[:, 0]
-    if effort is not None and scene.model.plant.velocity in scene.model.states:
+    current = scene.column("current")
+    effort = scene.u[:, 0] if current is None else current
+    if scene.model.plant.velocity in scene.model.states:
         yield scene.split("driving (effort along the motion)", "power", effort * scene.velocity > 0)
         yield scene.split("braking (effort against the motion)", "power", effort * scene.velocity < 0)
 
@@ -143,11 +121,10 @@ def _pattern(scene: Scene) -> Splits:
     if q is None or found is None:
         return
     harmonic, phase = found
-    distance = np.pi / harmonic
-    centre = (-phase / harmonic) % distance
-    near = np.abs((q - centre + distance / 2) % distance - distance / 2) < 0.5 * (distance / 2)
-    period, unit = 2 * np.pi / harmonic, _label(scene, name)
-    place = f"{distance / 4:.2g} {unit} of {centre:.2g} + {distance:.3g} n"
+    period, distance, unit = 2 * np.pi / harmonic, np.pi / harmonic, scene.unit(name)
+    centre, width = (-phase / harmonic) % distance, distance / 4
+    near = np.abs((q - centre + distance / 2) % distance - distance / 2) < width
+    place = f"{width:.2g} {unit} of {centre:.2g} + {distance:.3g} n"
     text = f"{name} within {place} (a pattern of period {period:.3g} {unit})"
     split = scene.split(text, "position in its period", near)
     yield replace(split, period=float(period)) if split else None
@@ -177,8 +154,13 @@ def _period(scene: Scene, q: Array) -> tuple[float, float] | None:
 
 
 FAMILIES: tuple[Callable[[Scene], Splits], ...] = (
-    *(_direction, _speed, _reversals, _position, _pattern, _current, _input_size, _input_sign, _input_steps),
-    *(_branch, _power, _time),
+    lambda scene: _signs(scene, scene.model.plant.velocity, "direction", scene.slow),
+    lambda scene: _sizes(scene, scene.model.plant.velocity, "speed"),
+    *(_reversals, _position, _pattern),
+    lambda scene: _sizes(scene, "current", "load"),
+    lambda scene: _sizes(scene, _driver(scene), "input"),
+    lambda scene: _signs(scene, _driver(scene), "input sign", 0.0),
+    *(_input_steps, _branch, _power, _time),
 )
 """Each gives at most one region: its best split."""
 

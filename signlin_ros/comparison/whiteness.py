@@ -19,15 +19,13 @@ from scipy.special import chndtrix
 
 Array = NDArray[np.float64]
 
-LAGS = 20
-TOLERATED = 0.01
+LAGS, TOLERATED = 20, 0.01
 """Correlations of this size (RMS over the lags) are let pass whatever the length of the record."""
 LEVEL = 0.01
 """Probability of calling a residual coloured, or correlated, that is just not."""
-ORDER = 10
-"""Order of the autoregression that whitens the input before the cross-correlation."""
-RIDGE = 1e-3
-"""Added to the variance of the whitened input, as a part of it: two channels may be one."""
+ORDER, RIDGE = 10, 1e-3
+"""Order of the autoregression that whitens the input before the cross-correlation; what is added to the variance of the
+whitened input, as a part of it: two channels may be one."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +62,7 @@ def _follows(e: Sequence[Array], u: Sequence[Array], lags: int) -> bool:
     lags have the covariance of the filtered residual over n.
     """
     every = _memory(e)
-    e, u = ([_averaged(x, every) for x in series] for series in (e, u))
+    e, u = ([x[: x.size // every * every].reshape(-1, every).mean(axis=1) for x in series] for series in (e, u))
     lags = min(lags, max(1, sum(x.size for x in e) // 10))
     pairs = [(_filtered(x, v), _filtered(v, v)) for x, v in zip(e, u, strict=True)]
     filtered, white = [_standardized(x) for x, _ in pairs], [_standardized(v) for _, v in pairs]
@@ -78,16 +76,7 @@ def _follows(e: Sequence[Array], u: Sequence[Array], lags: int) -> bool:
 def _memory(e: Sequence[Array]) -> int:
     """Return after how many samples the correlation of the residuals has fallen to a half, at least 1."""
     limit = max(1, min(x.size for x in e) // 200)
-    lag = 1
-    while lag < limit and _pooled(e, e, lag) > 0.5:
-        lag = lag + 1
-    return lag
-
-
-def _averaged(x: Array, every: int) -> Array:
-    """Return the means of x (T,) over ``every`` samples each."""
-    count = x.size // every
-    return np.asarray(x[: count * every].reshape(count, every).mean(axis=1))
+    return next((lag for lag in range(1, limit) if _pooled(e, e, lag) <= 0.5), limit)
 
 
 def _exceeds(statistic: float, degrees: int, n: int) -> bool:

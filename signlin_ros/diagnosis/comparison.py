@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.inverse import Efforts, Inverse, inverse
+from signlin_ros.comparison.inverse import Efforts, Inverse
 from signlin_ros.comparison.locate import Region, by_direction, locate
 from signlin_ros.comparison.missing import Missing, missing
 from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
@@ -191,7 +191,8 @@ def compare(
         prepared = error  # the records cannot be used as `diagnose` uses them
     scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Case) else {})
     parts, channels, noise = observer.stretches, observer.channels, observer.noise
-    effort, where = inverse(model, parts, channels, noise, units, cutoff), locate(observer, lacking, units)
+    efforts = Efforts.of(model, parts, channels, noise, cutoff)
+    effort, where = efforts.inverse(model, units) if efforts else None, locate(observer, lacking, units)
 
     def refit() -> FirstRows:
         if isinstance(prepared, InputError):

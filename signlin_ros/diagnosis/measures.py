@@ -48,7 +48,7 @@ def with_laws(force: Testimony, fit: Fit) -> Model:
     r, model = force.search.r, force.search.r.model
     for name, _ in fit.members:
         model = model.with_effect(name, free_key(model, name), **values(force, fit, name))
-    moved = zip(r.base.names[:-1], fit.theta, strict=False)
+    moved = zip(r.names[:-1], fit.theta, strict=False)
     return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
 
 

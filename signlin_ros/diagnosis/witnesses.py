@@ -105,7 +105,7 @@ class Witnesses:
             return False
         waves = [1.0 for effect in effects if effect.angular and not effect.periodic]  # a weight is a wave of order one
         waves += _orders(f) if any(effect.periodic for effect in effects) else []
-        if max(waves, default=0.0) > self.force.search.finest:
+        if max(waves, default=0.0) > self.force.search.waves.finest:
             return False
         return self.force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
 
@@ -200,7 +200,7 @@ class Witnesses:
         if fit is None:
             return f
         model = with_laws(force, fit)
-        untold = set(f.model.plant.pars()) - {*force.search.r.base.names, *scaling(force.search.r.current)}
+        untold = set(f.model.plant.pars()) - {*force.search.r.names, *scaling(force.search.r.current)}
         model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
         stated = motion.stated([n for n, _ in fit.members], model)
         less = stated is not None and mean_certainty(written_left(force, f), written_left(force, stated))

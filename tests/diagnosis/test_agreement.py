@@ -118,7 +118,9 @@ def force_witness(
     known = SimpleNamespace(pieces=[SimpleNamespace(position_measured=True)])
     regression = SimpleNamespace(laws=dict.fromkeys(laws), known=known, unseen=unseen, current=current)
     models = {frozenset(effects): SimpleNamespace(unseen=np.zeros(1), error=math.inf)}
-    search = SimpleNamespace(r=regression, models=models, helpful=frozenset(helpful), finest=math.inf)
+    search = SimpleNamespace(
+        r=regression, models=models, helpful=frozenset(helpful), waves=SimpleNamespace(finest=math.inf)
+    )
     return SimpleNamespace(search=search, effects=effects, flexible=Curve(structure, flexible))
 
 

@@ -220,7 +220,7 @@ def named(found: witness.Testimony) -> dict[str, dict[str, float]]:
 def test_base_parameters_are_recovered():
     off = Model.from_dict({**DRIVE, "parameters": {"m": 1.06 * M, "c": 0.95 * C, "k": 0.0}})
     found = heard(lambda q, v: 0.0 * q, off)
-    moved_by = dict(zip(found.search.r.base.names, found.fit.theta, strict=False))
+    moved_by = dict(zip(found.search.r.names, found.fit.theta, strict=False))
     assert found.effects == ()
     assert 1.06 * (1 + moved_by["m"]) == pytest.approx(1.0, abs=0.005)
     assert 0.95 * (1 + moved_by["c"]) == pytest.approx(1.0, abs=0.02)
@@ -354,7 +354,7 @@ def over_a_minute(left_of, noise: float = 0.01, period: float = 0.0):
     v = np.sin(2 * np.pi * t / period) if period else v
     blocks = (t // 1.0).astype(int)
     piece = SimpleNamespace(
-        t=t, sign=np.sign(v), values={"v": v}, noise=noise, blocks=blocks, kept=np.arange(t.size), seen=lambda x: x
+        t=t, sign=np.sign(v), v=v, noise=noise, blocks=blocks, kept=np.arange(t.size), seen=lambda x: x
     )
     unseen = Side((piece,), np.zeros(t.size), np.zeros((t.size, 0)), blocks, 1.0)
     plant = SimpleNamespace(velocity="v")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, decimate, filtfilt
 
-from signlin_ros.comparison.inverse import inverse
+from signlin_ros.comparison.inverse import Efforts
 from signlin_ros.follow.data import load_records, measured_channels, stretches
 from signlin_ros.model import Model
 from signlin_ros.noise import noise_level
@@ -26,7 +26,8 @@ def found(model, data, cutoff=None):
     channels = measured_channels(model, data)
     parts, _ = stretches(model, data, channels)
     noise = [noise_level(parts[0].t, parts[0].y[:, j]) for j in range(len(channels))]
-    return inverse(model, parts, channels, noise, data[0].units, cutoff)
+    efforts = Efforts.of(model, parts, channels, noise, cutoff)
+    return efforts and efforts.inverse(model, data[0].units)
 
 
 def regressors(part):

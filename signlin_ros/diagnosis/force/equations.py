@@ -30,19 +30,20 @@ def rate_tape(structure: Structure) -> Tape:
 def arriving_tape(structure: Structure) -> Tape | None:
     """Return the slope of that over the effort, as a tape; None: see `by_effort`."""
     t = trace(structure)
-    slopes = by_effort(t, structure.plant, rate_of(t, structure.plant))
-    return None if slopes is None else tape_of(t, slopes)
+    return by_effort(t, structure.plant, rate_of(t, structure.plant))
 
 
-def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> ca.SX | None:
-    """Return the slopes of expressions (k) over the effort; None where these are the same however the plant moves."""
+def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> Tape | None:
+    """Return the slopes of expressions (k) over the effort, as a tape; None where they are the same however the plant
+    moves.
+    """
     if plant.motion_is_imposed():
         return None
     effort = plant.effort or "current"
     names, symbols = (t.states, t.x) if effort in t.states else (t.inputs, t.u)
     slopes = ca.jacobian(e, symbols[names.index(effort) if effort in names else 0])
     moving = ca.vertcat(t.x, t.u, *(s.symbol for s in t.surfaces))
-    return slopes if ca.depends_on(slopes, moving) else None
+    return tape_of(t, slopes) if ca.depends_on(slopes, moving) else None
 
 
 @symbolic

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfilt_zi
@@ -27,8 +28,6 @@ nothing of coloured noise, but of a smooth signal."""
 
 def low_pass(values: Array, cutoff: float, step: float) -> Array:
     """Return values (T, ...) without what is faster than ``cutoff`` Hz, and without a phase shift."""
-    from signlin_ros.diagnosis.force.elements import passed
-
     if cutoff >= NYQUIST / step:
         return values
     pad = min(len(values) - 1, int(3 / (step * cutoff)))
@@ -36,8 +35,24 @@ def low_pass(values: Array, cutoff: float, step: float) -> Array:
     found = np.ascontiguousarray(np.concatenate([before, values, after]))
     (sections, settled), columns = _sections(cutoff, step), found.reshape(len(found), -1)
     for back in (False, True):
-        passed(sections, settled[:, :, None] * columns[-back], columns, back)
+        _pass(sections, settled[:, :, None] * columns[-back], columns, back)
     return found[pad : pad + len(values)]
+
+
+@numba.njit(cache=True)
+def _pass(sections: Array, state: Array, values: Array, back: bool) -> None:
+    """Pass columns (T, c) through the sections (s, 6) of a filter, numerator first, forward or ``back``, in place; from
+    its state (s, 2, c) on, which is carried along.
+    """
+    for at in range(len(values)):
+        k = len(values) - 1 - at if back else at
+        for i in range(len(sections)):
+            b, a = sections[i, :3], sections[i, 3:]
+            for j in range(values.shape[1]):
+                x = values[k, j]
+                values[k, j] = y = b[0] * x + state[i, 0, j]
+                state[i, 0, j] = b[1] * x - a[1] * y + state[i, 1, j]
+                state[i, 1, j] = b[2] * x - a[2] * y
 
 
 @functools.lru_cache(maxsize=64)

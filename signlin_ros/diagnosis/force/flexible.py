@@ -11,22 +11,28 @@ one, and the weight of its ridge, is chosen by blocks of known data:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
-from signlin_ros.diagnosis.force.filters import low_pass
 from signlin_ros.diagnosis.force.record import Piece
-from signlin_ros.diagnosis.force.regression import Fit, Regression, Side, mean_certainty
+from signlin_ros.diagnosis.force.regression import TINY, Fit, Regression, Side, mean_certainty
 from signlin_ros.diagnosis.force.search import Search
 
 Array = NDArray[np.float64]
 Columns = Callable[[Piece], Array]
 """What gives the columns (K, n) of a piece."""
+FORCES: dict[str, Columns] = {
+    "load": lambda p: np.ones_like(p.t),
+    "dry friction": lambda p: p.sign,
+    "viscous friction": lambda p: p.v,
+}
+"""Forces (T,) whose size may change along a record or along the way."""
 
 FEATURES, WIDTHS = 160, (0.35, 0.8)
 """Random cosines, and how fine they are: inverse widths in standard deviations of a coordinate."""
@@ -59,11 +65,15 @@ class Curve(NamedTuple):
     along: str = ""
 
 
+@numba.njit(cache=True)
 def slipping(q: Array, widths: Array) -> Array:
-    """Return elastic elements (T, w) that follow a position and slip at their half widths (a Jenkin element each)."""
-    from signlin_ros.diagnosis.force.elements import jenkin
-
-    return jenkin(np.ascontiguousarray(q), np.ascontiguousarray(widths))
+    """Return elastic elements (T, w) that follow q (T,) and slip at their half widths (w,): a Jenkin element each."""
+    s = np.zeros((q.size, widths.size))
+    for k in range(1, q.size):
+        d = q[k] - q[k - 1]
+        for j in range(widths.size):
+            s[k, j] = min(max(s[k - 1, j] + d, -widths[j]), widths[j])
+    return s
 
 
 def _lagged(x: Array, step: float, tau: float) -> Array:
@@ -71,32 +81,26 @@ def _lagged(x: Array, step: float, tau: float) -> Array:
     return np.asarray(lfilter([a], [1.0, a - 1.0], x))
 
 
-def _coordinates(piece: Piece, position: str, velocity: str) -> Array:
+def _coordinates(piece: Piece) -> Array:
     """Return what a force may go with (T, d); not the effort and acceleration of now: what is left has their noise."""
-    v = piece.values[velocity]
-    effort = low_pass(piece.effort, min(2 * piece.cutoff, 0.4 / piece.step), piece.step)
-    columns = [v, _lagged(v, piece.step, LAGS[0]), _lagged(np.abs(v), piece.step, LAGS[1])]
-    columns += [_lagged(effort, piece.step, LAGS[0])]
-    if piece.position_measured:
-        columns.insert(1, piece.values[position])
-    return np.column_stack(columns)
+    v, step = piece.v, piece.step
+    past = [_lagged(v, step, LAGS[0]), _lagged(np.abs(v), step, LAGS[1]), _lagged(piece.effort_nearby, step, LAGS[0])]
+    return np.column_stack([v, *([piece.q] if piece.position_measured else []), *past])
 
 
 def _everything(r: Regression) -> Columns:
     """Return random cosines of all that a force may go with, and what bristles of several lengths do."""
-    plant, known = r.model.plant, r.known.pieces
-    position, velocity = plant.position, plant.velocity
-    every = np.concatenate([_coordinates(p, position, velocity) for p in known])
+    every = np.concatenate([_coordinates(p) for p in r.known.pieces])
     mean, spread = every.mean(axis=0), every.std(axis=0) + 1e-12
     rng = np.random.default_rng(0)
     W = rng.standard_normal((every.shape[1], FEATURES)) * np.repeat(WIDTHS, FEATURES // len(WIDTHS))
     phase = rng.uniform(0.0, 2 * np.pi, FEATURES)
-    widths = np.array(BRISTLES) * (max(float(np.ptp(p.values[position])) for p in known) + 1e-300)
+    widths = np.array(BRISTLES) * (r.known.travel + TINY)
 
     def columns(piece: Piece) -> Array:
-        Z = np.clip((_coordinates(piece, position, velocity) - mean) / spread, -3.0, 3.0)
-        direction = np.sign(piece.values[velocity])[:, None]
-        seen = [piece.seen(slipping(piece.values[position], widths) / widths)]
+        Z = np.clip((_coordinates(piece) - mean) / spread, -3.0, 3.0)
+        direction = np.sign(piece.v)[:, None]
+        seen = [piece.seen(slipping(piece.q, widths) / widths)]
         seen += [piece.seen(np.cos(Z @ W[:, part] + phase[part])) for part in piece.at_once(FEATURES)]
         return np.hstack([*seen, *(piece.seen(one) for one in (Z, Z[:, :1] * Z[:, 1:], direction, direction * Z))])
 
@@ -105,13 +109,12 @@ def _everything(r: Regression) -> Columns:
 
 def _over_speed(r: Regression) -> Columns:
     """Return splines of the velocity, beside what dry friction does."""
-    velocity = r.model.plant.velocity
-    speeds = np.concatenate([p.values[velocity][p.kept] for p in r.known.pieces])
+    speeds = np.concatenate([p.v[p.kept] for p in r.known.pieces])
     inner = np.unique(np.quantile(speeds, np.linspace(0.0, 1.0, KNOTS)))
     knots = np.concatenate([inner[:1].repeat(3), inner, inner[-1:].repeat(3)])
 
     def columns(piece: Piece) -> Array:
-        v = np.clip(piece.values[velocity], inner[0], inner[-1])
+        v = np.clip(piece.v, inner[0], inner[-1])
         curves = BSpline.design_matrix(v, knots, 3).toarray() if inner.size > 1 else v[:, None]
         return piece.seen(np.column_stack([curves, piece.sign, piece.sign * np.abs(v)]))
 
@@ -122,28 +125,22 @@ def _along_the_way(search: Search, left: Array) -> tuple[Columns | None, list[st
     """Return the waves of forces that repeat along the way, at the orders at which what is left (K,) of known data does
     most, and what each is; None where the position was not measured, or travels too little.
     """
-    plant, known = search.r.model.plant, search.r.known
-    kinds = forces(plant.velocity) if all(p.position_measured for p in known.pieces) else {}
+    known, unit = search.r.known, search.r.model.plant.position_unit
+    measured = all(p.position_measured for p in known.pieces)
     waves = [
         (name, N)
-        for name, kind in kinds.items()
-        for N in search.repeating(left * np.concatenate([kind(p)[p.kept] for p in known.pieces]))
+        for name, force in (FORCES if measured else {}).items()
+        for N in search.waves.strongest(left * np.concatenate([force(p)[p.kept] for p in known.pieces]))
     ]
 
     def columns(piece: Piece) -> Array:
-        q = piece.values[plant.position]
-        return piece.seen(np.column_stack([kinds[n](piece) * f(N * q) for n, N in waves for f in (np.sin, np.cos)]))
+        waving = [FORCES[n](piece) * f(N * piece.q) for n, N in waves for f in (np.sin, np.cos)]
+        return piece.seen(np.column_stack(waving))
 
-    return columns if waves else None, [search.repeats(name, N) for name, N in waves]
+    def told(name: str, N: float) -> str:
+        return f"{name} that repeats {f'{N:g} times a turn' if search.whole else f'every {2 * np.pi / N:.3g} {unit}'}"
 
-
-def forces(velocity: str) -> Mapping[str, Columns]:
-    """Return the forces (T,) whose size may change along a record or along the way."""
-    return {
-        "load": lambda p: np.ones_like(p.t),
-        "dry friction": lambda p: p.sign,
-        "viscous friction": lambda p: p.values[velocity],
-    }
+    return columns if waves else None, [told(*wave) for wave in waves]
 
 
 def unseen_after(search: Search, fit: Fit) -> tuple[Array, str]:
@@ -205,9 +202,9 @@ def changing(r: Regression, left: Array) -> str:
     """
     unseen, found = r.unseen, dict[float, str]()
     beyond = float(np.mean(left**2)) - unseen.noise
-    for name, kind in forces(r.model.plant.velocity).items():
+    for name, kind in FORCES.items():
         whole = np.concatenate([p.seen(kind(p)) for p in unseen.pieces])
-        steady = left - whole * float(whole @ left) / max(float(whole @ whole), 1e-300)
+        steady = left - whole * float(whole @ left) / max(float(whole @ whole), TINY)
         pairs = zip(unseen.pieces, unseen.split(steady), strict=True)
         after = np.concatenate([_changed(p, part, kind(p)) for p, part in pairs])
         gone = float(np.mean(steady**2) - np.mean(after**2))
@@ -225,9 +222,9 @@ def _changed(piece: Piece, left: Array, force: Array) -> Array:
     if number < CHANGES[0]:
         return np.array(left)
     knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, number - 2), np.ones(3)])
-    of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), 1e-300), knots, 3).tocsc()
-    A = np.column_stack([piece.seen(of_time[:, [k]].toarray()[:, 0] * force) for k in range(number)])
-    A = A / (A.std() + 1e-300)
+    of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), TINY), knots, 3).toarray()
+    A = piece.seen(of_time * force[:, None])
+    A = A / (A.std() + TINY)
     weight, fold, after = _chosen(A, left, piece.blocks)[1], piece.blocks % (FOLDS - 1), left.copy()
     for out in (fold == k for k in range(FOLDS - 1)):
         if out.any() and not out.all():

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.force.equations import by_effort, depends_on_place, rate_of, tape_of
-from signlin_ros.diagnosis.force.record import Piece, effort_unit, evaluated, mass, states_of
+from signlin_ros.diagnosis.force.record import Piece, effort_unit, mass
 from signlin_ros.effects import EFFECTS, Effect, find_effect
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
@@ -42,8 +42,6 @@ GRID = 160
 """Most points of a law's grid."""
 WAYS = (1.0, 0.2, 0.04)
 """What a law remembers may go back over a way that is so much shorter than its starts say."""
-QUARTER = math.pi / 2
-"""A quarter of a turn."""
 
 
 @dataclass(frozen=True)
@@ -58,29 +56,15 @@ class Parts:
     neutral: float
     shape: tuple[str, ...]
 
-    @property
-    def unit(self) -> bool:
-        """Whether the law has no level at all: its force is what its shape says."""
-        return not (self.levels or self.group or self.turning)
-
-    @property
-    def columns(self) -> int:
-        """Number of columns."""
-        return len(self.levels) + bool(self.group) + 2 * bool(self.turning)
-
 
 @symbolic
 @functools.lru_cache(maxsize=256)
-def parts_of(structure: Structure, key: str) -> Parts:
-    """Return how the parameters of the effect ``key`` of a structure enter its force."""
-    t = trace(structure)
-    slot = next(s for s in structure.slots if s.key == key)
-    effect = slot.effect
-    p = {n: t.p[t.parameters.index(f"{key}.{n}")] for n in slot.parameters if f"{key}.{n}" in t.parameters}
-    force = rate_of(t, structure.plant)
-    own = [t.f[i] for i, name in enumerate(t.states) if name.startswith(f"{key}.")]
-    turning = tuple(effect.turning[:2])
-    names = [n for n in p if n not in turning]
+def parts_of(structure: Structure) -> Parts:
+    """Return how the parameters of a law enter its force."""
+    t, effect = trace(structure), next(s.effect for s in structure.slots if s.key == KEY)
+    p, force = _symbols(t), rate_of(t, structure.plant)
+    own = [t.f[i] for i, name in enumerate(t.states) if name.startswith(f"{KEY}.")]
+    names = [n for n in p if n not in effect.turning]
     in_rates = {n for n in names if any(ca.jacobian(rate, p[n]).nnz() for rate in own)}
     bent = {n for n in names if ca.jacobian(ca.jacobian(force, p[n]), p[n]).nnz()}
     forceful = {n: "F" in effect.pars()[n].unit.replace("·", "/").split("/")[0] for n in names}
@@ -91,43 +75,45 @@ def parts_of(structure: Structure, key: str) -> Parts:
     group = [n for n in names if own and n not in levels and forceful[n]]
     shape = [*(n for n in names if n not in levels and n not in group), *group[1:]]
     neutral = effect.neutral.get(levels[0], 0.0) if len(levels) == 1 else 0.0
-    return Parts(tuple(levels), tuple(group), turning, neutral, tuple(shape))  # type: ignore[arg-type]
+    return Parts(tuple(levels), tuple(group), effect.turning, neutral, tuple(shape))
 
 
 @symbolic
 @functools.lru_cache(maxsize=256)
-def columns_of(structure: Structure, key: str, parts: Parts) -> Tape:
-    """Return the change of the rate for unit levels of the effect ``key``, a row for each column of the law."""
+def columns_of(structure: Structure) -> Tape:
+    """Return the change of the rate for unit levels of a law, a row for each of its columns."""
     t = trace(structure)
-    return tape_of(t, _changes(t, structure, key, parts))
+    return tape_of(t, _changes(t, structure))
 
 
 @symbolic
 @functools.lru_cache(maxsize=256)
-def loads_of(structure: Structure, key: str, parts: Parts) -> Tape | None:
-    """Return the slopes of these rows over the effort; None where the effect does not follow it."""
+def loads_of(structure: Structure) -> Tape | None:
+    """Return the slopes of these rows over the effort; None where the law does not follow it."""
     t = trace(structure)
-    slopes = by_effort(t, structure.plant, _changes(t, structure, key, parts))
-    return None if slopes is None else tape_of(t, slopes)
+    return by_effort(t, structure.plant, _changes(t, structure))
 
 
-def _changes(t: Trace, structure: Structure, key: str, parts: Parts) -> ca.SX:
-    e = rate_of(t, structure.plant)
-    p = {n: t.p[i] for i, name in enumerate(t.parameters) for k, _, n in [name.rpartition(".")] if k == key}
+def _symbols(t: Trace) -> dict[str, ca.SX]:
+    """Return the parameters of the law in a trace."""
+    own = f"{KEY}."
+    return {name.removeprefix(own): t.p[i] for i, name in enumerate(t.parameters) if name.startswith(own)}
+
+
+def _changes(t: Trace, structure: Structure) -> ca.SX:
+    parts, p, e = parts_of(structure), _symbols(t), rate_of(t, structure.plant)
     quiet = [(p[n], parts.neutral) for n in parts.levels] + [(p[n], 0.0) for n in parts.turning[:1]]
 
     def at(e: ca.SX, values: list[tuple[ca.SX, float]]) -> ca.SX:
-        return (
-            ca.substitute(e, ca.vertcat(*(s for s, _ in values)), ca.vertcat(*(v for _, v in values))) if values else e
-        )
+        return ca.substitute(e, *(ca.vertcat(*column) for column in zip(*values, strict=True))) if values else e
 
     sign = -1.0 if parts.neutral else 1.0
     rows = [sign * at(ca.jacobian(e, p[n]), quiet) for n in parts.levels]
-    if parts.group or parts.unit:
+    if parts.group:
         rows.append(at(e, quiet) - at(e, [*quiet, *((p[n], 0.0) for n in parts.group)]))
     if parts.turning:
         amplitude, phase = parts.turning
-        rows += [at(ca.jacobian(e, p[amplitude]), [*quiet, (p[phase], v)]) for v in (0.0, QUARTER)]
+        rows += [at(ca.jacobian(e, p[amplitude]), [*quiet, (p[phase], v)]) for v in (0.0, math.pi / 2)]
     return ca.vertcat(*rows)
 
 
@@ -136,7 +122,6 @@ class Law:
     """An effect as a regressor beside a model: ``model`` has it under `KEY`, ``columns`` are made of its parts."""
 
     name: str
-    base: Model
     model: Model
     parts: Parts
 
@@ -145,13 +130,14 @@ class Law:
         """The effect's class."""
         return find_effect(self.name, "effects")
 
-    def width(self, shape: Shape) -> int:
-        """Return the number of columns."""
-        return self.parts.columns
+    @property
+    def family(self) -> str:
+        """The laws of which one at most is named: a family, or the law alone."""
+        return self.effect.family or self.name
 
     def free(self, shape: Shape) -> int:
         """Return the number of parameters that a fit moves: what the law costs."""
-        return self.width(shape) + len([n for n in self.parts.shape if n not in self.effect.held])
+        return len(self.positive(shape)) + len([n for n in self.parts.shape if n not in self.effect.held])
 
     def positive(self, shape: Shape) -> tuple[bool, ...]:
         """Return which columns have a coefficient that cannot be negative."""
@@ -160,59 +146,38 @@ class Law:
         return (*levels, *([True] if self.parts.group else []), *([False, False] if self.parts.turning else []))
 
     def columns(self, piece: Piece, shape: Shape) -> Array:
-        """Return the force (T, columns) of unit levels along a piece, through the low-pass at the compared samples."""
-        return self._seen(piece, shape, columns_of)
+        """Return the force (K, columns) of unit levels along a piece, through the low-pass at the compared samples."""
+        return piece.once((self.name, shape), lambda: self._seen(piece, shape, columns_of))
 
-    def _shaped(self, shape: Shape) -> tuple[Model, Array]:
-        """Return the model with the law in a shape, and all its values."""
-        model = self._structured(tuple((n, v) for n, v in shape if n in self.structural))
-        names, p = model.trace.parameters, model.p.copy()
+    @property
+    def follows_effort(self) -> bool:
+        """Whether the law, in any shape, adds to the part of the effort that drives."""
+        return loads_of(self.model.structure) is not None
+
+    def loads(self, piece: Piece, shape: Shape) -> Array:
+        """Return what unit levels add (K, columns) to the part of the effort that drives."""
+        unit = effort_unit(self.model)
+        return piece.once(("load", self.name, shape), lambda: self._seen(piece, shape, loads_of) / unit)
+
+    def _seen(self, piece: Piece, shape: Shape, what: Callable[[Structure], Any]) -> Array:
+        """Return what a tape of the law says times the mass (K, columns), through the low-pass."""
+        changed = {f"{KEY}.{n}": v for n, v in shape if n in self.structural}
+        model = self.model.with_parameters(changed) if changed else self.model
+        p = model.p.copy()
         for n, value in shape:
             if n not in self.structural:
-                p[names.index(f"{KEY}.{n}")] = value
-        return model, p
-
-    def loads(self, piece: Piece, shape: Shape) -> Array | None:
-        """Return what unit levels add (K, columns) to the part of the effort that drives; None if they add nothing."""
-        if loads_of(self.model.structure, KEY, self.parts) is None:
-            return None  # as in every other shape
-        return self._seen(piece, shape, loads_of) / effort_unit(self.model)
-
-    def _seen(self, piece: Piece, shape: Shape, what: Callable[[Structure, str, Parts], Any]) -> Array:
-        """Return what a tape of the law says times the mass (K, columns), through the low-pass."""
-        key = (what, self.name, shape)
-        found = piece._cache.get(key)
-        if found is None:
-            model, p = self._shaped(shape)
-            tape = what(model.structure, KEY, self.parts)
-            x = states_of(model, piece, p) if self.model_has_own else self._measured(piece)
-            found = piece.seen(np.asarray(mass(model, p) * evaluated(model, tape, piece, x, p).T))
-            piece._cache[key] = found
-        return found
+                p[model.trace.parameters.index(f"{KEY}.{n}")] = value
+        own = self.effect.states
+        x = piece.states(model, p) if own else piece.once(model.states, lambda: piece.states(model))
+        return piece.seen(np.asarray(mass(model) * piece.evaluated(model, what(model.structure), x, p).T))
 
     @functools.cached_property
     def structural(self) -> frozenset[str]:
         """Parameters that change the equations."""
-        return frozenset(
-            n for n, p in self.effect.pars().items() if p.structural and not p.words and p.elements is None
-        )
+        pars = self.effect.pars().items()
+        return frozenset(n for n, p in pars if p.structural and not p.words and p.elements is None)
 
-    def _structured(self, values: Shape) -> Model:
-        """Return the model with the law's structural parameters at these values."""
-        return self.model.with_parameters({f"{KEY}.{n}": v for n, v in values}) if values else self.model
-
-    @property
-    def model_has_own(self) -> bool:
-        """Whether the law carries states of its own."""
-        return bool(self.effect.states)
-
-    def _measured(self, piece: Piece) -> Array:
-        found = piece._cache.get(self.model.states)
-        if found is None:
-            found = piece._cache[self.model.states] = states_of(self.model, piece)
-        return found
-
-    def parameters(self, shape: Shape, coefficients: Array) -> dict[str, float]:
+    def parameters(self, shape: Shape, coefficients: Array) -> dict[str, Any]:
         """Return the effect's parameters for a shape and the coefficients (columns) of its columns."""
         values = {**self.model.effects[KEY].parameters, **dict(shape)}
         c = list(coefficients)
@@ -223,14 +188,14 @@ class Law:
             scale = c.pop(0)
             values |= {n: values[n] * scale for n in self.parts.group}
         if self.parts.turning:
-            values |= self._turned(c[0], c[1])
+            values |= dict(zip(self.parts.turning, _turned(*c), strict=True))
         pars = self.effect.pars()
         return {n: pars[n].nearest(v) for n, v in values.items()}
 
-    def _turned(self, a: float, b: float) -> dict[str, float]:
-        """Return amplitude and phase of two columns: -A sin(N q + phi), or -A sin(q - q0)."""
-        amplitude, phase = self.parts.turning  # type: ignore[misc]
-        return {amplitude: math.hypot(a, b), phase: math.atan2(b, a)}
+
+def _turned(a: float, b: float) -> tuple[float, float]:
+    """Return amplitude and phase of two columns: -A sin(N q + phi), or -A sin(q - q0)."""
+    return math.hypot(a, b), math.atan2(b, a)
 
 
 @dataclass(frozen=True)
@@ -238,10 +203,6 @@ class Ripple(Law):
     """Several waves as one law: the columns of ``wave`` at each of the orders in its shape."""
 
     wave: Law
-
-    def width(self, shape: Shape) -> int:
-        """See `Law`."""
-        return 2 * len(shape)
 
     def free(self, shape: Shape) -> int:
         """See `Law`."""
@@ -253,27 +214,19 @@ class Ripple(Law):
 
     def columns(self, piece: Piece, shape: Shape) -> Array:
         """See `Law`."""
-        order = self.wave.effect.periodic[0]
-        return np.hstack([self.wave.columns(piece, ((order, N),)) for _, N in shape])
-
-    def loads(self, piece: Piece, shape: Shape) -> None:
-        """See `Law`."""
+        return np.hstack([self.wave.columns(piece, (order,)) for order in shape])
 
     def parameters(self, shape: Shape, coefficients: Array) -> dict[str, Any]:
         """See `Law`."""
-        _, amplitude, phase = self.wave.effect.periodic
-        turned = [self.wave._turned(a, b) for a, b in coefficients.reshape(-1, 2)]
-        orders = [N for _, N in shape]
-        return {"orders": orders, "A": [t[amplitude] for t in turned], "phi": [t[phase] for t in turned]}
+        amplitudes, phases = zip(*(_turned(a, b) for a, b in coefficients.reshape(-1, 2)), strict=True)
+        return {"orders": [N for _, N in shape], "A": list(amplitudes), "phi": list(phases)}
 
 
 def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, Law]:
     """Return the laws that act as a force along a measured motion, and that a model may lack, by their names.
 
-    ``placed``: whether the position was measured; if not, what depends on it cannot be told.
-
-    ``angular``: whether something may go with the sine of the position itself: the axis turns, or travels a whole
-    period of it.
+    ``placed``: whether the position was measured; if not, what depends on it cannot be told. ``angular``: whether
+    something may go with the sine of the position itself: the axis turns, or travels a whole period of it.
 
     Left to the motion witness: what changes the input, an electrical state or a sensor, and hidden inertias.
     """
@@ -282,11 +235,8 @@ def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, Law]:
         law = _law(model, name, effect) if angular or effect.periodic or not effect.turning else None
         if law is not None and (placed or not depends_on_place(law.model.structure)):
             found[name] = law
-    for name, effect in EFFECTS.items():
-        if effect.whole_orders and not effect.proposed and "cogging_torque" in found:
-            wave = found["cogging_torque"]
-            found[name] = Ripple(name, model, wave.model, wave.parts, wave)
-    return found
+    wave = found.get("cogging_torque")
+    return {**found, "torque_ripple": Ripple("torque_ripple", wave.model, wave.parts, wave)} if wave else found
 
 
 def _law(model: Model, name: str, effect: type[Effect]) -> Law | None:
@@ -297,19 +247,17 @@ def _law(model: Model, name: str, effect: type[Effect]) -> Law | None:
         return None
     try:
         wider = model.with_effect(name, KEY)
-        parts = parts_of(wider.structure, KEY)
+        parts = parts_of(wider.structure)
     except SignlinError:
         return None
-    return Law(name, model, wider, parts)
+    return Law(name, wider, parts) if parts.levels or parts.group or parts.turning else None
 
 
 def grid(law: Law, scale: Scale) -> list[Shape]:
     """Return the shapes that are tried: those of the effect's own starts, each once; waves are scanned for."""
     if law.effect.periodic or isinstance(law, Ripple):
         return []
-    if not (law.parts.shape or law.structural):
-        return [_reference(law, {})]
-    ways = WAYS if law.model_has_own else WAYS[:1]
+    ways = WAYS if law.effect.states else WAYS[:1]
     scales = [replace(scale, travel=scale.travel * way) for way in ways]
     points = list(dict.fromkeys(_reference(law, start) for s in scales for start in law.effect.starts(s)))
     return points[:: max(1, -(-len(points) // GRID))]

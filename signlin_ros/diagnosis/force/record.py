@@ -7,18 +7,17 @@ friction is what drives: its sign is that of the net force, up to breakaway.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import grey_opening
 
 from signlin_ros.comparison.missing import inertia
-from signlin_ros.diagnosis.force.equations import (
-    arriving_tape,
-    rate_tape,
-    surfaces_tape,
-)
+from signlin_ros.diagnosis.force.equations import arriving_tape, rate_tape, surfaces_tape
 from signlin_ros.diagnosis.force.filters import low_pass, sensor_noise, slope
 from signlin_ros.engine.tape import Tape
 from signlin_ros.follow.data import corrected
@@ -30,45 +29,32 @@ from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
 
-BANDS = 0.12 * np.geomspace(1.0, 1e-3, 31)
-"""Cut-offs that are tried, as parts of the sampling rate, from wide to narrow."""
-PERIODS = 8.0
-"""A record must hold so many periods of the cut-off."""
-WIDER = 2.0
-"""The motion that laws are driven with passes through a low-pass so many times wider."""
+BANDS, PERIODS = 0.12 * np.geomspace(1.0, 1e-3, 31), 8.0
+"""Cut-offs that are tried, as parts of the sampling rate, the widest first; periods that a record must hold of one."""
+WIDER, HIGHEST = 2.0, 0.4
+"""The motion that laws are driven with passes through a low-pass so many times wider, at most at this part of the
+sampling rate."""
 EDGE = 1.2
 """Periods of the cut-off that are left out at either end."""
-PER_PERIOD = 2.5
-"""Samples that are kept for a period of the cut-off."""
-SAMPLED = 10.0
-"""Samples for a period of the cut-off with which laws are driven."""
-MOST = 4000
-"""Most samples of a record that are compared."""
-SLOW = 0.004
-"""Slower than this share of the largest velocity counts as rest, whatever the noise."""
+SAMPLED, PER_PERIOD, MOST = 10.0, 2.5, 4000
+"""Samples for a period of the cut-off with which laws are driven, and that are compared; most of these of a record."""
 SLOWEST, TURNS = 2.0, 10.0
 """Frequency in Hz, and its periods in a record, below which a velocity's sensor tells it better than a position's."""
+SURELY, SLOW = 3.0, 0.004
+"""Slower than so many times its noise, or than this share of its largest, a velocity counts as rest."""
 AT_REST = 0.15
 """Where more than this share of what the filter sees is rest, nothing is compared: friction there is any force."""
-SHORTEST_REST = 0.04
-"""Rest in s from which on the net force tells the sign of dry friction."""
-AT_ONCE = 2_000_000
-"""Most values that pass the low-pass at once."""
-BLOCKS, FEWEST_BLOCKS = 60, 10
-"""Most blocks that a record is cut into for standard errors, and as many a short one, if each holds two periods of the
-cut-off;"""
-BLOCK = 0.3
-"""and the length in s of a block otherwise."""
-HIGHEST = 0.4
-"""Part of the sampling rate above which no low-pass is set."""
-FEWEST = 20
-"""Samples that a channel must have."""
-SURELY = 3.0
-"""Times the velocity's noise below which it counts as rest."""
-FEW_AT_REST = 4
-"""Samples of rest in a row that are a rest."""
+SHORTEST_REST, FEW_AT_REST = 0.04, 4
+"""Rest in s, and its samples, from which on the net force tells the sign of dry friction,"""
 RESTING = (0.01, 0.9)
-"""Shares of a record at rest between which the net force tells the sign of friction there."""
+"""if such a share of the record is rest."""
+BLOCK, FEWEST_BLOCKS, BLOCKS = 0.3, 10, 60
+"""Length in s of a block for standard errors, and how many of them a record is cut into, if each holds two periods of
+the cut-off."""
+AT_ONCE, FEWEST = 2_000_000, 20
+"""Most values that pass the low-pass at once; samples that a channel must have."""
+LEAST_PART = 0.01
+"""Part of the effort that drives at least: a drive that holds itself has none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +67,7 @@ class Piece:
     sensors' noise in the missing force.
     """
 
+    plant: type[Plant]
     t: Array
     step: float
     values: dict[str, Array]
@@ -93,7 +80,28 @@ class Piece:
     blocks: NDArray[np.intp]
     noise: float
     position_measured: bool
-    _cache: dict[object, Array] = field(default_factory=dict, repr=False)
+    _known: dict[object, Array] = field(default_factory=dict, repr=False)
+
+    @property
+    def q(self) -> Array:
+        """The position (T,)."""
+        return self.values[self.plant.position]
+
+    @property
+    def v(self) -> Array:
+        """The velocity (T,)."""
+        return self.values[self.plant.velocity]
+
+    @cached_property
+    def effort_nearby(self) -> Array:
+        """The effort (T,) through a low-pass as wide as that of the motion: less noise than its samples have."""
+        return low_pass(self.effort, min(WIDER * self.cutoff, HIGHEST / self.step), self.step)
+
+    def once(self, key: object, make: Callable[[], Array]) -> Array:
+        """Return what ``make`` says of the piece, made when a key is first asked for."""
+        if key not in self._known:
+            self._known[key] = make()
+        return self._known[key]
 
     def seen(self, values: Array) -> Array:
         """Return values (T, ...) through the low-pass at the samples that are compared."""
@@ -107,39 +115,87 @@ class Piece:
         width = max(1, AT_ONCE // self.t.size)
         return [slice(at, at + width) for at in range(0, columns, width)]
 
+    def states(self, model: Model, p: Array | None = None) -> Array:
+        """Return the states (T, n) of a model: what is measured, and what the model carries along with it.
 
-@dataclass(frozen=True)
+        ``p``: values of the model's parameters in the trace's order, by default its own.
+        """
+        known = {n: v for n, v in self.values.items() if n in model.states}
+        follows = any("." not in n and n not in known for n in model.states)  # the input, as a plant's current does
+        return driven(model, self.t, self.u, known, 0.5 * self.step if follows else 0.0, p=p)
+
+    def evaluated(self, model: Model, tape: Tape, x: Array, p: Array) -> Array:
+        """Return what a tape of a model's equations says (outputs, T) at states x (T, n) for parameters p; the
+        direction of motion as far as it is known decides the sign of the velocity.
+        """
+        surfaces, columns = model.trace.surfaces, [*x.T, *self.u.T, *p]
+        moving = [s.name == model.plant.velocity for s in surfaces]
+        signs: list[Array | float] = [self.sign if m else 0.0 for m in moving]
+        for _ in range(0 if all(moving) else 2):
+            g = surfaces_tape(model.structure).batch([*columns, *signs])
+            signs = [self.sign if m else np.sign(v) for m, v in zip(moving, g, strict=True)]
+        result = tape.batch([*columns, *signs])
+        return np.broadcast_to(result, (len(result), self.t.size))
+
+
 class _Raw:
-    """Even samples before any filter, with the noise of each channel."""
+    """Even samples before any filter: ``t`` (T,) from 0 on, ``step`` in s, inputs ``u`` (T, m) as they act, channels'
+    ``values`` (T,) and the ``noise`` of each.
+    """
 
-    t: Array
-    step: float
-    u: Array
-    values: dict[str, Array]
-    noise: dict[str, float]
+    def __init__(self, model: Model, data: ModelData) -> None:
+        self.model, self.plant, self.step = model, model.plant, float(np.median(np.diff(data.t)))
+        t = data.t[0] + self.step * np.arange(int((data.t[-1] - data.t[0]) / self.step + 1e-6) + 1)
+        names = [n for n, v in data.measured.items() if np.isfinite(v).sum() > FEWEST]
+        self.inertia = inertia(model)
+        self.t, self.u = t - t[0], np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
+        self.values = {n: np.interp(t, data.t, filled(data.t, corrected(model, data, n))) for n in names}
+        self.noise = {n: sensor_noise(data.measured[n][np.isfinite(data.measured[n])]) for n in names}
+        if self.plant.velocity in model.inputs:
+            self.values[self.plant.velocity] = v = self.u[:, model.inputs.index(self.plant.velocity)]
+            self.noise.setdefault(self.plant.velocity, sensor_noise(v))
+        else:
+            stamped = 0.0 if data.acts is None else np.interp(t, data.t, data.acts - data.t) / self.step
+            self.u = np.column_stack([_acting(c, 0.5 - model.early + stamped) for c in self.u.T])
 
+    @cached_property
+    def effort(self) -> tuple[Array, float]:
+        """The effort (T,), and the noise of its sensor, 0 for a command."""
+        model, name = self.model, self.plant.effort or "current"
+        if name in model.inputs:
+            return self.u[:, model.inputs.index(name)], 0.0
+        if name in self.values and name in (*model.states, *model.outputs):
+            gain = effort_gain(model, True)
+            return gain * self.values[name], gain * self.noise[name]
+        return effort_gain(model, False) * self.u[:, 0], 0.0
 
-def _raw(model: Model, data: ModelData) -> _Raw:
-    step = float(np.median(np.diff(data.t)))
-    t = data.t[0] + step * np.arange(int((data.t[-1] - data.t[0]) / step + 1e-6) + 1)
-    names = [n for n, v in data.measured.items() if np.isfinite(v).sum() > FEWEST]
-    values = {n: np.interp(t, data.t, filled(data.t, corrected(model, data, n))) for n in names}
-    late = 0.5 - model.early
-    if data.acts is not None:
-        late = late + np.interp(t, data.t, data.acts - data.t) / step
-    u = np.column_stack([_acting(np.interp(t, data.t, c), late) for c in data.u.T])
-    plant = model.plant
-    if plant.velocity in model.inputs:
-        u = np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
-        values[plant.velocity] = u[:, model.inputs.index(plant.velocity)]
-    noise = {n: sensor_noise(data.measured[n][np.isfinite(data.measured[n])]) for n in names}
-    noise |= {n: sensor_noise(v) for n, v in values.items() if n not in noise}
-    return _Raw(t - t[0], step, u, values, noise)
+    def noises(self, cutoff: float) -> tuple[float, float]:
+        """Return the noise of the inertial force and of the effort below a cut-off in Hz."""
+        sources = ((self.plant.velocity, 1), (self.plant.position, 2))
+        found = [derivative_noise(self.noise[n], k, cutoff, self.step) for n, k in sources if n in self.values]
+        return self.inertia * min(found, default=0.0), self.effort[1] * float(np.sqrt(2 * cutoff * self.step))
+
+    def motion(self, wide: float) -> tuple[Array, Array, float, float]:
+        """Return position and velocity (T,) below ``wide`` Hz, the velocity's noise, and the seconds lost at the ends.
+
+        Of both, each serves where it is quieter: across a frequency where the noise of one is that of the other.
+        """
+        position, velocity = self.plant.position, self.plant.velocity
+        sq, sv = (self.noise.get(n, np.inf) for n in (position, velocity))
+        across, step, lost = sv / (2 * np.pi * max(sq, 1e-12)), self.step, 0.0
+        q = self.values.get(position)
+        if q is None:
+            q = cumulative_trapezoid(self.values[velocity], dx=step, initial=0.0)
+        v = self.values[velocity] if across < wide else slope(low_pass(q, wide, step), step)
+        if max(SLOWEST, TURNS / self.t[-1]) < across < wide:
+            v, lost = slope(low_pass(q, across, step), step) + v - low_pass(v, across, step), EDGE / across
+        noise = min(sv, 2 * np.pi * wide * sq) * np.sqrt(2 * wide * step)
+        return low_pass(q, wide, step), low_pass(v, wide, step), float(noise), lost
 
 
 def _acting(u: Array, late: float | Array) -> Array:
     """Return a held input (T,) as it acts at its samples: the mean of what is held before and after each."""
-    if np.any(np.asarray(late) != 0.5):
+    if np.any(late != 0.5):
         k = np.arange(u.size)
         return np.asarray(np.interp(k - late, k, u))
     padded = np.concatenate([u[:1], u[:1], u, u[-1:]])
@@ -150,36 +206,14 @@ def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
     """Return the widest band in Hz in which the noise of the inertial force and of the effort stays below ``share`` of
     the effort, in the median over the records.
     """
-    return float(np.median([_cutoff(model, _raw(model, d), share) for d in data]))
+    return float(np.median([_cutoff(_Raw(model, d), share) for d in data]))
 
 
-def _cutoff(model: Model, raw: _Raw, share: float) -> float:
-    plant, m = model.plant, inertia(model)
-    effort, effort_noise = _effort(model, raw)
-    size = max(float(np.std(effort)), 1e-12)
+def _cutoff(raw: _Raw, share: float) -> float:
+    allowed = share * max(float(np.std(raw.effort[0])), 1e-12)
     lowest = PERIODS / max(raw.t[-1], raw.step)
     tried = [f for f in BANDS / raw.step if f >= lowest] or [lowest]
-    for f in tried:
-        inertial = min(
-            (derivative_noise(raw.noise[n], order, f, raw.step) for n, order in _sources(plant, raw)), default=0.0
-        )
-        if max(m * inertial, effort_noise * np.sqrt(2 * f * raw.step)) < share * size:
-            return float(f)
-    return float(tried[-1])
-
-
-def _sources(plant: type[Plant], raw: _Raw) -> list[tuple[str, int]]:
-    return [(n, order) for n, order in ((plant.velocity, 1), (plant.position, 2)) if n in raw.values]
-
-
-def _effort(model: Model, raw: _Raw) -> tuple[Array, float]:
-    """Return the effort (T,) and the noise of its sensor, 0 for a command."""
-    effort = model.plant.effort or "current"
-    if effort in model.inputs:
-        return raw.u[:, model.inputs.index(effort)], 0.0
-    current = effort in raw.values and effort in (*model.states, *model.outputs)
-    gain = effort_gain(model, current)
-    return (gain * raw.values[effort], gain * raw.noise[effort]) if current else (gain * raw.u[:, 0], 0.0)
+    return float(next((f for f in tried if max(raw.noises(f)) < allowed), tried[-1]))
 
 
 def effort_gain(model: Model, current: bool) -> float:
@@ -188,49 +222,26 @@ def effort_gain(model: Model, current: bool) -> float:
     return K_t if current else K_t / model.parameters.get("R_a", 1.0)
 
 
-def _motion(plant: type[Plant], raw: _Raw, wide: float) -> tuple[Array, Array, float, float]:
-    """Return position and velocity (T,) through a low-pass, the velocity's noise, and the seconds lost at the ends."""
-    q, v = raw.values.get(plant.position), raw.values.get(plant.velocity)
-    step, lost = raw.step, 0.0
-    sq, sv = (raw.noise.get(n, np.inf) for n in (plant.position, plant.velocity))
-    if q is not None and v is not None:
-        across = sv / (2 * np.pi * max(sq, 1e-12))
-        if max(SLOWEST, TURNS / raw.t[-1]) < across < wide:
-            lost = EDGE / across
-            v = slope(low_pass(q, across, step), step) + v - low_pass(v, across, step)
-        elif across >= wide:
-            v = slope(low_pass(q, wide, step), step)
-    elif q is None:
-        assert v is not None  # noqa: S101  one of both is measured, or nothing could be compared
-        q = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1])) * step])
-    else:
-        v = slope(low_pass(q, wide, step), step)
-    noise = min(sv, 2 * np.pi * wide * sq) * np.sqrt(2 * wide * step)
-    return low_pass(q, wide, step), low_pass(v, wide, step), float(noise), lost
-
-
 def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
     """Return a record (without gaps) as the force witness sees it, with a low-pass at ``cutoff`` Hz."""
-    raw, plant = _raw(model, data), model.plant
-    step, m = raw.step, inertia(model)
+    raw, plant = _Raw(model, data), model.plant
+    step, length = raw.step, raw.t[-1]
     wide = min(WIDER * cutoff, HIGHEST / step)
-    q, v, noise, lost = _motion(plant, raw, wide)
-    effort, effort_noise = _effort(model, raw)
-    values = {n: low_pass(x, wide, step) for n, x in raw.values.items() if n == "current"}
-    inertial = m * min(
-        (derivative_noise(raw.noise[n], order, cutoff, step) for n, order in _sources(plant, raw)), default=0.0
-    )
+    q, v, noise, lost = raw.motion(wide)
+    effort, u = raw.effort[0], raw.u
     sign, still = _direction(v, noise, effort - model.parameters.get("k", 0.0) * q, wide, step)
     every = max(1, int(1 / (SAMPLED * cutoff * step)))
     kept = _kept(still, cutoff, step, max(EDGE / cutoff, lost), every)
-    t = raw.t[kept * every]
-    length = max(min(BLOCK, raw.t[-1] / FEWEST_BLOCKS), 2.0 / cutoff, raw.t[-1] / BLOCKS)
-    u = (raw.u if every == 1 else low_pass(raw.u, wide, step)).copy()
+    block = max(min(BLOCK, length / FEWEST_BLOCKS), 2.0 / cutoff, length / BLOCKS)
+    if every > 1:
+        u, effort = low_pass(u, wide, step), low_pass(effort, wide, step)
     if plant.motion_is_imposed():
+        u = u.copy()
         u[:, model.inputs.index(plant.velocity)] = v
-    effort = effort if every == 1 else low_pass(effort, wide, step)
+    values = {n: low_pass(x, wide, step) for n, x in raw.values.items() if n == "current"}
     values |= {plant.position: q, plant.velocity: v}
     return Piece(
+        plant,
         raw.t[::every],
         step * every,
         {n: x[::every] for n, x in values.items()},
@@ -240,8 +251,8 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
         sign[::every],
         cutoff,
         kept,
-        np.unique((t / length).astype(int), return_inverse=True)[1],
-        float(np.hypot(inertial, effort_noise * np.sqrt(2 * cutoff * step))),
+        np.unique((raw.t[kept * every] / block).astype(int), return_inverse=True)[1],
+        float(np.hypot(*raw.noises(cutoff))),
         plant.position in raw.values,
     )
 
@@ -264,51 +275,29 @@ def _direction(v: Array, noise: float, net: Array, wide: float, step: float) -> 
     """Return the sign of the velocity (T,), softened where noise hides it, and where (T,) it is at rest."""
     still = np.abs(v) < max(SURELY * noise, SLOW * float(np.abs(v).max()))
     sign = np.clip(v / (2 * max(noise, 1e-12)), -1.0, 1.0)
-    edges = np.diff(np.concatenate([[0], still.astype(np.int8), [0]]))
-    on, off = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    long = off - on >= max(FEW_AT_REST, SHORTEST_REST / step)
-    marks = np.zeros(v.size + 1)
-    np.add.at(marks, on[long], 1)
-    np.add.at(marks, off[long], -1)
-    rest = np.cumsum(marks)[:-1] > 0
+    least = int(np.ceil(max(FEW_AT_REST, SHORTEST_REST / step)))
+    rest = grey_opening(still.astype(np.int8), least, mode="constant") > 0
     if RESTING[0] < rest.mean() < RESTING[1]:
         pushing = low_pass(net, min(3 * wide, HIGHEST / step), step)
         sign = np.where(rest, np.clip(pushing / (np.quantile(np.abs(pushing[rest]), 0.97) + 1e-300), -1, 1), sign)
     return sign, still
 
 
-def states_of(model: Model, piece: Piece, p: Array | None = None) -> Array:
-    """Return the states (T, n) of a model along a piece: what is measured, and what the model carries along with it.
+def missing_force(model: Model, piece: Piece) -> Array:
+    """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass."""
+    rate = piece.evaluated(model, rate_tape(model.structure), piece.states(model), model.p)[0]
+    return np.asarray(((piece.effort if model.plant.motion_is_imposed() else piece.acceleration) - rate) * mass(model))
 
-    ``p``: values of the model's parameters in the trace's order, by default its own.
+
+def asked_effort(model: Model, piece: Piece) -> Array:
+    """Return the missing force (K,) at the samples that are compared, as the effort that it asks for: more than its own
+    size where friction follows the load and takes part of the effort before it drives.
     """
-    known = {n: v for n, v in piece.values.items() if n in model.states}
-    follows = any("." not in n and n not in known for n in model.states)  # the input, as a current of the plant does
-    return driven(model, piece.t, piece.u, known, 0.5 * piece.step if follows else 0.0, p=p)
-
-
-def missing_force(model: Model, piece: Piece, p: Array | None = None) -> Array:
-    """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass.
-
-    ``p``: values of the model's parameters in the trace's order, by default its own.
-    """
-    x, p = states_of(model, piece), model.p if p is None else p
-    rate = evaluated(model, rate_tape(model.structure), piece, x, p)[0]
-    if model.plant.motion_is_imposed():
-        return np.asarray(rate - piece.effort)
-    return np.asarray((piece.acceleration - rate) * mass(model, p))
-
-
-def arriving(model: Model, piece: Piece) -> Array | None:
-    """Return which part (K,) of the effort drives at the samples that are compared, by the slope of the force over the
-    effort; None where all of it does. Friction that follows the load takes the rest: a force that is missing then asks
-    for more effort than its own size.
-    """
-    tape = arriving_tape(model.structure)
+    left, tape = piece.seen(missing_force(model, piece)), arriving_tape(model.structure)
     if tape is None:
-        return None
-    slopes = evaluated(model, tape, piece, states_of(model, piece), model.p)[0]
-    return piece.seen(slopes * mass(model, model.p) / effort_unit(model))
+        return left
+    slopes = piece.evaluated(model, tape, piece.states(model), model.p)[0]
+    return left / np.maximum(piece.seen(slopes * mass(model) / effort_unit(model)), LEAST_PART)
 
 
 def effort_unit(model: Model) -> float:
@@ -316,38 +305,21 @@ def effort_unit(model: Model) -> float:
     return effort_gain(model, (model.plant.effort or "current") in model.states)
 
 
-def mass(model: Model, p: Array) -> float:
-    """Return the moving mass or inertia for values p of the parameters; -1 where a force is the output."""
+def mass(model: Model) -> float:
+    """Return the moving mass or inertia; -1 where a force is the output."""
     if model.plant.motion_is_imposed():
         return -1.0
-    name = "J" if "J" in model.parameters else "m"
-    parameters = model.trace.parameters
-    return float(p[parameters.index(name)]) if name in parameters else inertia(model)
-
-
-def evaluated(model: Model, tape: Tape, piece: Piece, x: Array, p: Array) -> Array:
-    """Return what a tape of a model's equations says (outputs, T) along a piece; the direction of motion as far as it
-    is known decides the sign of the velocity.
-    """
-    surfaces, columns = model.trace.surfaces, [*x.T, *piece.u.T, *p]
-    moving = [s.name == model.plant.velocity for s in surfaces]
-    signs: list[Array | float] = [piece.sign if m else 0.0 for m in moving]
-    for _ in range(0 if all(moving) else 2):
-        g = surfaces_tape(model.structure).batch([*columns, *signs])
-        signs = [piece.sign if m else np.sign(v) for m, v in zip(moving, g, strict=True)]
-    result = tape.batch([*columns, *signs])
-    return np.broadcast_to(result, (len(result), piece.t.size))
+    return float(model.parameters["J" if "J" in model.parameters else "m"])
 
 
 __all__ = [
+    "LEAST_PART",
     "Piece",
-    "arriving",
+    "asked_effort",
     "best_cutoff",
     "effort_gain",
     "effort_unit",
-    "evaluated",
     "mass",
     "missing_force",
     "piece",
-    "states_of",
 ]

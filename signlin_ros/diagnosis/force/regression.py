@@ -8,7 +8,7 @@ blocks of time, which need no white residual [Liang and Zeger, Biometrika 73 (19
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.filters import low_pass, slope
-from signlin_ros.diagnosis.force.laws import KEY, Law, Shape
-from signlin_ros.diagnosis.force.record import Piece, arriving, missing_force
+from signlin_ros.diagnosis.force.filters import slope
+from signlin_ros.diagnosis.force.laws import Law, Shape
+from signlin_ros.diagnosis.force.record import LEAST_PART, Piece, asked_effort, missing_force
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -36,13 +36,26 @@ TINY = 1e-300
 """What keeps a division from failing."""
 FEWEST = 3
 """Blocks from which a standard error is told."""
-LEAST_PART = 0.01
-"""Part of the effort that drives at least: a drive that holds itself has none."""
 
 
 def scaling(current: bool) -> tuple[str, ...]:
     """Return the parameters that only scale the measured effort: a ``current``, or a voltage."""
     return ("K_t",) if current else ("K_t", "R_a", "L_a")
+
+
+def base_of(model: Model, current: bool) -> dict[str, float]:
+    """Return the parameters that the base columns move, and their relative tolerances.
+
+    What only scales the measured effort is left out: the effort must not explain itself. Its tolerance goes to what it
+    scales. ``current``: whether a motor's current is measured.
+    """
+    scales = scaling(current)
+    scale = np.hypot.reduce([0.0, *(model.tolerance_of(n) for n in scales if n in model.parameters)])
+    spread = {n: model.tolerance_of(n) for n, value in model.parameters.items() if n not in scales and value}
+    found = {n: float(np.hypot(one, scale)) for n, one in spread.items() if one}
+    for key, use in model.effects.items():
+        found |= {f"{key}.{n}": KNOWN_EFFECT for n, v in use.parameters.items() if isinstance(v, float) and v}
+    return {n: one for n, one in found.items() if n in model.trace.parameters}
 
 
 @dataclass(frozen=True)
@@ -60,6 +73,17 @@ class Side:
     effort: float
     free: bool = False
 
+    @classmethod
+    def of(cls, model: Model, pieces: Sequence[Piece], moved: Iterable[str]) -> Side:
+        """Return the regression of one side's records; ``moved``: parameters of the base columns, lateness beside."""
+        y, X, effort = (np.concatenate(parts) for parts in zip(*(_rows(model, p, moved) for p in pieces), strict=True))
+        before = np.cumsum([0, *(p.blocks.max() + 1 for p in pieces)])
+        blocks = np.concatenate([p.blocks + count for p, count in zip(pieces, before, strict=False)])
+        free = not np.any(effort)
+        if free:
+            effort = np.concatenate([p.seen(p.acceleration) for p in pieces]) * inertia(model)
+        return cls(tuple(pieces), y, X, blocks, float(np.sqrt(np.mean(effort**2))), free)
+
     def columns(self, law: Law, shape: Shape) -> Array:
         """Return the columns (K, c) of a law."""
         return np.vstack([law.columns(p, shape) for p in self.pieces])
@@ -68,6 +92,11 @@ class Side:
     def noise(self) -> float:
         """Mean square of what the sensors' noise makes of a force."""
         return float(np.mean([p.noise**2 for p in self.pieces]))
+
+    @property
+    def travel(self) -> float:
+        """How far a record goes at most."""
+        return max(float(np.ptp(p.q)) for p in self.pieces)
 
     def split(self, values: Array) -> list[Array]:
         """Return values (K,) by record."""
@@ -80,25 +109,17 @@ class Side:
 
     def missing(self, model: Model) -> Array:
         """Return the force (K,) that a model lacks, as the effort that it asks for."""
-        return np.concatenate([_as_effort(model, p, p.seen(missing_force(model, p))) for p in self.pieces])
-
-    def driving(self, law: Law, shape: Shape, levels: Array) -> Array | float:
-        """Return what a law with some levels (columns,) adds (K,) to the part of the effort that drives."""
-        loads = [law.loads(p, shape) for p in self.pieces]
-        return np.concatenate([one @ levels for one in loads if one is not None]) if loads[0] is not None else 0.0
+        return np.concatenate([asked_effort(model, p) for p in self.pieces])
 
 
-def _as_effort(model: Model, piece: Piece, left: Array) -> Array:
-    part = arriving(model, piece)
-    return left if part is None else left / np.maximum(part, LEAST_PART)
-
-
-@dataclass(frozen=True)
-class Base:
-    """The base columns: names, and the standard deviations (b,) of their coefficients known beforehand."""
-
-    names: tuple[str, ...]
-    spread: Array
+def _rows(model: Model, piece: Piece, moved: Iterable[str]) -> tuple[Array, Array, Array]:
+    """Return the missing force (K,), its change by each base parameter (K, b) and the effort (K,) of a piece."""
+    y = missing_force(model, piece)
+    others = [model.with_parameters({name: model.value(name) * (1 + STEP)}) for name in moved]
+    columns = [(y - missing_force(other, piece)) / STEP for other in others]
+    late = slope(piece.effort_nearby, piece.step) * piece.step
+    seen = piece.seen(np.column_stack([y, *columns, late, piece.effort]))
+    return seen[:, 0], seen[:, 1:-1], seen[:, -1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,101 +167,49 @@ class Fit:
         return float(np.mean(self.unseen**2))
 
 
-def base_of(model: Model, current: bool) -> dict[str, tuple[float, float]]:
-    """Return the parameters that the base columns move: value and relative tolerance.
-
-    What only scales the measured effort is left out: the effort must not explain itself. Its tolerance goes to what it
-    scales. ``current``: whether a motor's current is measured.
-    """
-    scales = scaling(current)
-    scale = float(np.hypot.reduce([model.tolerance_of(n) for n in scales if n in model.parameters] or [0.0]))
-    found = {}
-    for name, value in model.parameters.items():
-        spread = model.tolerance_of(name)
-        if name in scales or not value or not spread:
-            continue
-        found[name] = (value, float(np.hypot(spread, scale)))
-    for key, use in model.effects.items():
-        names = (f"{key}.{n}" for n, v in use.parameters.items() if isinstance(v, float) and v)
-        found |= {n: (model.value(n), KNOWN_EFFECT) for n in names}
-    return found
-
-
-def side(model: Model, pieces: Sequence[Piece], moved: Mapping[str, tuple[float, float]]) -> Side:
-    """Return the regression of one side's records."""
-    rows = [_rows(model, p, moved) for p in pieces]
-    blocks, count = [], 0
-    for p in pieces:
-        blocks.append(p.blocks + count)
-        count += int(p.blocks.max()) + 1
-    y, X, effort = (np.concatenate([r[k] for r in rows]) for k in range(3))
-    free = not np.any(effort)
-    if free:
-        effort = np.concatenate([p.seen(p.acceleration) for p in pieces]) * inertia(model)
-    return Side(tuple(pieces), y, X, np.concatenate(blocks), float(np.sqrt(np.mean(effort**2))), free)
-
-
-def _rows(model: Model, piece: Piece, moved: Mapping[str, tuple[float, float]]) -> tuple[Array, Array, Array]:
-    """Return the missing force (K,), its change by each base parameter (K, b) and the effort (K,) of a piece."""
-    names = model.trace.parameters
-    y = missing_force(model, piece)
-    columns = []
-    for name, (value, _) in moved.items():
-        if name not in names:
-            columns.append(np.zeros_like(y))
-            continue
-        p = model.p.copy()
-        p[names.index(name)] = value * (1 + STEP)
-        columns.append((y - missing_force(model.with_parameters({name: value * (1 + STEP)}), piece, p)) / STEP)
-    fast = low_pass(piece.effort, min(2 * piece.cutoff, 0.4 / piece.step), piece.step)
-    columns.append(slope(fast, piece.step) * piece.step)
-    seen = piece.seen(np.column_stack([y, *columns, piece.effort]))
-    return seen[:, 0], seen[:, 1:-1], seen[:, -1]
-
-
-def telling(model: Model, piece: Piece, moved: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
-    """Return the base parameters that change the missing force at all."""
-    moves = np.any(_rows(model, piece, moved)[1][:, :-1] != 0.0, axis=0)
-    return {n: v for (n, v), m in zip(moved.items(), moves, strict=True) if m}
-
-
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """Records, the laws that may be missing, and how sets of laws are fitted to them."""
+    """Records, the laws that may be missing, and how sets of laws are fitted to them.
+
+    ``names`` of the base columns, and the standard deviations ``spread`` (b,) of their coefficients known beforehand;
+    ``current``: whether a motor's current is measured.
+    """
 
     model: Model
     laws: Mapping[str, Law]
     known: Side
     unseen: Side
-    base: Base
+    names: tuple[str, ...]
+    spread: Array
     criteria: Criteria
     current: bool
 
     @property
     def b(self) -> int:
         """Number of base columns."""
-        return len(self.base.names)
+        return len(self.names)
 
     def fitted(self, members: Sequence[Member]) -> Fit:
         """Return the least-squares fit of a set of laws on the known side, and what it leaves of both."""
         members = tuple(members)
         X = self._matrix(self.known, members)
-        spread = np.concatenate([self.base.spread, np.full(X.shape[1] - self.b, np.inf)])
-        floor = np.where(np.isfinite(spread), np.expm1(-3 * np.minimum(spread, 50.0)), -np.inf)
-        floor[self.b - 1], ceiling = -APART, np.full(X.shape[1], np.inf)
-        ceiling[self.b - 1] = APART
+        spread, floor, ceiling = (np.full(X.shape[1], value) for value in (np.inf, -np.inf, np.inf))
+        spread[: self.b], floor[: self.b] = self.spread, np.expm1(-3 * np.minimum(self.spread, 50.0))
+        floor[self.b - 1], ceiling[self.b - 1] = -APART, APART
         spans, at = {}, self.b
         for n, shape in members:
-            law = self.laws[n]
-            spans[n] = slice(at, at + law.width(shape))
-            floor[spans[n]] = np.where(law.positive(shape), 0.0, -np.inf)
-            at += law.width(shape)
+            positive = self.laws[n].positive(shape)
+            spans[n] = slice(at, at + len(positive))
+            floor[spans[n]] = np.where(positive, 0.0, -np.inf)
+            at += len(positive)
         theta, held, size, left = _bounded(self.known.y, X, spread, floor, ceiling)
-        cost = sum(self.laws[n].free(shape) for n, shape in members)
 
         def as_effort(side: Side, left: Array) -> Array:
-            more = sum((side.driving(self.laws[n], z, theta[spans[n]]) for n, z in members), np.zeros(()))
-            return np.asarray(left / np.maximum(1.0 + more, LEAST_PART)) if np.any(more) else left
+            part = np.ones_like(left)
+            for n, shape in members:
+                if self.laws[n].follows_effort:
+                    part += np.concatenate([self.laws[n].loads(p, shape) @ theta[spans[n]] for p in side.pieces])
+            return left / np.maximum(part, LEAST_PART)
 
         def unseen() -> Array:
             return as_effort(self.unseen, self.unseen.y - self._matrix(self.unseen, members) @ theta)
@@ -248,6 +217,7 @@ class Regression:
         def covariance() -> Array:
             return _covariance(self.known, self._matrix(self.known, members), spread, held, size, left)
 
+        cost = sum(self.laws[n].free(shape) for n, shape in members)
         return Fit(members, theta, as_effort(self.known, left), unseen, covariance, spans, cost)
 
     def _matrix(self, side: Side, members: Sequence[Member]) -> Array:
@@ -255,14 +225,9 @@ class Regression:
         return np.hstack([side.X, *(side.columns(self.laws[n], z) for n, z in members)])
 
     def surely(self, a: Fit, b: Fit) -> float:
-        """Return by how many standard errors a is better than b on unseen data, by blocks of time.
-
-        The mean difference of squares, or of their logarithms, whichever is surer: one block must not decide.
-        """
-        if a is b or a.members == b.members:
-            return 0.0
-        blocks, n = self.unseen.blocks, np.bincount(self.unseen.blocks)
-        first, second = (np.bincount(blocks, f.unseen**2)[n > 0].astype(float) for f in (a, b))
+        """Return by how many standard errors a is better than b on unseen data, by blocks of time."""
+        there = np.bincount(self.unseen.blocks) > 0
+        first, second = (np.bincount(self.unseen.blocks, f.unseen**2)[there].astype(float) for f in (a, b))
         return mean_certainty(second, first)
 
     def percent(self, fit: Fit) -> float:
@@ -300,8 +265,7 @@ def _bounded(
             Z = X[:, free] / scale[free]
             gram, side = Z.T @ Z, Z.T @ (y - X[:, held] @ theta[held])
         size = new
-        A = gram + np.diag(np.minimum(_precision(spread, scale, size, y.size)[free], 1e12 * y.size))
-        theta[free] = np.linalg.solve(A, side) / scale[free]
+        theta[free] = np.linalg.solve(gram + np.diag(precision(spread, scale, size, y.size)[free]), side) / scale[free]
         left = y - X @ theta
         new = float(np.sqrt(np.mean(left**2))) + TINY
         beyond = free & ((theta < floor) | (theta > ceiling))
@@ -312,21 +276,21 @@ def _bounded(
     return theta, ~free, size, left
 
 
-def _precision(spread: Array, scale: Array, size: float, n: int) -> Array:
-    """Return what is known beforehand of coefficients (c,) of scaled columns, where what is left has a ``size``."""
+def precision(spread: Array, scale: Array, size: float, n: int) -> Array:
+    """Return what is known beforehand of coefficients (c,) of scaled columns, where n samples leave a ``size``."""
     known = np.minimum(size / (spread * scale + TINY), 1e9)  # a column may be nothing but zeros
-    return np.where(np.isfinite(spread), known**2, 1e-9 * n)
+    return np.where(np.isfinite(spread), np.minimum(known**2, 1e12 * n), 1e-9 * n)
 
 
 def _covariance(side: Side, X: Array, spread: Array, held: NDArray[np.bool_], size: float, left: Array) -> Array:
     """Return the covariance (n, n) of what `_bounded` fitted; inf for what is held at a bound."""
     free, n = ~held, side.y.size
     scale = np.sqrt(np.mean(X**2, axis=0)) + TINY
-    Z, precision = X[:, free] / scale[free], _precision(spread, scale, size, n)[free]
+    Z, known = X[:, free] / scale[free], precision(spread, scale, size, n)[free]
     scores = np.zeros((int(side.blocks.max()) + 1, int(free.sum())))
     np.add.at(scores, side.blocks, Z * left[:, None])
-    inverse = np.linalg.inv(Z.T @ Z + np.diag(np.minimum(precision, 1e12 * n)))
-    prior = np.diag(np.where(np.isfinite(spread[free]), precision * np.mean(left**2), 0.0))
+    inverse = np.linalg.inv(Z.T @ Z + np.diag(known))
+    prior = np.diag(np.where(np.isfinite(spread[free]), known * np.mean(left**2), 0.0))
     covariance = inverse @ (scores.T @ scores + prior) @ inverse
     every = np.zeros((X.shape[1], X.shape[1]))
     every[held, held] = np.inf
@@ -335,18 +299,4 @@ def _covariance(side: Side, X: Array, spread: Array, held: NDArray[np.bool_], si
     return every
 
 
-__all__ = [
-    "APART",
-    "KEY",
-    "TINY",
-    "Base",
-    "Fit",
-    "Member",
-    "Regression",
-    "Side",
-    "base_of",
-    "mean_certainty",
-    "scaling",
-    "side",
-    "telling",
-]
+__all__ = ["APART", "TINY", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "precision", "scaling"]

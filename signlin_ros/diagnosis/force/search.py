@@ -10,45 +10,35 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.laws import Ripple, Shape, grid
+from signlin_ros.diagnosis.force.laws import Ripple, Shape
 from signlin_ros.diagnosis.force.regression import TINY, Fit, Member, Regression
 from signlin_ros.diagnosis.force.subsets import Subsets
-from signlin_ros.diagnosis.force.waves import orders, strongest
-from signlin_ros.par import Par
-from signlin_ros.scale import Scale
+from signlin_ros.diagnosis.force.waves import Waves
 
 Array = NDArray[np.float64]
 
 REFINED = 2
 """The best so many times `Criteria.beam` of a step are refined."""
-STEPS = (0.25, 0.1, 0.04)
-"""Relative steps by which shapes are refined,"""
-MOVES = 3
-"""and how often in a row,"""
-NOTHING = 1 - 1e-4
-"""unless a step leaves more than this of the squared error."""
+STEPS, MOVES, NOTHING = (0.25, 0.1, 0.04), 3, 1 - 1e-4
+"""Relative steps by which shapes are refined, and how often in a row, unless one leaves more than this of the squared
+error."""
 LITTLE = 0.97
 """A step that leaves more than this of the squared error of the one before ends the search."""
 HARMONICS = 8
 """Most harmonics of a wave beyond its first."""
-WAVES = 3
-"""Orders of a wave that are tried at each step."""
 
 
 @dataclass(eq=False)
 class Search:
-    """Sets of laws fitted so far, by their names."""
+    """Sets of laws fitted so far, by their names; ``shapes`` of each law that are known; ``whole``: so are orders."""
 
     r: Regression
-    scale: Scale
     whole: bool
-    gear: float
+    shapes: dict[str, list[Shape]]
     models: dict[frozenset[str], Fit] = field(default_factory=dict)
-    shapes: dict[str, list[Shape]] = field(default_factory=dict)
 
-    def run(self) -> Fit:
-        """Return the least set that suffices, after `Criteria.most` steps or as soon as nothing is gained."""
-        self.shapes = {n: grid(law, self.scale) for n, law in self.r.laws.items()}
+    def run(self) -> None:
+        """Fit sets of laws, in `Criteria.most` steps or until nothing is gained."""
         best = [self._keep(self.r.fitted(()))]
         for count in range(1, self.r.criteria.most + 1):
             before = min(f.trained for f in self.models.values())
@@ -59,7 +49,6 @@ class Search:
         if rippled is not None and len(rippled.members) < self.r.criteria.most:
             beside = self._subsets(rippled.members).beside(rippled.members, self._others(rippled), rippled.trained)
             self._fitted(list(beside))
-        return self.chosen
 
     def _rippled(self, f: Fit) -> Fit | None:
         """Return a fit whose wave has as many harmonics as unseen data ask for; None if it has no wave, or but one."""
@@ -69,7 +58,7 @@ class Search:
             return None
         rest, best, orders = [m for m in f.members if m is not wave], f, wave[1]
         for _ in range(HARMONICS):
-            more = [N for N in self.repeating(best.left) if all(abs(N - other) > 1e-9 for _, other in orders)]
+            more = [N for N in self.waves.strongest(best.left) if all(abs(N - other) > 1e-9 for _, other in orders)]
             tried = [self.r.fitted([*rest, (name, (*orders, (wave[1][0][0], N)))]) for N in more]
             found = min(tried, key=lambda g: g.trained, default=None)
             if found is None or not self.worth(found, best, 3, whole=True):
@@ -83,9 +72,7 @@ class Search:
         return self.models[frozenset()]
 
     def _keep(self, f: Fit) -> Fit:
-        known = self.models.get(f.names)
-        if known is None or f.trained < known.trained:
-            self.models[f.names] = f
+        self.models[f.names] = min(self.models.get(f.names, f), f, key=lambda g: g.trained)
         return self.models[f.names]
 
     def _step(self, best: Sequence[Fit], count: int) -> list[Fit]:
@@ -98,24 +85,22 @@ class Search:
 
     def _fitted(self, sets: Sequence[tuple[Member, ...]]) -> list[Fit]:
         """Fit some sets, the first of them with their shapes between the points of the grid; return the best."""
-        count = REFINED * self.r.criteria.beam
-        fits = [self._keep(self.refined(self.r.fitted(m)) if i < count else self.r.fitted(m))
-                for i, m in enumerate(sets)]  # fmt: skip
-        fits.sort(key=lambda f: f.trained * (1 + self.r.criteria.each * f.cost))
-        return fits[: self.r.criteria.beam]
+        beam, fits = self.r.criteria.beam, [self.r.fitted(m) for m in sets]
+        refined = [self.refined(f) for f in fits[: REFINED * beam]]
+        fits = [self._keep(f) for f in (*refined, *fits[REFINED * beam :])]
+        return sorted(fits, key=lambda f: f.trained * (1 + self.r.criteria.each * f.cost))[:beam]
 
     def _others(self, f: Fit) -> list[str]:
         """Return the laws that may stand beside those of a fit."""
-        families = {self.r.laws[n].effect.family for n in f.names} - {""}
-        return [n for n, law in self.r.laws.items() if n not in f.names and law.effect.family not in families]
+        taken = {self.r.laws[n].family for n in f.names}
+        return [n for n, law in self.r.laws.items() if law.family not in taken]
 
     def _scan(self, f: Fit) -> None:
         """Add the orders at which what a fit leaves repeats over the position to the shapes of periodic laws."""
-        for name in (n for n in self._others(f) if self.r.laws[n].effect.periodic and n in self.shapes):
-            if isinstance(self.r.laws[name], Ripple):
-                continue
-            for N in self.repeating(f.left):
-                self._grown(name, ((self.r.laws[name].effect.periodic[0], N),))
+        for name in self._others(f):
+            for order in self.r.laws[name].effect.periodic[:1]:
+                for N in self.waves.strongest(f.left):
+                    self._grown(name, ((order, N),))
 
     def _grown(self, name: str, shape: Shape) -> None:
         if shape not in self.shapes[name]:
@@ -127,84 +112,52 @@ class Search:
             self._grown(name, shape)
         return Subsets(self.r, self.shapes)
 
-    def repeating(self, left: Array) -> list[float]:
-        """Return the orders at which something (K,) of known data repeats most over the position."""
-        plant, known = self.r.model.plant, self.r.known
-        return strongest(known.pieces, known.split(left), self._orders, plant.position, plant.velocity, WAVES)
-
-    def repeats(self, what: str, N: float) -> str:
-        """Return in words that something repeats over the position at an order."""
-        unit = self.r.model.plant.position_unit
-        return f"{what} that repeats {f'{N:g} times a turn' if self.whole else f'every {2 * np.pi / N:.3g} {unit}'}"
-
     @functools.cached_property
-    def _orders(self) -> list[Array]:
-        plant, c = self.r.model.plant, self.r.criteria
-        return orders(self.r.known.pieces, plant.position, plant.velocity, self.whole, self.gear, c.waves)
-
-    @functools.cached_property
-    def finest(self) -> float:
-        """The largest order that passes the band."""
-        return max((float(row[-1]) for row in self._orders if row.size), default=0.0)
+    def waves(self) -> Waves:
+        """What tells at which orders a force repeats."""
+        return Waves(self.r.known, self.whole, self.r.model.gear, self.r.criteria.waves)
 
     @functools.cached_property
     def _stretch(self) -> tuple[float, float]:
         """Smallest and largest position of the records."""
-        q = [p.values[self.r.model.plant.position] for p in self.r.known.pieces]
-        return min(float(x.min()) for x in q), max(float(x.max()) for x in q)
-
-    @functools.cached_property
-    def _slowest(self) -> float:
-        """The least order of which the records hold enough periods."""
-        return min((float(row[0]) for row in self._orders if row.size), default=np.inf)
+        q = np.concatenate([p.q for p in self.r.known.pieces])
+        return float(q.min()), float(q.max())
 
     def refined(self, f: Fit) -> Fit:
         """Return a fit whose shapes lie between the points of the grid, by what is left of the fitted data."""
         for step in STEPS:
             for j, (name, shape) in enumerate(f.members):
-                f = self._restructured(f, j)
                 for n in self._movable(name, shape):
-                    f = self._moved(f, j, n, self._step_of(name, n, shape, step))
-        return f
-
-    def _restructured(self, f: Fit, j: int) -> Fit:
-        """Return a fit with another value of a parameter that changes the equations, if that leaves less."""
-        name, shape = f.members[j]
-        structural = self.r.laws[name].structural
-        for n, value in shape:
-            values = (v for s in self.shapes[name] for k, v in s if k == n and v != value)
-            others = list(dict.fromkeys(values)) if n in structural else []
-            tried = [self.r.fitted(_put(f.members, j, n, v)) for v in others]
-            f = min([f, *tried], key=lambda g: g.trained)
+                    f = self._moved(f, j, n, step)
         return f
 
     def _movable(self, name: str, shape: Shape) -> list[str]:
         law = self.r.laws[name]
         if isinstance(law, Ripple):
             return []
-        held = {*law.effect.held, *law.parts.group[:1]}
-        pars = law.effect.pars()
-        whole = self.whole and law.effect.periodic[:1]
-        return [n for n, v in shape if n not in held and v and not pars[n].structural and n not in (whole or ())]
+        held = {*law.effect.held, *law.parts.group[:1], *law.structural, *(law.effect.periodic if self.whole else ())}
+        return [n for n, v in shape if v and n not in held]
 
-    def _step_of(self, name: str, n: str, shape: Shape, step: float) -> tuple[float, float]:
-        if n in self.r.laws[name].effect.periodic[:1]:
-            travel = max(float(np.ptp(p.values[self.r.model.plant.position])) for p in self.r.known.pieces)
-            apart = 2 * np.pi / travel / dict(shape)[n] * step
-            return (1 - apart, 1 + apart)
-        return (1 / (1 + step), 1 + step)
-
-    def _moved(self, f: Fit, j: int, n: str, factors: tuple[float, ...]) -> Fit:
+    def _moved(self, f: Fit, j: int, n: str, step: float) -> Fit:
+        """Return a fit with a parameter of a shape moved by relative steps, as long as that leaves less."""
         effect = self.r.laws[f.members[j][0]].effect
-        least = self._slowest if n in effect.periodic[:1] else -np.inf
+        factors: tuple[float, ...] = (1 / (1 + step), 1 + step)
+        least = -np.inf
+        if n in effect.periodic:
+            apart = 2 * np.pi / self.r.known.travel / dict(f.members[j][1])[n] * step
+            factors, least = (1 - apart, 1 + apart), self.waves.slowest
         for _ in range(MOVES):
-            sets = {factor: _with(f.members, j, n, factor, effect.pars()[n]) for factor in factors}
-            tried = {k: self.r.fitted(one) for k, one in sets.items() if dict(one[j][1])[n] >= least}
-            factors = tuple(k for k, g in tried.items() if g.trained < f.trained * NOTHING)
-            if not factors:
+            name, shape = f.members[j]
+            tried = []
+            for factor in factors:
+                value = float(f"{effect.pars()[n].nearest(dict(shape)[n] * factor):.12g}")
+                if value >= least:
+                    moved = (name, tuple((k, value if k == n else v) for k, v in shape))
+                    tried.append((factor, self.r.fitted([*f.members[:j], moved, *f.members[j + 1 :]])))
+            factor, best = min(tried, key=lambda one: one[1].trained, default=(1.0, f))
+            if best.trained >= f.trained * NOTHING:
                 break
-            factors = (min(factors, key=lambda k: tried[k].trained),)  # the other way lies where it came from
-            f = tried[factors[0]]
+            f, factors = best, (factor,)  # the other way lies where it came from
         return f
 
     # ------------------------------------------------------------------ the choice
@@ -214,25 +167,17 @@ class Search:
         return self._known([m for m in f.members if m[0] != name])
 
     def _known(self, members: Sequence[Member]) -> Fit:
-        names = frozenset(n for n, _ in members)
-        if names not in self.models:
-            self._keep(self.r.fitted(members))
-        return self.models[names]
+        """Return the best fit known of some laws, whatever their shapes; with these, if there is none yet."""
+        return self.models.get(_names(members)) or self._keep(self.r.fitted(members))
 
     def _simpler(self, f: Fit, name: str) -> list[Fit]:
         """Return the fits with a simpler law of the same family in a law's place."""
         law, rest = self.r.laws[name], [m for m in f.members if m[0] != name]
-        kin = [n for n, x in self.r.laws.items() if law.effect.family and x.effect.family == law.effect.family]
-        simple = [n for n in kin if n not in f.names and self._least(n) < law.free(dict(f.members)[name])]
-        found = [self.models.get(frozenset((*f.names - {name}, n))) for n in simple]
-        tried = [self._known([*rest, (n, self.shapes[n][0])]) for n, g in zip(simple, found, strict=True)
-                 if g is None and len(self.shapes[n]) == 1]  # fmt: skip
-        return [*(g for g in found if g), *tried]
-
-    def _least(self, name: str) -> int:
-        """Return the fewest parameters that a law has."""
-        law = self.r.laws[name]
-        return law.free(self.shapes[name][0]) if self.shapes[name] else law.parts.columns + 1
+        kin = [n for n, other in self.r.laws.items() if other.family == law.family and n not in f.names]
+        first = [(n, shape) for n in kin for shape in self.shapes[n][:1]]
+        simple = [m for m in first if self.r.laws[m[0]].free(m[1]) < law.free(dict(f.members)[name])]
+        known = [m for m in simple if len(self.shapes[m[0]]) == 1 or _names([*rest, m]) in self.models]
+        return [self._known([*rest, m]) for m in known]
 
     @functools.cached_property
     def helpful(self) -> frozenset[str]:
@@ -249,7 +194,7 @@ class Search:
         model alone does.
         """
         c, r = self.r.criteria, self.r
-        spread, theta, alone = (x[: r.b - 1] for x in (r.base.spread, f.theta, self.base.theta))
+        spread, theta, alone = (x[: r.b - 1] for x in (r.spread, f.theta, self.base.theta))
         moved, before = (np.abs(np.log1p(np.maximum(x, -1 + 1e-12))) / spread for x in (theta, alone))
         carried = np.abs(theta) * np.sqrt(np.mean(r.unseen.X[:, :-1] ** 2, axis=0)) > c.bent_share * r.unseen.effort
         return bool(f.members) and bool(np.any((moved > c.bent) & (moved > before + 1.0) & carried & (spread < 0.5)))
@@ -327,13 +272,8 @@ class Search:
         return tuple(sorted(n for n, g in tried.items() if g and self.alike(f, g) and self._told(g, n)))
 
 
-def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:
-    name, shape = members[j]
-    return (*members[:j], (name, tuple((k, value if k == n else v) for k, v in shape)), *members[j + 1 :])
-
-
-def _with(members: Sequence[Member], j: int, n: str, factor: float, par: Par) -> tuple[Member, ...]:
-    return _put(members, j, n, float(f"{par.nearest(dict(members[j][1])[n] * factor):.12g}"))
+def _names(members: Iterable[Member]) -> frozenset[str]:
+    return frozenset(n for n, _ in members)
 
 
 __all__ = ["Search"]

@@ -7,47 +7,39 @@ Technometrics 16 (1974) 499, doi:10.1080/00401706.1974.10489231].
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.force.laws import Shape
-from signlin_ros.diagnosis.force.regression import TINY, Member, Regression
+from signlin_ros.diagnosis.force.regression import TINY, Member, Regression, precision
 
 Array = NDArray[np.float64]
 Sets = NDArray[np.intp]
 
-FOLLOWED = 150
-"""Sets of two and more laws that are tried with every other member beside."""
-BATCH = 4096
-"""Sets that are solved together."""
+FOLLOWED, BATCH = 150, 4096
+"""Sets of two and more laws that are tried with every other member beside; sets that are solved together."""
 
 
 class Subsets:
     """Sets of members (laws with their shapes): about what each leaves of the fitted data."""
 
     def __init__(self, r: Regression, shapes: Mapping[str, Sequence[Shape]]) -> None:
-        self.r = r
-        self.members: list[Member] = []
+        self.r, self.members = r, list[Member]()
         names, parts, columns, positive = list(r.laws), list[list[int]](), [r.known.X], [False] * r.b
-        families: dict[str, int] = {}
-        kinds: list[tuple[int, int]] = []
-        at = r.b
-        for name, shape in chain.from_iterable(((n, s) for s in shapes[n]) for n in names if n in shapes):
+        families, kinds = [law.family for law in r.laws.values()], list[tuple[int, int]]()
+        for name, shape in [(n, shape) for n in names for shape in shapes.get(n, ())]:
             law, C = r.laws[name], r.known.columns(r.laws[name], shape)
             if not np.isfinite(C).all():
                 continue  # a law of somebody's own, with a root or a power of what crosses zero
             columns.append(C)
-            bounded = list(law.positive(shape))
-            positive += bounded
-            kind = families.setdefault(law.effect.family or name, len(families))
-            whole = list(range(at, at + C.shape[1]))
-            for part in [whole, *([[j] for j in whole] if len(whole) > 1 and all(bounded) else [])]:
+            whole = list(range(len(positive), len(positive) + C.shape[1]))
+            positive += law.positive(shape)
+            apart = [[j] for j in whole] if len(whole) > 1 and all(law.positive(shape)) else []
+            for part in [whole, *apart]:
                 self.members.append((name, shape))
                 parts.append(part)
-                kinds.append((names.index(name), kind))
-            at += C.shape[1]
+                kinds.append((names.index(name), families.index(law.family)))
         A = np.hstack(columns)
         self._scale = np.sqrt(np.mean(A**2, axis=0)) + TINY
         A = A / self._scale
@@ -67,8 +59,7 @@ class Subsets:
         that it cannot have; ``size``: mean square of what is left, by which tolerances weigh.
         """
         base, r = np.arange(self.r.b), self.r
-        spread = np.minimum(np.maximum(r.base.spread, 1e-12), 1e12) * self._scale[: r.b]
-        held = np.minimum(size / np.maximum(spread**2, TINY), 1e12 * self._size)
+        known = precision(r.spread, self._scale[: r.b], np.sqrt(size), self._size)
         found = np.empty(len(sets))
         for at in range(0, len(sets), BATCH):
             some = sets[at : at + BATCH]
@@ -78,7 +69,7 @@ class Subsets:
             none = index == len(self._moments) - 1
             A[none] = 0.0
             A[:, diagonal, diagonal] += np.where(none, 1.0, 1e-9 * self._size)
-            A[:, base, base] += held
+            A[:, base, base] += known
             theta = np.linalg.solve(A, g[:, :, None])[:, :, 0]
             error = np.maximum(self._total - np.sum(theta * g, axis=1), 0.0)
             found[at : at + BATCH] = np.where(np.any((theta < 0.0) & self._positive[index], axis=1), np.inf, error)
@@ -86,7 +77,7 @@ class Subsets:
 
     def best(self, count: int, size: float) -> list[tuple[Member, ...]]:
         """Return the best sets of ``count`` members, one for each set of laws, the best first; ``size``: see `left`."""
-        return [tuple(self.members[j] for j in row) for row in self._best(count, size).tolist()]
+        return [tuple(self.members[j] for j in row) for row in self._best(count, size)]
 
     def _best(self, count: int, size: float) -> Sets:
         sets = self._sets(count, size)

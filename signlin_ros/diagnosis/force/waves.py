@@ -6,12 +6,11 @@ must have some periods inside the record, and pass slowly enough for the low-pas
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.record import Piece
+from signlin_ros.diagnosis.force.regression import TINY, Side
 
 Array = NDArray[np.float64]
 
@@ -19,55 +18,72 @@ FINEST = 4000
 """Most orders that are looked at for each half period over the travel."""
 QUANTILE, SHARE = 0.15, 0.02
 """A wave must pass the filter at this quantile of the speed, and this share of the largest."""
+MOST = 3
+"""Orders that are told of what is left."""
 
 
-def orders(
-    pieces: Sequence[Piece], position: str, velocity: str, whole: bool, gear: float, least: float
-) -> list[Array]:
-    """Return the orders in rad^-1 or m^-1 that records can show, at least ``least`` periods of each, as even rows (N,):
-    of a joint, and of its motor.
+class Waves:
+    """The orders in rad^-1 or m^-1 of which records hold at least ``least`` periods: whole ones of a joint, and of its
+    motor before the ``gear``; or any.
     """
-    travel = max(float(np.ptp(p.values[position])) for p in pieces)
-    speed = np.concatenate([np.abs(p.values[velocity][p.kept]) for p in pieces])
-    slow = float(np.quantile(speed, QUANTILE)) + SHARE * float(speed.max())
-    low, high = least * 2 * np.pi / max(travel, 1e-300), 2 * np.pi * pieces[0].cutoff / max(slow, 1e-300)
-    if not whole:
-        step = 0.8 * np.pi / travel
-        return [np.arange(low, min(high, FINEST * np.pi / travel), step)]
-    turns = np.arange(1, FINEST + 1)
-    rows = [turns, turns * gear] if gear != 1.0 else [turns]
-    return [row[(row >= low) & (row <= high)].astype(float) for row in rows]
+
+    def __init__(self, side: Side, whole: bool, gear: float, least: float) -> None:
+        self._side, cutoff = side, 2 * np.pi * side.pieces[0].cutoff
+        self._q = np.concatenate([p.q[p.kept] for p in side.pieces])
+        speed = np.concatenate([np.abs(p.v[p.kept]) for p in side.pieces])
+        self._limit = cutoff / np.maximum(speed, TINY)
+        slow = float(np.quantile(speed, QUANTILE)) + SHARE * float(speed.max())
+        low, high = least * 2 * np.pi / max(side.travel, TINY), cutoff / max(slow, TINY)
+        turns = np.arange(1.0, FINEST + 1)
+        rows = [turns, turns * gear] if gear != 1.0 else [turns]
+        rows = [row[(row >= low) & (row <= high)] for row in rows]
+        if not whole:
+            rows = [np.arange(low, min(high, FINEST * np.pi / side.travel), 0.8 * np.pi / side.travel)]
+        self._rows = [row for row in rows if row.size]
+        self.slowest = min((float(row[0]) for row in self._rows), default=np.inf)
+        self.finest = max((float(row[-1]) for row in self._rows), default=0.0)
+
+    def strongest(self, left: Array) -> list[float]:
+        """Return the orders at which what is left (K,) repeats most, far enough apart to be others."""
+        if not self._rows:
+            return []
+        y = np.concatenate([e - e.mean() for e in self._side.split(left)])
+        tried, power = np.concatenate(self._rows), np.concatenate([self._power(y, row) for row in self._rows])
+        apart = 3 * np.pi / max(float(np.ptp(self._q)), TINY)
+        found: list[float] = []
+        for order in tried[np.argsort(-power)].tolist():
+            if all(abs(order - other) > apart for other in found):
+                found.append(order)
+            if len(found) == MOST:
+                break
+        return found
+
+    def _power(self, y: Array, row: Array) -> Array:
+        """Return how much y (K,) repeats at an even row of orders (N,), where these pass the filter."""
+        step = row[1] - row[0] if row.size > 1 else 1.0
+        real, imaginary, count = _transformed(self._q, y, self._limit, row[0], step, row.size)
+        return np.asarray(np.hypot(real, imaginary) / np.sqrt(count + 0.02 * y.size))
 
 
-def strongest(
-    pieces: Sequence[Piece], left: Sequence[Array], rows: Sequence[Array], position: str, velocity: str, most: int
-) -> list[float]:
-    """Return the orders at which what is left (K,) of the pieces repeats most, far enough apart to be others."""
-    tried = np.concatenate(rows)
-    if tried.size == 0:
-        return []
-    q = np.concatenate([p.values[position][p.kept] for p in pieces])
-    v = np.concatenate([np.abs(p.values[velocity][p.kept]) for p in pieces])
-    y = np.concatenate([e - e.mean() for e in left])
-    limit = 2 * np.pi * pieces[0].cutoff / np.maximum(v, 1e-300)
-    power = np.concatenate([_power(q, y, limit, row) for row in rows if row.size])
-    apart = 3 * np.pi / max(float(np.ptp(q)), 1e-300)
-    found: list[float] = []
-    for j in np.argsort(-power):
-        if all(abs(tried[j] - other) > apart for other in found):
-            found.append(float(tried[j]))
-        if len(found) == most:
-            break
+@numba.njit(cache=True)
+def _transformed(q: Array, y: Array, limit: Array, first: float, step: float, count: int) -> Array:
+    """Return of orders N, ``count`` from ``first`` on, ``step`` apart (3, count): real and imaginary part of
+    sum_k y_k exp(-i N q_k) over the samples (K,) with N < ``limit``, and how many these are.
+
+    From one order to the next each sample turns by the same angle.
+    """
+    found = np.zeros((3, count))
+    for k in range(q.size):
+        a, b = y[k] * np.cos(first * q[k]), -y[k] * np.sin(first * q[k])
+        c, s = np.cos(step * q[k]), -np.sin(step * q[k])
+        for j in range(count):
+            if first + j * step >= limit[k]:
+                break
+            found[0, j] += a
+            found[1, j] += b
+            found[2, j] += 1.0
+            a, b = a * c - b * s, a * s + b * c
     return found
 
 
-def _power(q: Array, y: Array, limit: Array, row: Array) -> Array:
-    """Return how much y (K,) repeats over q (K,) at an even row of orders (N,), over samples with a higher limit."""
-    from signlin_ros.diagnosis.force.elements import waves
-
-    step = row[1] - row[0] if row.size > 1 else 1.0
-    real, imaginary, count = waves(q, y, limit, row[0], step, row.size)
-    return np.asarray(np.hypot(real, imaginary) / np.sqrt(count + 0.02 * y.size))
-
-
-__all__ = ["orders", "strongest"]
+__all__ = ["Waves"]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,9 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.missing import inertia
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, structured
-from signlin_ros.diagnosis.force.laws import laws
+from signlin_ros.diagnosis.force.laws import grid, laws
 from signlin_ros.diagnosis.force.record import Piece, best_cutoff, piece
-from signlin_ros.diagnosis.force.regression import TINY, Base, Fit, Regression, base_of, side, telling
+from signlin_ros.diagnosis.force.regression import TINY, Fit, Regression, Side, base_of
 from signlin_ros.diagnosis.force.search import Search
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -24,6 +25,8 @@ Array = NDArray[np.float64]
 LATE = 0.5
 """Samples by which the effort may come early or late: when an input acts between its samples is rarely known. An
 imposed motion is measured beside its force: lateness of that is what presliding looks like, and no guess."""
+WIDEST = 0.12
+"""Part of the rate at which laws are driven above which no band is tried."""
 APART = 1.2
 """Times the quiet band that a wider one must be to be tried."""
 
@@ -61,69 +64,65 @@ def hear(
     criteria: Criteria = DEFAULT,
 ) -> Testimony:
     """Ask the force witness; records without gaps. The quiet band first, a wider one where nothing is found in it."""
+
+    def below(cutoff: float) -> Testimony:
+        first, second = ([piece(model, data, cutoff) for data in records] for records in (known, unseen))
+        r = _regression(model, first, second, rotary, criteria)
+        scale = scale_of(model, r.known.pieces)
+        search = Search(r, rotary, {n: grid(law, scale) for n, law in r.laws.items()})
+        search.run()
+        return Testimony(search, structured(search, search.chosen))
+
     cutoff = best_cutoff(model, known, criteria.noise)
-    first = _in_band(model, known, unseen, rotary, criteria, cutoff)
-    step = first.search.r.known.pieces[0].step
-    wide = min(criteria.wider * cutoff, 0.12 / step)
+    first = below(cutoff)
+    wide = min(criteria.wider * cutoff, WIDEST / first.search.r.known.pieces[0].step)
     if (first.effects and not first.flexible.visible) or wide < APART * cutoff:
         return first
-    second = _in_band(model, known, unseen, rotary, criteria, wide)
-    better = (second.effects and not second.flexible.visible) or (
-        not first.effects and not first.flexible.visible and second.flexible.visible and second.effects
+    second = below(wide)
+    return (
+        second
+        if second.effects and not (second.flexible.visible and (first.effects or first.flexible.visible))
+        else first
     )
-    return second if better else first
 
 
-def _in_band(
-    model: Model,
-    known: Sequence[ModelData],
-    unseen: Sequence[ModelData],
-    rotary: bool,
-    criteria: Criteria,
-    cutoff: float,
-) -> Testimony:
-    found, other = ([piece(model, d, cutoff) for d in side_] for side_ in (known, unseen))
-    current = "current" in model.states and "current" in known[0].measured
-    moved = telling(model, found[0], base_of(model, current))
-    late = TINY if model.plant.motion_is_imposed() else LATE
-    spread = np.array([*(s for _, s in moved.values()), late])
-    base = Base((*moved, "timing"), spread)
-    r = Regression(
+def _regression(
+    model: Model, known: Sequence[Piece], unseen: Sequence[Piece], rotary: bool, criteria: Criteria
+) -> Regression:
+    """Return both sides, the base parameters that change the missing force at all, and the laws that may be missing."""
+    current = "current" in model.states and "current" in known[0].values
+    base = {**base_of(model, current), "timing": TINY if model.plant.motion_is_imposed() else LATE}
+    first, second = (Side.of(model, pieces, list(base)[:-1]) for pieces in (known, unseen))
+    tells = np.any(first.X != 0.0, axis=0)
+    tells[-1] = True
+    return Regression(
         model,
-        laws(model, rotary or _waves(model, found) >= criteria.once, found[0].position_measured),
-        side(model, found, moved),
-        side(model, other, moved),
-        base,
+        laws(model, rotary or first.travel >= criteria.once * 2 * np.pi, known[0].position_measured),
+        replace(first, X=first.X.compress(tells, axis=1)),
+        replace(second, X=second.X.compress(tells, axis=1)),
+        tuple(compress(base, tells)),
+        np.array([*base.values()])[tells],
         criteria,
         current,
     )
-    search = Search(r, scale_of(model, found), rotary, model.gear)
-    search.run()
-    return Testimony(search, structured(search, search.chosen))
-
-
-def _waves(model: Model, pieces: Sequence[Piece]) -> float:
-    """Return how many waves of order 1 the records travel."""
-    return max(float(np.ptp(p.values[model.plant.position])) for p in pieces) / (2 * np.pi)
 
 
 def scale_of(model: Model, pieces: Sequence[Piece]) -> Scale:
     """Return how large things are in records."""
-    plant = model.plant
 
-    def rms(values: list[Array]) -> float:
-        size = float(np.sqrt(np.mean(np.concatenate(values) ** 2)))
-        return size if size > 0 else 1.0
+    def rms(of: Callable[[Piece], Array]) -> float:
+        return float(np.sqrt(np.mean(np.concatenate([of(p) for p in pieces]) ** 2))) or 1.0
 
-    q = [p.values[plant.position] for p in pieces]
-    travel = max(float(np.max(np.abs(x))) for x in q) or 1.0
+    def most(of: Callable[[Piece], Array]) -> float:
+        return max(float(np.max(np.abs(of(p)))) for p in pieces) or 1.0
+
     return Scale(
-        rms([p.effort for p in pieces]),
-        travel,
-        rms([p.values[plant.velocity] for p in pieces]),
-        rms([p.acceleration for p in pieces]),
-        rms([p.values["current"] for p in pieces]) if "current" in pieces[0].values else 1.0,
-        max(float(np.max(np.abs(p.u[:, 0]))) for p in pieces) or 1.0,
+        rms(lambda p: p.effort),
+        most(lambda p: p.q),
+        rms(lambda p: p.v),
+        rms(lambda p: p.acceleration),
+        rms(lambda p: p.values.get("current", np.ones(1))),
+        most(lambda p: p.u[:, 0]),
         pieces[0].step,
         max(float(p.t[-1]) for p in pieces),
         inertia(model),
