@@ -1,4 +1,4 @@
-"""Stamps that jitter."""
+"""Stamps that jitter, or that come at two rates."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from signlin_ros.checks.base import Check
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import LEAST, Look
-from signlin_ros.checks.timing import regular_steps
+from signlin_ros.checks.timing import regular_steps, two_rates
 
 UNEVEN, OFTEN = 0.1, 0.05
 """A step counts that differs from the median by this share, and so many of them are worth a word."""
@@ -19,7 +19,8 @@ class Jitter(Check):
     """Samples are stamped unevenly: when they arrived, rather than when they were taken, or by a busy computer.
 
     Test: more than `OFTEN` of the steps, gaps aside, differ from the median by more than `UNEVEN`. Stamps are exact:
-    none is wrong by chance. Cure: none is needed; everything takes the stamps as they are.
+    none is wrong by chance. Where nearly all steps are one of two that seldom change (`two_rates`), it is no jitter and
+    is told as two rates. Cure: none is needed; everything takes the stamps as they are.
     """
 
     name = "jitter"
@@ -31,7 +32,15 @@ class Jitter(Check):
             return
         median = float(np.median(steps))
         share = float(np.mean(np.abs(steps / median - 1.0) > UNEVEN))
-        if share > OFTEN:
+        if share <= OFTEN:
+            return
+        rates = two_rates(steps)
+        if rates is not None:
+            first, second, changes = rates
+            often = "once" if changes == 1 else f"{changes} times"
+            said = f"two rates, one after the other: steps of {first:.3g} s and of {second:.3g} s"
+            yield self.note("t", f"{said}, which change {often}")
+        else:
             low, high = np.percentile(steps, (1, 99))
             yield self.note(
                 "t",

@@ -26,7 +26,8 @@ class SlowSampling(Check):
 
     Test: a step is more than `FAR` of its time constants, by the model's own numbers; nothing is left to chance.
     Cure: none; what only that motion tells is not known from this record. If even the slowest motion is over between
-    two samples, the time is probably in another unit: the record is refused. Where the model follows the
+    two samples, the record is refused: the time is in another unit, or, where that was said, the model's parameters are
+    not the machine's. Where the model follows the
     record better with inputs that change evenly from one sample to the next, they may have been sampled from what went
     on in between: ``input_between`` lets each act from half a step before its sample, as ``input_hold: centred`` does.
     """
@@ -48,8 +49,7 @@ class SlowSampling(Check):
                 self.name,
                 "t",
                 "refuse",
-                f"a sample every {look.step:.3g} s, while the model's slowest motion takes {slow:.3g} s: is the time in"
-                " another unit? Name it, as t [ms]",
+                f"a sample every {look.step:.3g} s, while the model's slowest motion takes {slow:.3g} s{_asked(look)}",
             )
         elif look.step > FAR * fast:
             state = _fastest_state(look.base, look.model.states)
@@ -58,6 +58,16 @@ class SlowSampling(Check):
                 f" {state}): what happens in between is not known from this record"
             )
             yield _between(sentence) if _goes_on(look) else self.note("t", sentence)
+
+
+def _asked(look: Look) -> str:
+    """Return what to ask after: the unit of the time, unless it is known, and the model's parameters."""
+    known = any(getattr(note, "kind", "") == "clock" for note in look.record.notes)
+    values = ", ".join(f"{name} = {value:g}" for name, value in look.model.parameters.items() if value)
+    own = f"are the model's parameters the machine's, {values}?"
+    if known:
+        return f": {own} If so, only a record with shorter steps tells of its motion"
+    return f": is the time in another unit? Name it, as t [ms]; if it is not, {own}"
 
 
 def _between(sentence: str) -> Finding:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter
 from typing import TYPE_CHECKING
 
+from signlin_ros.apart import split
 from signlin_ros.errors import ModelError, choices, suggest
 from signlin_ros.model.uses import effect_class
 from signlin_ros.names import TIME
@@ -63,6 +65,13 @@ def _signal_name(model: Model, name: str) -> str:
     """Return the own name of what a record may hold: the time, a state, input or output, or what may be one."""
     if name in TIME:
         return TIME[0]
+    file, own = split(name)
+    if file:
+        said = shlex.join(["--signal", f"{name}={model.signals[name]}"])
+        raise ModelError(
+            f"signals: {name!r}: a model file says what holds for every record ({own}); what holds for {file!r} alone"
+            f" is said on the command line: {said}"
+        )
     perhaps = name in model.plant.optional_inputs or name in model.plant.sometimes
     return name if perhaps else _state_name(model, "signals", name, None)
 

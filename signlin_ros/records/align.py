@@ -17,7 +17,7 @@ import numpy.typing as npt
 from signlin_ros.errors import RecordError
 from signlin_ros.records.clean import spacing
 from signlin_ros.records.notes import Note
-from signlin_ros.records.table import Series, Signal
+from signlin_ros.records.table import Series, Signal, at
 
 Array = npt.NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def align(series: Mapping[str, Series], held: Collection[str], base: str | None 
         values = rows[name] if name in rows else one.values if name not in apart else interpolate(one, t)
         signals[name] = Signal(values, one.unit, one.label)
     moved = [name for name in apart if name not in commands]
-    notes = (*_moved(list(commands), moved, chosen), *spacing(t, lambda i: f"t = {t[i]:.6g} s"))
+    notes = (*_moved(list(commands), moved, chosen), *spacing(t, lambda i: at(t[i])))
     return Aligned(t, signals, acts, notes)
 
 

@@ -30,7 +30,7 @@ from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading
 from signlin_ros.records.notes import Note
 from signlin_ros.records.runs import runs_of
 from signlin_ros.records.sparse import sparse
-from signlin_ros.records.table import Record, Rows, Signal
+from signlin_ros.records.table import Record, Rows, Signal, at
 from signlin_ros.records.times import Times, times_of
 
 Array = npt.NDArray[np.float64]
@@ -170,7 +170,7 @@ def spacing(t: Array, where: Callable[[int], str]) -> list[Note]:
     if long.size:
         worst = int(long[np.argmax(steps[long])])
         count = "1 gap" if long.size == 1 else f"{long.size} gaps"
-        longest = f"the longest, {steps[worst]:.4g} s, after t = {t[worst]:.6g} s"
+        longest = f"the longest, {steps[worst]:.4g} s, after {at(t[worst])}"
         said = (
             f"{count} in the time stamps (steps over {GAP:g} times the median of {median:.4g} s): "
             f"the first after {where(int(long[0]))}, {longest}"

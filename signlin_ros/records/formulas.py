@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +13,7 @@ import numpy.typing as npt
 from signlin_ros import units
 from signlin_ros.errors import RecordError
 from signlin_ros.records.align import align, looks_held
-from signlin_ros.records.grammar import Node, is_formula, parse, split_unit
+from signlin_ros.records.grammar import Node, is_formula, parse, split_unit, words
 from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
 from signlin_ros.records.table import Record, Series, Signal
@@ -19,6 +21,7 @@ from signlin_ros.records.table import Record, Series, Signal
 Array = npt.NDArray[np.float64]
 
 _COUNT = re.compile(r"\s*0*[1-9]\d*\s*")
+_UNNAMED = re.compile(r"[cC][1-9]\d*")
 
 
 def made(record: Record, name: str, spec: str, wanted: str = "") -> tuple[Record, str]:
@@ -41,8 +44,26 @@ def made(record: Record, name: str, spec: str, wanted: str = "") -> tuple[Record
         said = f"{name}: the column {record.labels[key]!r} is in {unit}, as said"
         return _with(record, spec, record.signals[key].values, unit, record.series.get(key), Note(said, "mapped", name))
     if not is_formula(spec):
-        record.require(spec, f"signal (mapped to {name})")
+        record.require(spec, f"signal (mapped to {name})", by_number(record, name, spec))
     return _formula(record, name, spec, body, unit, wanted)
+
+
+def by_number(record: Record, name: str, spec: str) -> str:
+    """What to say in place of ``c2``, which only a file without names has, where the file has names; or nothing.
+
+    `name`: what `spec` is said to be.
+    """
+    numbers = {signal.number for signal in record.signals.values() if signal.number}
+    lost = [word for word in words(spec) if _UNNAMED.fullmatch(word) and record.find(word) is None]
+    if not lost or not numbers or all(_UNNAMED.fullmatch(label) for label in record.labels.values()):
+        return ""
+    said = f"; the file has names, and none of them is {lost[0]}"
+    if not {int(word[1:]) for word in lost} <= numbers:
+        return f"{said}; a column may be taken by its number, as in {name}: {min(numbers)}"
+    alone = split_unit(spec)[0] == lost[0]
+    instead = functools.reduce(lambda text, word: re.sub(rf"\b{word}\b", f"#{word[1:]}", text), lost, spec)
+    instead = instead.removeprefix("#") if alone else instead
+    return f"{said}; a column may be taken by its number, {name}: {instead if instead.isdigit() else repr(instead)}"
 
 
 def constant(record: Record, spec: str) -> tuple[float, str] | None:
@@ -75,7 +96,10 @@ def sole(record: Record, spec: str) -> str | None:
 
 
 def _formula(record: Record, name: str, spec: str, body: str, unit: str, wanted: str) -> tuple[Record, str]:
-    node = parse(body, _names(record), f"{record.source}: {name}")
+    try:
+        node = parse(body, _names(record), f"{record.source}: {name}")
+    except RecordError as error:
+        raise RecordError(f"{error}{by_number(record, name, spec)}") from None
     used = list(dict.fromkeys(node.columns()))
     if not used:
         number = f", and a number that it is throughout has a decimal point, {body}.0" if _COUNT.fullmatch(body) else ""
@@ -93,7 +117,11 @@ def _formula(record: Record, name: str, spec: str, body: str, unit: str, wanted:
     taken = f"in {unit}" if unit else "the columns' numbers as they stand"
     notes = [Note(f"{name} = {spec}, {taken}", "mapped", name), *_pins(record, node, name)]
     series = _series(record, node, used) if all(key in record.series for key in used) else None
-    values = node.evaluate({key: record.signals[key].values for key in used})
+    values, lost = _evaluated(node, {key: record.signals[key].values for key in used})
+    if lost.any():
+        rows = f"{int(lost.sum())} rows, the first {record.where(int(np.argmax(lost)))}"
+        said = f"{name} = {spec} has no value where it divides by zero, in {rows}"
+        notes.append(Note(said, "undefined", name))
     return _with(record, spec, values, unit, series, *notes)
 
 
@@ -134,7 +162,14 @@ def _series(record: Record, node: Node, used: list[str]) -> Series:
     parts = {key: record.series[key] for key in used}
     held = {key for key, one in parts.items() if looks_held(one)}
     one = align(parts, held)
-    return Series(one.t, node.evaluate({key: signal.values for key, signal in one.signals.items()}))
+    return Series(one.t, _evaluated(node, {key: signal.values for key, signal in one.signals.items()})[0])
+
+
+def _evaluated(node: Node, columns: Mapping[str, Array]) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """The values (T,), NaN where a division by zero leaves none, and where that is."""
+    values = node.evaluate(columns)
+    lost = node.undefined(columns) & ~np.isfinite(values)
+    return np.where(lost, np.nan, values), lost
 
 
 def _pins(record: Record, node: Node, name: str) -> list[Note]:

@@ -2,10 +2,11 @@
 
     COLUMN                    sign(dir) * pwm              signbit(load, 10)
     COLUMN [rpm]              -0.10472 * meas_rpm          0.5 * (left + right) - 3
-    sec + 1e-9 * nanosec      "pos (5)" * 0.088 [deg]
+    sec + 1e-9 * nanosec      "pos (5)" * 0.088 [deg]      2 * #3
 
-Numbers, the names of columns (in quotes where they hold signs of the grammar), ``+ - * /``, brackets, and the functions
-of `FUNCTIONS`. A unit in square brackets at the end states what the result is in. Nothing is evaluated as Python.
+Numbers, the names of columns (in quotes where they hold signs of the grammar) or their numbers, ``#3``, ``+ - * /``,
+brackets, and the functions of `FUNCTIONS`. A unit in square brackets at the end states what the result is in. Nothing
+is evaluated as Python.
 
 Units: as long as columns are only added, negated and given a sign, their unit holds. What multiplies by a number states
 the conversion itself: the columns' numbers are then taken as they stand, and the result in the unit at the end, or the
@@ -14,6 +15,7 @@ model's. A factor of 1 or -1 leaves a unit that can be converted to the model's,
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -26,7 +28,7 @@ from signlin_ros.errors import RecordError
 Array = npt.NDArray[np.float64]
 
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
-_WORD = re.compile(r"/?[^\W\d][\w./]*(?:\[[\w/]+\][\w.]*)*|\d+[A-Za-z_]\w*")
+_WORD = re.compile(r"/?[^\W\d][\w./]*(?:\[[\w/]+\][\w.]*)*|\d+[A-Za-z_]\w*|#\d+")
 _UNIT = re.compile(r"\s*\[(?P<unit>[^\[\]]+)\]\s*\Z")
 DEEPEST = 50
 """Brackets within brackets that a formula may have."""
@@ -107,6 +109,13 @@ class Node:
             return FUNCTIONS[self.op][1](*values)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             return np.asarray(_OPERATIONS[self.op](*values), dtype=np.float64)
+
+    def undefined(self, columns: Mapping[str, Array]) -> npt.NDArray[np.bool_]:
+        """Where it divides by zero, (T,); one truth value where it divides by no column."""
+        found = [part.undefined(columns) for part in self.parts]
+        if self.op == "/":
+            found.append(np.asarray(self.parts[1].evaluate(columns) == 0.0))
+        return functools.reduce(np.logical_or, found, np.zeros((), dtype=np.bool_))
 
     def unit(self, units: Mapping[str, str], ones: bool = True) -> str | None:
         """The unit of the result as the columns state it: "" where a number states the conversion, None where two

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros import units
 from signlin_ros.errors import RecordError
-from signlin_ros.records.notes import Note
+from signlin_ros.records.notes import Note, as_notes
 from signlin_ros.records.table import Record, Signal, frozen
 
 if TYPE_CHECKING:
@@ -18,8 +19,47 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+_SOURCES = {"velocity": ("displacement",)}
+"""What an input of an imposed motion may be derived from."""
+_DIVISOR = "add a small number to the divisor, ... / (COLUMN + 0.001), or leave these rows out of the file"
+
 LONGEST_HOLD = 5
 """So many missing samples of an input in a row are filled with the value before them; more are refused."""
+
+
+def check_inputs(
+    record: Record, model: Model, found: set[str], require: str, notes: list[Note], why_not: Mapping[str, str]
+) -> None:
+    """Refuse a record without an input, and say where the model's own mapping of it (`why_not`) does not hold."""
+    for name in model.inputs:
+        if name in found:
+            continue
+        if name in model.plant.optional_inputs or require == "none":
+            notes.append(Note(f"no input {name} in the record: taken as 0", "assumed", name))
+            continue
+        out = [note for note in record.notes if "left out" in note]
+        said = next((one for one in (name, *_SOURCES.get(name, ())) if one in why_not), None)
+        if said is not None:
+            other = f"said in the model file's signals; --signal {said}=COLUMN says it otherwise"
+            raise RecordError(f"{why_not[said]} ({other})" + "".join(f" ({note})" for note in out))
+        raise RecordError(
+            f"{record.source}: no column for input {name!r}; {record.listing()}{_hint(record, model, name)}; "
+            f"map it with --signal {name}=COLUMN or signals: {{{name}: COLUMN}} in the model file, "
+            f"or say that it is 0: --signal {name}=0" + "".join(f" ({note})" for note in out)
+        )
+
+
+def _hint(record: Record, model: Model, name: str) -> str:
+    """The nearest name, else the columns that at least have the right unit."""
+    near = record.nearest(name)
+    if near:
+        return near
+    fits = [
+        signal.label
+        for signal in record.signals.values()
+        if signal.unit and units.conversion(signal.unit, model.units[name]) is not None
+    ]
+    return f"; in {model.units[name]} or the like: {', '.join(map(repr, fits))}" if fits else ""
 
 
 def with_inputs(
@@ -27,7 +67,8 @@ def with_inputs(
 ) -> tuple[Record, Array, dict[str, Array]]:
     """The inputs u (T, m), in a bag from the first message of all of them on."""
     columns = [values.get(name, np.zeros(record.t.shape)) for name in model.inputs]
-    loose = [column for column in columns if record.series or _logged_when_new(column)]
+    pairs = zip(model.inputs, columns, strict=True)
+    loose = [column for name, column in pairs if record.series or _logged_when_new(record, name, column)]
     start = max((_leading(column) for column in loose), default=0)
     if start > record.t.size - 2:
         raise RecordError(f"{record.source}: the first message of an input comes after the measurements have ended")
@@ -47,9 +88,14 @@ def _cut(signals: Mapping[str, Signal], start: int) -> dict[str, Signal]:
     return {name: replace(signal, values=signal.values[start:]) for name, signal in signals.items()}
 
 
-def _logged_when_new(values: Array) -> bool:
+def _logged_when_new(record: Record, name: str, values: Array) -> bool:
     """Whether most samples of an input are missing, as where a command is logged when it is given."""
-    return bool(np.isnan(values).mean() > 0.5 and np.isfinite(values).sum() > 1)
+    return bool(np.isnan(values).mean() > 0.5 and np.isfinite(values).sum() > 1) and not _undefined(record, name)
+
+
+def _undefined(record: Record, name: str) -> str:
+    """What is said of an input whose formula divides by zero, or nothing."""
+    return next((str(note) for note in as_notes(record.notes) if (note.kind, note.channel) == ("undefined", name)), "")
 
 
 def _leading(values: Array) -> int:
@@ -67,13 +113,15 @@ def _inputs_filled(record: Record, name: str, values: Array, notes: list[Note]) 
     last = np.maximum.accumulate(np.where(missing, -1, index))
     age = index - last
     bad = (last < 0) | (age > LONGEST_HOLD)
-    if _logged_when_new(values) and last[0] >= 0:
+    if _logged_when_new(record, name, values) and last[0] >= 0:
         notes.append(Note(f"input {name}: logged where it changes only, held from there on", "held", name))
         return values[last]
     if bad.any():
         first = int(last[np.argmax(bad)]) + 1
         why = "before its first value" if first == 0 else f"more than {LONGEST_HOLD} times in a row"
-        raise RecordError(f"{record.source}: {record.where(first)}: the input {name!r} is missing {why}")
+        divided = _undefined(record, name)
+        lacks, more = ("has no value", f": {divided}; {_DIVISOR}") if divided else ("is missing", "")
+        raise RecordError(f"{record.source}: {record.where(first)}: the input {name!r} {lacks} {why}{more}")
     place = record.where(int(np.argmax(missing)))
     said = f"input {name}: {int(missing.sum())} missing samples hold the value before them, the first at {place}"
     notes.append(Note(said, "filled", name))

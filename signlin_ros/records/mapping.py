@@ -14,9 +14,9 @@ from signlin_ros import units
 from signlin_ros.errors import ModelError, RecordError
 from signlin_ros.records.align import align, named
 from signlin_ros.records.converted import converted
-from signlin_ros.records.formulas import constant, made, sole
+from signlin_ros.records.formulas import by_number, constant, made, sole
 from signlin_ros.records.header import TIME_KEYS
-from signlin_ros.records.inputs import with_inputs
+from signlin_ros.records.inputs import check_inputs, with_inputs
 from signlin_ros.records.notes import Note, as_notes
 from signlin_ros.records.slope import held_slope, slope
 from signlin_ros.records.table import Record, Signal, frozen
@@ -111,9 +111,9 @@ def for_model(
         raise RecordError(f"require must be 'inputs' or 'none', not {require!r}")
     _check_clock(record)
     numbers = _numbers(record, model, signals or {})
-    record, chosen, notes = _chosen(record, model, signals or {}, numbers)
+    record, chosen, notes, why_not = _chosen(record, model, signals or {}, numbers)
     derived = _velocity_of(model, {*chosen, *numbers})
-    _check_inputs(record, model, {*chosen, *numbers, *derived}, require, notes)
+    check_inputs(record, model, {*chosen, *numbers, *derived}, require, notes, why_not)
     record = _aligned(record, model, chosen, base)
     record, chosen = _throughout(record, chosen, numbers)
     values, unit_of = converted(record, model, chosen, notes, numbers)
@@ -191,8 +191,10 @@ def _throughout(
 
 def _chosen(
     record: Record, model: Model, signals: Mapping[str, str], numbers: Collection[str]
-) -> tuple[Record, dict[str, str], list[Note]]:
-    """The record with what the mappings make of its columns; model name -> key in it; notes. `numbers` need none."""
+) -> tuple[Record, dict[str, str], list[Note], dict[str, str]]:
+    """The record with what the mappings make of its columns; model name -> key in it; notes; model name -> why the
+    model's own mapping of it does not hold here. `numbers` need none.
+    """
     every = _unique(model.inputs, model.states, model.outputs)
     names = [name for name in every if name not in numbers]
     columns, wanted = record, {name: model.units[name] for name in names}
@@ -209,7 +211,8 @@ def _chosen(
             chosen[name] = key
         if name in why_not:
             instead = f"; {key!r} is used" if key else ""
-            said = f"the model's signals map {name} to {left[name]!r}, which is not in this record{instead}"
+            advice = instead or by_number(columns, name, left[name])
+            said = f"the model's signals map {name} to {left[name]!r}, which is not in this record{advice}"
             notes.append(Note(said, "missing", name))
     for alias in ALIASES:
         target = _alias(model, alias)
@@ -223,7 +226,7 @@ def _chosen(
         if found is not None and found not in chosen.values():
             chosen[target] = found
     _check_once(columns, chosen)
-    return record, chosen, notes
+    return record, chosen, notes, why_not
 
 
 def _check_once(record: Record, chosen: Mapping[str, str]) -> None:
@@ -243,21 +246,22 @@ def _check_once(record: Record, chosen: Mapping[str, str]) -> None:
 
 def _made(
     record: Record, specs: Mapping[str, str], wanted: Mapping[str, str], strict: bool
-) -> tuple[Record, dict[str, str], set[str]]:
-    """The record with all that `specs` say; model name -> key; what is not there, unless that is refused (`strict`).
+) -> tuple[Record, dict[str, str], dict[str, str]]:
+    """The record with all that `specs` say; model name -> key; model name -> why it is not there, unless that is
+    refused (`strict`).
 
     `wanted`: name -> the model's unit.
     """
-    found, missing = {}, set()
+    found, missing = {}, {}
     for name, spec in specs.items():
         if name not in wanted:
             continue
         try:
             record, found[name] = made(record, name, spec, wanted[name])
-        except RecordError:
+        except RecordError as error:
             if strict:
                 raise
-            missing.add(name)
+            missing[name] = str(error)
     return record, found, missing
 
 
@@ -332,34 +336,6 @@ def _velocity_of(model: Model, chosen: Collection[str]) -> dict[str, str]:
     if "velocity" in model.inputs and "velocity" not in chosen and "displacement" in chosen:
         return {"velocity": "displacement"}
     return {}
-
-
-def _check_inputs(record: Record, model: Model, found: set[str], require: str, notes: list[Note]) -> None:
-    for name in model.inputs:
-        if name in found:
-            continue
-        if name in model.plant.optional_inputs or require == "none":
-            notes.append(Note(f"no input {name} in the record: taken as 0", "assumed", name))
-            continue
-        out = [note for note in record.notes if "left out" in note]
-        raise RecordError(
-            f"{record.source}: no column for input {name!r}; {record.listing()}{_hint(record, model, name)}; "
-            f"map it with --signal {name}=COLUMN or signals: {{{name}: COLUMN}} in the model file, "
-            f"or say that it is 0: --signal {name}=0" + "".join(f" ({note})" for note in out)
-        )
-
-
-def _hint(record: Record, model: Model, name: str) -> str:
-    """The nearest name, else the columns that at least have the right unit."""
-    near = record.nearest(name)
-    if near:
-        return near
-    fits = [
-        signal.label
-        for signal in record.signals.values()
-        if signal.unit and units.conversion(signal.unit, model.units[name]) is not None
-    ]
-    return f"; in {model.units[name]} or the like: {', '.join(map(repr, fits))}" if fits else ""
 
 
 def _aligned(record: Record, model: Model, chosen: Mapping[str, str], base: str | None) -> Record:

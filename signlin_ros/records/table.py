@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 
+LONG_AGO = 1e6
+"""From so many s on a time is told to the ms."""
+
 
 def frozen(values: npt.ArrayLike) -> Array:
     """A read-only float copy of `values`; a read-only float array that owns its data is returned as it is."""
@@ -28,6 +31,11 @@ def frozen(values: npt.ArrayLike) -> Array:
         array = array.copy()
         array.flags.writeable = False
     return array
+
+
+def at(t: float | np.floating) -> str:
+    """``t = 1.9 s``: a time of a record in words, with digits enough for a clock of the calendar's seconds."""
+    return f"t = {t:.9g} s" if abs(t) < LONG_AGO else f"t = {t:.3f} s"
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +144,7 @@ class Record:
 
     def where(self, i: int | np.integer) -> str:
         """Sample i in words, for messages: ``row 17 (line 18)``, else ``t = 0.08 s``."""
-        return self.rows.name(i) if self.rows is not None else f"t = {self.t[i]:.9g} s"
+        return self.rows.name(i) if self.rows is not None else at(self.t[i])
 
     @property
     def labels(self) -> dict[str, str]:
@@ -178,11 +186,11 @@ class Record:
     def _other(self, key: str, wanted: str) -> bool:
         return key in self.series and wanted in self.series[key].names
 
-    def require(self, name: str, role: str = "signal") -> str:
-        """As `find`, but refuses a name that is not there with the names that are."""
+    def require(self, name: str, role: str = "signal", advice: str = "") -> str:
+        """As `find`, but refuses a name that is not there with the names that are, and `advice`."""
         key = self.find(name)
         if key is None:
-            raise RecordError(f"{self.source}: no {role} {name!r}; {self.listing()}{self.nearest(name)}")
+            raise RecordError(f"{self.source}: no {role} {name!r}; {self.listing()}{advice or self.nearest(name)}")
         return key
 
     def listing(self) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,7 +96,9 @@ def _as_said(table: Table, spec: str) -> Times:
         if len(found) == 1:
             stated = unit if text == body and unit else ""
             head = found[0]
-            return _column(table, head, stated or (head.time[1] if head.time is not None else head.unit))
+            times = _column(table, head, stated or (head.time[1] if head.time is not None else head.unit))
+            said = (Note(f"the time {head.label!r} is in {stated}, as said", "clock", "t"),) if stated else ()
+            return replace(times, notes=times.notes or said)
     labels = [head.label for head in table.headings]
     if not grammar.is_formula(spec):
         missing = f"no time column {spec!r}; {listing(labels)}{nearest(spec, labels)}"
@@ -105,7 +107,8 @@ def _as_said(table: Table, spec: str) -> Times:
 
 
 def _formula(table: Table, spec: str, body: str, unit: str) -> Times:
-    names = {name: head.label for head in reversed(table.headings) for name in (head.name, head.label)}
+    names = {f"#{head.number}": head.label for head in table.headings if head.number}
+    names |= {name: head.label for head in reversed(table.headings) for name in (head.name, head.label)}
     node = grammar.parse(body, names, f"{table.source}: t")
     used = frozenset(node.columns())
     if not used:

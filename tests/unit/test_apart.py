@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from signlin_ros.apart import check_given, of_record, together
 from signlin_ros.cli import main
-from signlin_ros.errors import InputError, RecordError
+from signlin_ros.errors import InputError, ModelError, RecordError
 from signlin_ros.model import Model
 from signlin_ros.records import read_for_model
 
@@ -66,6 +66,13 @@ def test_the_command_line_reads_each_record_by_its_own_columns(
     first, second = (read_for_model(path, Model.load("dc_motor"), mapping) for path in (one, other))
     assert first.measured["speed"].tolist() == second.measured["speed"].tolist()
     assert first.u.tolist() == second.u.tolist()
+
+
+def test_a_model_file_says_where_what_holds_for_one_record_alone_is_said() -> None:
+    with pytest.raises(
+        ModelError, match=r"'other.csv' alone is said on the command line: --signal 'other.csv:speed=w m'"
+    ):
+        Model.load("dc_motor").with_options(signals={"other.csv:speed": "w m"})
 
 
 @pytest.mark.parametrize("spec", ["c3", "c3 [mA]", "-2 * c3", "0.5 * c3 - 1"])

@@ -22,7 +22,7 @@ from signlin_ros.checks.exchanged import exchanged
 from signlin_ros.cli import main
 from signlin_ros.errors import InputError, RecordError
 from signlin_ros.model import Model
-from signlin_ros.records import ModelData
+from signlin_ros.records import ModelData, read_for_model
 from signlin_ros.records.notes import Note
 from signlin_ros.simulate import simulate
 
@@ -536,6 +536,24 @@ def test_jitter_is_noted() -> None:
     assert "jitter" not in found(model, replace(data, t=even))[1]
 
 
+def test_two_rates_one_after_the_other_are_no_jitter() -> None:
+    """A force curve on a cell: 2048 Hz while the piezo moves, 256 Hz while it holds."""
+    model, data = motor()
+    half = SAMPLES // 2
+    steps = np.where(np.arange(SAMPLES) < half, 1 / 256, 1 / 2048)
+    late = STEP * 0.03 * np.random.default_rng(1).uniform(size=SAMPLES)
+
+    def said(t: Array) -> str:
+        return found(model, replace(data, t=t))[1]["jitter"].sentence
+
+    assert said(np.cumsum(steps)) == (
+        "two rates, one after the other: steps of 0.00391 s and of 0.000488 s, which change once"
+    )
+    assert said(np.cumsum(steps[::-1])).endswith("steps of 0.000488 s and of 0.00391 s, which change once")
+    assert "jitter" in said(np.cumsum(steps) + late)
+    assert "jitter" in said(np.cumsum(np.tile([0.01, 0.02, 0.01, 0.01], SAMPLES // 4)))
+
+
 def test_slow_samples_are_noted_and_impossible_ones_refused() -> None:
     model, data = motor()
     fifth = replace(data, t=data.t[::5], u=data.u[::5], measured={n: v[::5] for n, v in data.measured.items()})  # 50 ms
@@ -544,6 +562,38 @@ def test_slow_samples_are_noted_and_impossible_ones_refused() -> None:
     assert "current" in finding.sentence
     nothing = {n: np.sin(2 * np.pi * 0.2 * np.arange(SAMPLES)) for n in data.measured}
     assert found(model, replace(data, t=1e3 * data.t, measured=nothing))[1]["slow_sampling"].open
+
+
+def test_whose_time_has_a_unit_is_asked_after_the_parameters() -> None:
+    model, data = motor()
+    nothing = {n: np.sin(2 * np.pi * 0.2 * np.arange(SAMPLES)) for n in data.measured}
+    slow = replace(data, t=1e3 * data.t, measured=nothing)
+    asked = found(model, slow)[1]["slow_sampling"].sentence
+    assert "is the time in another unit? Name it, as t [ms]" in asked
+    known = replace(slow, notes=(Note("time from 't_ms', converted from ms to s", "clock", "t"),))
+    sentence = found(model, known)[1]["slow_sampling"].sentence
+    assert "unit" not in sentence
+    for one in (asked, sentence):
+        assert "are the model's parameters the machine's, R_a = 0.764, " in one
+
+
+def test_a_time_whose_unit_is_said_needs_no_question_after_it(tmp_path: Path) -> None:
+    """A servo of a finger, logged every 52 ms, and a guess of its inertia that is a thousandth of a motor's."""
+    path = tmp_path / "finger.csv"
+    path.write_text("stamp,q,tau\n" + "".join(f"{0.052 * i:.3f},{np.sin(i)},{np.cos(i)}\n" for i in range(200)))
+    model = Model.from_dict({
+        "plant": "mass_spring_damper", "axis": "rotary", "parameters": {"m": 0.002, "c": 0.3, "k": 0.0},
+        "operating_range": {"velocity": 5.0}, "signals": {"displacement": "q", "force": "tau"},
+    })  # fmt: skip
+    for said, unit in (({}, True), ({"t": "stamp [s]"}, False)):
+        finding = found(model, read_for_model(path, model, said))[1]["slow_sampling"]
+        assert finding.severity == "refuse"
+        assert ("another unit" in finding.sentence) == unit
+        assert "m = 0.002, c = 0.3?" in finding.sentence
+    model.save(tmp_path / "finger.yaml")
+    files = [str(tmp_path / "finger.yaml"), str(path)]
+    assert main(["check", *files]) == 0  # it tells; those that conclude stop
+    assert main(["compare", *files]) == 2
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -258,6 +258,13 @@ def test_a_gap_is_noted_with_its_place(read: Read) -> None:
     (note,) = record.notes
     assert note.startswith("1 gap in the time stamps (steps over 1.5 times the median of 0.1 s)")
     assert note.endswith("the first after row 20 (line 21), the longest, 0.3 s, after t = 1.9 s")
+    record = read("timestamp,a\n" + "".join(f"{1406221416.5 + i / 10:.1f},{i}\n" for i in rows))
+    assert record.notes[0].endswith("0.3 s, after t = 1406221418.400 s")
+
+
+def test_the_time_may_be_a_formula_of_columns_by_number(read: Read) -> None:
+    record = read("sec,ms,a\n0,0,1\n0,100,2\n1,0,3\n", signals={"t": "#1 + 0.001 * #2"})
+    np.testing.assert_allclose(record.t, [0.0, 0.1, 1.0])
 
 
 def test_what_follows_a_long_gap_is_said_to_start_anew(read: Read) -> None:

@@ -70,8 +70,17 @@ def test_units_and_words() -> None:
     assert split_unit("/joint_states.velocity[wheel]")[1] == ""
     assert split_unit("(a + b)[mm]") == ("(a + b)", "mm")
     assert words('2 * /odom.twist.twist.linear.x + "pos (5)" - u') == ["pos (5)", "/odom.twist.twist.linear.x", "u"]
+    assert words("2 * #2 - u") == ["#2", "u"]
     assert not is_formula("/joint_states.velocity[left_wheel]")
     assert is_formula("sign(dir) * pwm")
+
+
+def test_where_a_formula_divides_by_zero() -> None:
+    columns = {"p": np.array([0.0, 1.0, np.nan, 4.0]), "v": np.array([0.0, 0.0, 0.0, 2.0])}
+    names = {name: name for name in columns}
+    for text, lost in (("p / v", [1, 1, 1, 0]), ("2 - abs(p / (v - 2))", [0, 0, 0, 1]), ("p / 2 + v", [0, 0, 0, 0])):
+        node = parse(text, names, "force")
+        assert np.broadcast_to(node.undefined(columns), 4).tolist() == [bool(one) for one in lost]
 
 
 def record(**signals: Signal) -> Record:

@@ -192,6 +192,46 @@ def test_a_mapping_of_the_model_that_does_not_fit_the_record() -> None:
         record(voltage=2).for_model(model, {"voltage": "x"})
 
 
+@pytest.mark.parametrize(
+    ("spec", "instead"),
+    [("c1", "displacement: 1"), ("c1 [mm]", "displacement: '1 [mm]'"), ("0.001 * c1", "displacement: '0.001 * #1'")],
+)
+def test_a_column_of_a_file_with_names_is_not_called_by_the_number_that_it_has_without(
+    csv: Callable[[str], Path], spec: str, instead: str
+) -> None:
+    """Curves as MCalibration writes them: the names stand in a comment, and lines end with a comma."""
+    path = csv("# Data\n# way-x, way-y,\n" + "".join(f"{0.1 * i:.1f}, {i}.5,\n" for i in range(30)))
+    said = {"t": "0.1", "force": "2"}
+    for signals, more in (({"displacement": spec}, {}), ({}, {"displacement": spec})):
+        with pytest.raises(RecordError, match=r"'c1.*it has 'way-x', 'way-y'.*the file has names") as error:
+            read_for_model(path, element(signals={**said, **signals}), more)
+        assert f"a column may be taken by its number, {instead}" in str(error.value)
+        assert ("model file's signals" in str(error.value)) == bool(signals)
+    taken = instead.partition(": ")[2].strip("'")
+    data = read_for_model(path, element(signals={**said, "displacement": taken}))
+    np.testing.assert_allclose(data.measured["displacement"], 0.1 * np.arange(30) * (1.0 if spec == "c1" else 1e-3))
+
+
+def test_a_number_that_the_file_does_not_have_is_told_too(csv: Callable[[str], Path]) -> None:
+    path = csv("t,x,f\n" + "".join(f"{0.1 * i:.1f},{i},1\n" for i in range(30)))
+    data = read_for_model(path, element(signals={"displacement": "x", "force": "c7"}))
+    (note,) = (note for note in data.notes if note.kind == "missing")
+    assert note.endswith(
+        "the file has names, and none of them is c7; a column may be taken by its number, as in force: 2"
+    )
+    with pytest.raises(RecordError, match=r"no signal \(mapped to force\) 'c9'; it has 'c2', 'c3'\Z"):
+        read_for_model(csv("0,1,2\n1,2,3\n2,3,4\n"), element(), {"displacement": "c2", "force": "c9"})
+
+
+def test_why_the_model_s_own_mapping_of_an_input_does_not_hold_is_told() -> None:
+    with pytest.raises(
+        RecordError, match=r"no signal \(mapped to voltage\) 'u'; it has 'U_mot'.*--signal voltage=COLUMN"
+    ):
+        record(U_mot=2).for_model(motor(signals={"voltage": "u"}))
+    with pytest.raises(RecordError, match=r"voltage: '2 \* \(U_mot': a \) is missing"):
+        record(U_mot=2).for_model(motor(signals={"voltage": "2 * (U_mot"}))
+
+
 def test_units_are_converted() -> None:
     found = record(voltage=([1, 2, 3, 4], "mV"), speed=([60, 0, 0, 0], "rpm"), current=([1, 2, 3, 4], "mA"))
     data = found.for_model(motor())
@@ -258,6 +298,31 @@ def test_inputs_missing_too_often_are_refused_with_their_row(csv: Callable[[str]
         read_for_model(csv(text(6)), motor())
     with pytest.raises(RecordError, match=r"row 1 \(line 2\): the input 'voltage' is missing before its first value"):
         read_for_model(csv("t,voltage\n0,\n1,2\n"), motor())
+
+
+def test_a_formula_that_divides_by_zero_is_named_with_the_row_and_what_to_do(csv: Callable[[str], Path]) -> None:
+    """Force = power / speed of a bicycle, which stands now and then."""
+
+    def text(first: int, last: int, power: int = 0) -> str:
+        rows = ((i, *((power, 0) if first <= i < last else (200, 4)), i) for i in range(30))
+        return "t [s],P,v,x\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
+
+    bike = oscillator(signals={"displacement": "x", "force": "P / v"})
+    said = "force = P / v has no value where it divides by zero, in {} rows, the first {}; add a small number"
+    with pytest.raises(RecordError) as error:
+        read_for_model(csv(text(0, 2)), bike)
+    assert "row 1 (line 2): the input 'force' has no value before its first value" in str(error.value)
+    assert said.format(2, "row 1 (line 2)") in str(error.value)
+    for last, power in ((16, 0), (16, 5), (28, 0)):
+        with pytest.raises(RecordError) as error:
+            read_for_model(csv(text(10, last, power)), bike)
+        assert "row 11 (line 12): the input 'force' has no value more than 5 times in a row" in str(error.value)
+        assert said.format(last - 10, "row 11 (line 12)") in str(error.value)
+    data = read_for_model(csv(text(10, 12)), bike)
+    np.testing.assert_array_equal(data.u[:, 0], 50)
+    assert [note.kind for note in data.notes if note.channel == "force"] == ["mapped", "undefined", "filled"]
+    whole = read_for_model(csv(text(0, 20)), oscillator(signals={"displacement": "x", "force": "P / (v + 0.001)"}))
+    assert whole.u[0, 0] == 0
 
 
 def test_columns_that_the_model_does_not_use_do_no_harm(csv: Callable[[str], Path]) -> None:

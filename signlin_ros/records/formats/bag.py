@@ -26,7 +26,7 @@ from signlin_ros.records.formats.bag_topics import Arrays, Fields, Joints, Numbe
 from signlin_ros.records.grammar import words
 from signlin_ros.records.header import TIME_KEYS
 from signlin_ros.records.notes import Note
-from signlin_ros.records.table import Record, Series
+from signlin_ros.records.table import Record, Series, at
 
 Array = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
@@ -256,7 +256,7 @@ def _one(part: Part, t: Array, place: tuple[int, ...], notes: list[Note]) -> tup
     values, t = part.values[there], t[index[there] - place[0]]
     if np.isinf(values).any():
         i = int(np.argmax(np.isinf(values)))
-        raise RecordError(f"{part.label}: message {i + 1}, t = {t[i]:.9g} s: {values[i]!r} is not a finite number")
+        raise RecordError(f"{part.label}: message {i + 1}, {at(t[i])}: {values[i]!r} is not a finite number")
     if np.any(np.diff(t) < 0):
         order = np.argsort(t, kind="stable")
         late = int(np.sum(np.diff(t) < 0))
@@ -275,9 +275,7 @@ def _without_repeats(label: str, t: Array, values: Array, notes: list[Note]) -> 
     if differ.any():
         i = int(again[np.argmax(differ)])
         pair = f"{values[i - 1]:.9g} and {values[i]:.9g}"
-        raise RecordError(
-            f"{label}: messages {i} and {i + 1} have the same stamp, t = {t[i]:.9g} s, but differ: {pair}"
-        )
+        raise RecordError(f"{label}: messages {i} and {i + 1} have the same stamp, {at(t[i])}, but differ: {pair}")
     notes.append(Note(f"{label}: {again.size} repeated messages dropped (same stamp, same value)", "repeated", label))
     return np.delete(t, again), np.delete(values, again)
 
