@@ -17,6 +17,8 @@ REGULAR = 0.9
 """Share of the runs of equal values that are of two neighbouring lengths."""
 LONGER = 1.4
 """Least mean length of those."""
+SAME = 0.01
+"""Changes that are alike to this part of them, in nine of ten runs, are the steps of a sensor at a steady speed."""
 STEPS = 4.0
 """Values of a slow sensor change by more than so many of their own steps (median)."""
 
@@ -25,8 +27,9 @@ class RepeatedValues(Check):
     """A channel is logged faster than its sensor measures, each value repeated until the next.
 
     Test: nine in ten runs of equal values have one of two neighbouring lengths, whatever the speed, and the channel
-    changes from run to run by many of its steps. An encoder that rests on a count changes by one step, in runs as
-    long as the motion is slow; of 20 such runs nine in ten are alike by chance in less than one record of 10^4.
+    changes from run to run by many of its steps, and not always by the same. An encoder that rests on a count changes
+    by one step, in runs as long as the motion is slow; of 20 such runs nine in ten are alike by chance in less than one
+    record of 10^4.
     Cure: repetitions are left out, so that the channel is taken at its own rate.
     """
 
@@ -40,8 +43,10 @@ class RepeatedValues(Check):
             regular = _regular(np.diff(begins))
             if regular.size < LEAST or regular.mean() < LONGER:
                 continue
-            quantum, changes = look.quantum(name), np.abs(np.diff(values[begins]))
-            if quantum and np.median(changes) < STEPS * quantum:
+            changes = np.abs(np.diff(values[begins]))
+            usual = float(np.median(changes))
+            steady = np.mean(np.abs(changes - usual) < SAME * usual) > REGULAR
+            if steady or usual < STEPS * look.quantum(name):
                 continue
             drop = np.ones(values.size, dtype=bool)
             drop[begins] = False

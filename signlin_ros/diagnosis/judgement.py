@@ -23,18 +23,26 @@ from signlin_ros.fitting.prepare import reversed_signal
 
 Array = NDArray[np.float64]
 
+UNTOLD = {
+    "once": "it remembers the way, and the motion turns back only once in a record",
+    "given": "it gains too little of unseen data beside the model as given",
+}
+"""Why unseen data do not tell of a proposal, in words."""
+
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
     """What follows from what both witnesses stand for: the `verdict`, and every number that it rests on.
 
-    ``final``: that model; ``conflict``: why they differ, empty where they agree; ``asked``: what `add` was asked for.
+    ``final``: that model; ``conflict``: why they differ, empty where they agree; ``asked``: what `add` was asked for;
+    ``untold``: why unseen data do not tell of what they proposed, where the model without it is stood for.
     """
 
     witnesses: Witnesses
     final: Fitted
     conflict: str = ""
     asked: str = ""
+    untold: str = ""
 
     @property
     def case(self) -> Case:
@@ -69,7 +77,7 @@ class Judgement:
     @cached_property
     def reversed(self) -> str:
         """The signal with whose sign reversed the model as given follows much better, if there is one."""
-        return reversed_signal(self.motion.problem, self.base.fit)
+        return reversed_signal(self.motion.problem, self.base.fit, self.final.fit)
 
     @cached_property
     def far(self) -> dict[str, float]:
@@ -251,4 +259,14 @@ class Judgement:
         return self.witnesses.percent(self.left(f))
 
 
-__all__ = ["Judgement"]
+def judge(witnesses: Witnesses, final: Fitted, conflict: str = "") -> Judgement:
+    """Return what follows from what both witnesses stand for; the model without it where unseen data do not tell of it,
+    and the model lacks nothing that they could show.
+    """
+    found, alone = Judgement(witnesses, final, conflict), Judgement(witnesses, witnesses.base)
+    if found.unexplained in UNTOLD and alone.verdict == "adequate":
+        return replace(alone, untold=found.unexplained)
+    return found
+
+
+__all__ = ["Judgement", "judge"]

@@ -10,7 +10,7 @@ from typing import Any
 from signlin_ros.diagnosis.agreement import agree
 from signlin_ros.diagnosis.case import Records, case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.judgement import Judgement, judge
 from signlin_ros.diagnosis.measures import listed, with_laws
 from signlin_ros.diagnosis.motion import Motion
 from signlin_ros.diagnosis.motion.trials import trials
@@ -49,8 +49,7 @@ def diagnose(
     force = force_witness(prepared, criteria, tell, seen)
     tell("motion with what the force shows" if force and force.effects else "motion")
     both = Witnesses(prepared, motion, force)
-    final, conflict = agree(both)
-    return told(Judgement(both, final, conflict))
+    return told(judge(both, *agree(both)))
 
 
 def refine(

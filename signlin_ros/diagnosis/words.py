@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from signlin_ros.comparison.scores import follows_nothing
-from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.judgement import UNTOLD, Judgement
 from signlin_ros.diagnosis.measures import HALF, listed
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
@@ -189,7 +189,7 @@ def why_not(j: Judgement, f: Fitted) -> str:
         return f"it leaves {b:.3g} % {j.witnesses.of_effort}, the model as it is {a:.3g} %"
     if j.names:
         return f"{listed(j.names)} {'leaves' if len(j.names) == 1 else 'leave'} less"
-    return "the witnesses differ on it"
+    return UNTOLD.get(j.untold, "the witnesses differ on it")
 
 
 __all__ = ["falls", "own_parameters", "remainder", "sentence", "shown", "why_named", "why_not"]

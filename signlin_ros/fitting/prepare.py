@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from signlin_ros.errors import RecordError
 from signlin_ros.fitting.candidate import Candidate
@@ -96,16 +97,20 @@ def stretched(problem: Problem) -> Problem:
     return replace(problem, segments=tuple(parts[i] for i in sorted(chosen)))
 
 
-def reversed_signal(problem: Problem, base: Fit) -> str:
-    """Return the input or channel with whose sign reversed the model as given, not fitted, leaves at most half as much;
-    empty if there is none. An input goes before a channel: of one input and one channel nothing tells which it is.
+def reversed_signal(problem: Problem, base: Fit, final: Fit) -> str:
+    """Return the input or channel with whose sign reversed the model as given, not fitted, leaves at most half as much,
+    and less than what was found for it; empty if there is none. An input goes before a channel: of one input and one
+    channel nothing tells which it is.
 
     A plug the wrong way round is the commonest fault of a rig, and no effect: what is fitted to it (a delay of half a
-    period, parameters far from their values) only imitates it.
+    period, parameters far from their values) only imitates it. A damper of the wrong sign imitates a load in turn.
     """
-    tried = ((_left(problem, base.candidate, segments), name) for name, segments in _with_one_reversed(problem))
+    given, as_given = base.candidate, base.candidate.start()
+    tried = ((_left(problem, given, as_given, segments), name) for name, segments in _with_one_reversed(problem))
     least, name = min(tried, default=(np.inf, ""))
-    return name if least < BETTER * _left(problem, base.candidate, problem.segments) else ""
+    if not least < BETTER * _left(problem, given, as_given, problem.segments):
+        return ""
+    return name if least < _left(problem, final.candidate, final.theta, problem.segments) else ""
 
 
 def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, list[Segment]]]:
@@ -117,9 +122,9 @@ def _with_one_reversed(problem: Problem) -> Iterator[tuple[str, list[Segment]]]:
         yield name, [replace(s, y=s.y * sign, start=x) for s, x in zip(problem.segments, starts, strict=True)]
 
 
-def _left(problem: Problem, base: Candidate, segments: Sequence[Segment]) -> float:
+def _left(problem: Problem, c: Candidate, theta: NDArray[np.float64], segments: Sequence[Segment]) -> float:
     """Return the RMS of what a model leaves of records at the middle gain, in multiples of the noise."""
-    found = follow_records(problem, base, base.start(), problem.levels[1], False, segments)
+    found = follow_records(problem, c, theta, problem.levels[1], False, segments)
     if found is None:
         return np.inf
     mean = np.nanmean(np.concatenate(found[0]) ** 2, axis=0) / problem.noise**2

@@ -201,6 +201,14 @@ def test_a_slow_sensor_is_taken_at_its_own_rate() -> None:
     np.testing.assert_array_equal(after.measured["current"][::4], data.measured["current"][::4])
 
 
+def test_steps_of_a_sensor_at_a_steady_speed_are_no_slow_sensor() -> None:
+    """Up and down on grids that lie apart: no common step would tell."""
+    half, step = SAMPLES // 2, 0.05
+    up = step * (np.arange(half) // 6)
+    model, data = changed("position", lambda x: np.concatenate([up, up[-1] - 0.3 * step - up])[: x.size])
+    assert "repeated_values" not in found(model, data)[1]
+
+
 def test_a_stage_that_rests_is_no_slow_sensor() -> None:
     def rests(x: Array) -> Array:
         held = np.arange(x.size) % (x.size // 4)
