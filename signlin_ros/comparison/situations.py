@@ -123,7 +123,7 @@ def _pattern(scene: Scene) -> Splits:
     harmonic, phase = found
     period, distance, unit = 2 * np.pi / harmonic, np.pi / harmonic, scene.unit(name)
     centre = (-phase / harmonic) % distance
-    near = np.abs((q - centre + distance / 2) % distance - distance / 2) < distance / 4
+    near = np.abs((q - centre + distance / 2) % distance - distance / 2) < 0.5 * (distance / 2)
     place = f"{distance / 4:.2g} {unit} of {centre:.2g} + {distance:.3g} n"
     text = f"{name} within {place} (a pattern of period {period:.3g} {unit})"
     split = scene.split(text, "position in its period", near)
