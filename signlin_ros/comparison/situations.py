@@ -122,9 +122,9 @@ def _pattern(scene: Scene) -> Splits:
         return
     harmonic, phase = found
     period, distance, unit = 2 * np.pi / harmonic, np.pi / harmonic, scene.unit(name)
-    centre, width = (-phase / harmonic) % distance, distance / 4
-    near = np.abs((q - centre + distance / 2) % distance - distance / 2) < width
-    place = f"{width:.2g} {unit} of {centre:.2g} + {distance:.3g} n"
+    centre = (-phase / harmonic) % distance
+    near = np.abs((q - centre + distance / 2) % distance - distance / 2) < 0.5 * (distance / 2)
+    place = f"{distance / 4:.2g} {unit} of {centre:.2g} + {distance:.3g} n"
     text = f"{name} within {place} (a pattern of period {period:.3g} {unit})"
     split = scene.split(text, "position in its period", near)
     yield replace(split, period=float(period)) if split else None

@@ -127,8 +127,17 @@ class Search:
         """Return a fit whose shapes lie between the points of the grid, by what is left of the fitted data."""
         for step in STEPS:
             for j, (name, shape) in enumerate(f.members):
+                f = self._restructured(f, j)
                 for n in self._movable(name, shape):
                     f = self._moved(f, j, n, step)
+        return f
+
+    def _restructured(self, f: Fit, j: int) -> Fit:
+        """Return a fit with another value of a parameter that changes the equations, if that leaves less."""
+        name, shape = f.members[j]
+        for n in sorted(self.r.laws[name].structural):
+            others = {dict(s)[n]: None for s in self.shapes[name] if dict(s)[n] != dict(shape)[n]}
+            f = min([f, *(self.r.fitted(_put(f.members, j, n, v)) for v in others)], key=lambda g: g.trained)
         return f
 
     def _movable(self, name: str, shape: Shape) -> list[str]:
@@ -147,13 +156,11 @@ class Search:
             apart = 2 * np.pi / self.r.known.travel / dict(f.members[j][1])[n] * step
             factors, least = (1 - apart, 1 + apart), self.waves.slowest
         for _ in range(MOVES):
-            name, shape = f.members[j]
             tried = []
             for factor in factors:
-                value = float(f"{effect.pars()[n].nearest(dict(shape)[n] * factor):.12g}")
+                value = float(f"{effect.pars()[n].nearest(dict(f.members[j][1])[n] * factor):.12g}")
                 if value >= least:
-                    moved = (name, tuple((k, value if k == n else v) for k, v in shape))
-                    tried.append((factor, self.r.fitted([*f.members[:j], moved, *f.members[j + 1 :]])))
+                    tried.append((factor, self.r.fitted(_put(f.members, j, n, value))))
             factor, best = min(tried, key=lambda one: one[1].trained, default=(1.0, f))
             if best.trained >= f.trained * NOTHING:
                 break
@@ -274,6 +281,12 @@ class Search:
 
 def _names(members: Iterable[Member]) -> frozenset[str]:
     return frozenset(n for n, _ in members)
+
+
+def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:
+    """Return members with another value of a parameter of one's shape."""
+    name, shape = members[j]
+    return (*members[:j], (name, tuple((k, value if k == n else v) for k, v in shape)), *members[j + 1 :])
 
 
 __all__ = ["Search"]
