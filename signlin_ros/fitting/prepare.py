@@ -42,6 +42,8 @@ def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData
     """Return the first two thirds of every record, and the last third; raise `RecordError` where that is too little."""
     first = [d.part(0, len(d) * 2 // 3) for d in data]
     last = [d.part(len(d) * 2 // 3) for d in data]
+    if not any(whole.measured for whole in data):
+        return first, last  # `prepared` tells what is not measured
     for whole, part in zip(data, last, strict=True):
         if len(part) < LEAST_SAMPLES:
             needed = f"at least {3 * LEAST_SAMPLES} are needed, or {LEAST_SAMPLES} and a validation record"
