@@ -24,7 +24,7 @@ def test_windows_are_those_of_compare(tmp_path):
     found = diagnose(model, known, unseen)
     shown, told = found.ladder[-1].validation, compare(found.model, unseen[0])
     assert not found.findings.reversed  # no sign is doubted where an effect is missing
-    assert shown.kind == "windowed"
+    assert shown.to_json()["score"] == "windowed"
     for name, one in shown.channels.items():
         assert one.rmse == pytest.approx(told.channels[name].windowed.rmse, rel=0.15)
 
