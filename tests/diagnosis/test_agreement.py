@@ -353,7 +353,7 @@ def test_noise_has_a_size_of_its_own_in_every_record():
 
 
 def test_a_sign_that_is_wrong_goes_before_everything(monkeypatch):
-    monkeypatch.setattr(judgement, "reversed_signal", lambda problem, fit: "speed")
+    monkeypatch.setattr(judgement, "reversed_signal", lambda problem, base, final: "speed")
     found = judged(COULOMB, force=sees())
     assert found.unexplained == "reversed"
     assert "the sign of speed reversed" in words.sentence(found)
