@@ -36,9 +36,12 @@ ROTARY = {"m": "rad", "m/s": "rad/s", "N": "N·m"}
 """What a unit of a plant that stands for both kinds of drive may stand for."""
 
 
-def other_units(unit: str) -> dict[str, float]:
-    """Return other units for what a model has in ``unit``, and how many of them one of it is."""
-    return {**UNITS.get(unit, {}), **UNITS.get(ROTARY.get(unit, ""), {})}
+def other_units(unit: str, turns: bool | None = None) -> dict[str, float]:
+    """Return other units for what a model has in ``unit``, and how many of them one of it is; ``turns``: whether the
+    axis does, None where nothing says: then those of either kind.
+    """
+    turning = UNITS.get(ROTARY.get(unit, ""), {})
+    return {**({} if turns and turning else UNITS.get(unit, {})), **({} if turns is False else turning)}
 
 
 def word(unit: str) -> str:

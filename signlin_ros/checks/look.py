@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.checks.factors import other_units
 from signlin_ros.checks.linear import Base, linear_base
 from signlin_ros.checks.observer import Followed, Prediction, follow, prediction, summed
 from signlin_ros.checks.travel import Travel, travel
@@ -97,6 +98,12 @@ class Look:
     def unit(self, name: str) -> str:
         """Return the unit of an input or channel."""
         return self.record.units.get(name, self.model.units[name])
+
+    def others(self, name: str) -> dict[str, float]:
+        """Return other units that an input or channel may be in, and how many of them one of its own is."""
+        units = self.record.units
+        said = self.model.is_rotary is not None or self.position in units or self.velocity in units
+        return other_units(self.unit(name), self.model.turns(units) if said else None)
 
     @functools.cached_property
     def base(self) -> Base | None:

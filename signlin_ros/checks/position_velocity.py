@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.checks.base import Check, without_channel
-from signlin_ros.checks.factors import other_units, word
+from signlin_ros.checks.factors import word
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 from signlin_ros.checks.travel import AGREE, CLEAR, EQUAL, Travel
@@ -99,7 +99,7 @@ def _unit(look: Look, factor: float) -> tuple[str, str, dict[str, float]]:
     turned = factor < 0
     size, ending, sign = abs(factor), "_reversed" if turned else "", -1.0 if turned else 1.0
     for name, inverse in ((v, False), (q, True)):
-        for unit, times in other_units(look.unit(name)).items():
+        for unit, times in look.others(name).items():
             wanted = 1.0 / times if inverse else times
             if abs(size / wanted - 1.0) < NEAR:
                 words = f"is {factor:.4g} times what it should be if the {name} is not in {unit}, going by"

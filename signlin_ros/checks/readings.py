@@ -54,7 +54,7 @@ def units(look: Look, p: Prediction) -> Iterator[Reading]:
     for name in p.sources:
         if not _recorded(name, p):
             continue
-        for unit, factor in other_units(look.unit(name)).items():
+        for unit, factor in look.others(name).items():
             for sign in (1.0, -1.0):
                 if _suits(p, {name: sign * factor}):
                     turned = " and reversed" if sign < 0 else ""
@@ -69,12 +69,14 @@ def units(look: Look, p: Prediction) -> Iterator[Reading]:
 
 
 def pairs(look: Look, p: Prediction) -> Iterator[Reading]:
-    """Yield the units that two signals may be in, which are not position and velocity of one kind."""
+    """Yield the units that two signals may be in, which are not position and velocity of one kind; not those whose
+    unit is stated.
+    """
     one = [
         (name, unit, factor)
         for name in p.sources
-        if _recorded(name, p)
-        for unit, factor in other_units(look.unit(name)).items()
+        if _recorded(name, p) and name not in look.record.units
+        for unit, factor in look.others(name).items()
     ]
     for (a, first, of_a), (b, second, of_b) in itertools.combinations(one, 2):
         if a != b:
