@@ -340,7 +340,7 @@ def test_what_a_curve_over_the_speed_takes_away_is_structure():
     """Friction that pushes at low speed, as an oscillator's negative resistance."""
     found = heard(lambda q, v: 1.5 * v * (1.0 - (v / 2.0) ** 2), seconds=30.0)
     assert found.flexible.visible
-    assert found.flexible.percent < 0.25 * found.percent()
+    assert found.flexible.percent < 0.5 * found.percent()
     assert not found.flexible.along
 
 

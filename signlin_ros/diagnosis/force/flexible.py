@@ -42,8 +42,9 @@ BRISTLES = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
 """Half widths of elements that slip, as parts of the travel."""
 WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
 """Weights of the ridge that are tried,"""
-KNOTS = 11
-"""Knots of a curve over the speed, at quantiles of it."""
+KNOTS, SLOW = 6, 0.3
+"""Knots of a curve over the speed, at quantiles of it, from this one on: slower, the direction may be lost in noise,
+and a curve would take what is lost of dry friction's corner for a law."""
 FOLDS = 5
 """each on so many parts of the record, left out in turn."""
 CHANGES = (6, 24)
@@ -108,17 +109,16 @@ def _everything(r: Regression) -> Columns:
 
 
 def _over_speed(r: Regression) -> Columns:
-    """Return splines of the velocity, beside what dry friction does."""
-    speeds = np.concatenate([p.v[p.kept] for p in r.known.pieces])
-    inner = np.unique(np.quantile(speeds, np.linspace(0.0, 1.0, KNOTS)))
+    """Return splines of the size of the velocity, against the motion and with it; as they begin where it is slower."""
+    speeds = np.abs(np.concatenate([p.v[p.kept] for p in r.known.pieces]))
+    inner = np.unique(np.quantile(speeds, np.linspace(SLOW, 1.0, KNOTS)))
     knots = np.concatenate([inner[:1].repeat(3), inner, inner[-1:].repeat(3)])
 
     def columns(piece: Piece) -> Array:
-        v = np.clip(piece.v, inner[0], inner[-1])
-        curves = BSpline.design_matrix(v, knots, 3).toarray() if inner.size > 1 else v[:, None]
-        return piece.seen(np.column_stack([curves, piece.sign, piece.sign * np.abs(v)]))
+        curves = BSpline.design_matrix(np.clip(np.abs(piece.v), inner[0], inner[-1]), knots, 3).toarray()
+        return piece.seen(np.hstack([curves * piece.sign[:, None], curves]))
 
-    return columns
+    return columns if inner.size > 1 else lambda piece: piece.seen(piece.sign[:, None])
 
 
 def _along_the_way(search: Search, left: Array) -> tuple[Columns | None, list[str]]:
