@@ -258,7 +258,7 @@ def test_what_unseen_data_do_not_tell_of_is_not_stood_for_where_nothing_is_missi
     noise, hysteresis = Fit((), (NOISE,), 0.01, white=True), Fit(("dahl_presliding",), (NOISE,), 0.01, white=True)
     found = judgement.judge(both(Motion(noise), sees(), noise, hysteresis), hysteresis)
     assert (found.verdict, found.final, found.untold) == ("adequate", noise, "given")
-    found = judgement.judge(both(Motion(BASE), sees(), BASE, COULOMB), COULOMB)
+    found = judgement.judge(both(Motion(BASE), None, BASE, COULOMB), COULOMB)
     assert (found.verdict, found.final, found.untold) == ("unexplained", COULOMB, "")
 
 

@@ -201,6 +201,24 @@ def sheared(seed: int) -> ModelData:
     return ModelData(t, shown[:, None], measured, None, ("velocity",), ("displacement",), units)
 
 
+def test_a_load_of_a_joint_that_turns_one_way_is_no_wrong_sign():
+    """A damper that pulls against a load: with the speed reversed the model as given leaves half as much."""
+
+    def turned(seed: int) -> ModelData:
+        rng, t = np.random.default_rng(seed), np.arange(2000) / 200.0
+        v = 0.6 + 0.25 * np.sin(2 * np.pi * (0.3 * t + rng.uniform())) + 0.1 * np.sin(2 * np.pi * 1.1 * t)
+        force = 0.05 * v - 0.25 + 0.005 * rng.normal(size=t.size)
+        q = np.cumsum(v) / 200.0
+        measured = {"force": force, "displacement": q}
+        units = {"velocity": "rad/s", "displacement": "rad", "force": "N·m"}
+        return ModelData(t, v[:, None], measured, None, ("velocity",), ("displacement",), units)
+
+    guess = {"plant": "force_element", "parameters": {"c": 0.3, "k": 0.0}, "tolerance": {"c": 1.0}}
+    found = diagnose(Model.from_dict(guess), turned(1), turned(2))
+    assert "sign of" not in found.sentence
+    assert found.ladder[-1].effects == ("constant_load",)
+
+
 def test_coulomb_friction_is_among_the_ties_where_the_motion_is_known_no_better():
     found = diagnose(Model.from_dict(MOUNT), sheared(1), sheared(2))
     assert found.verdict == "missing"
