@@ -69,14 +69,9 @@ def units(look: Look, p: Prediction) -> Iterator[Reading]:
 
 
 def pairs(look: Look, p: Prediction) -> Iterator[Reading]:
-    """Yield the units that two signals may be in, which are not position and velocity of one kind; not those whose
-    unit is stated.
-    """
+    """Yield the units that two signals may be in, which are not position and velocity of one kind."""
     one = [
-        (name, unit, factor)
-        for name in p.sources
-        if _recorded(name, p) and name not in look.record.units
-        for unit, factor in look.others(name).items()
+        (name, unit, factor) for name in p.sources if _recorded(name, p) for unit, factor in look.others(name).items()
     ]
     for (a, first, of_a), (b, second, of_b) in itertools.combinations(one, 2):
         if a != b:

@@ -28,7 +28,8 @@ readings one is better by chance, or for what the model lacks."""
 NEEDED = 0.7
 """What is left, as a share of what is left without any input: what no input moves tells of no unit."""
 GUESS = 0.5
-"""A tolerance of the model's parameters from which on they are guesses: then a factor is no reason to refuse."""
+"""A tolerance of the model's parameters from which on they are guesses: then a factor, or two units, are no reason to
+refuse."""
 
 
 class UnitOrSign(Check):
@@ -68,9 +69,9 @@ class UnitOrSign(Check):
 
     def _finding(self, look: Look, r: Reading, first: Reading | None) -> Finding:
         names = tuple(r.divided)
-        gear, sign = r.cure.startswith("scale_"), r.only_sign
+        far_fetched, sign = r.cure.startswith("scale_") or len(names) > 1, r.only_sign
         doubt = f" (as well as: {first.words})" if first else ""
-        severity = "offer" if sign or (gear and _guessed(look.model)) else "refuse"
+        severity = "offer" if sign or (far_fetched and _guessed(look.model)) else "refuse"
         return Finding(
             self.name,
             ", ".join(names),

@@ -19,6 +19,7 @@ from signlin_ros.checks import CHECKS, Finding, check, require_sound, to_json
 from signlin_ros.checks.base import values_of, with_channel
 from signlin_ros.checks.direction import with_direction
 from signlin_ros.checks.exchanged import exchanged
+from signlin_ros.checks.factors import other_units
 from signlin_ros.cli import main
 from signlin_ros.errors import InputError, RecordError
 from signlin_ros.model import Model
@@ -463,6 +464,13 @@ def test_a_gear_is_refused_where_the_model_is_known_and_offered_where_it_is_gues
     assert finding.open == (tolerance < 0.5)
     after, _ = found(model, data, ("scale_position",))
     np.testing.assert_allclose(after.measured["position"], motor()[1].measured["position"], rtol=0.15, atol=1e-9)
+
+
+def test_units_are_those_of_the_kind_of_axis_that_is_known() -> None:
+    assert {"lbf", "lbf·in"} <= set(other_units("N"))
+    assert "lbf·in" not in other_units("N", turns=False)
+    assert "lbf" not in other_units("N", turns=True)
+    assert "rpm" in other_units("rad/s", turns=True)
 
 
 def test_two_channels_in_other_units_are_told_together() -> None:
