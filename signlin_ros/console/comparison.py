@@ -69,8 +69,13 @@ def _first_rows(content: dict[str, Any]) -> str:
     return _errors(rows, content["first_rows"]["horizon"]) if rows else ""
 
 
+AT_BEST = "refitted: with the base parameters that leave least of it; of what is proposed: with the values told here"
+"""Which values the force is told for: those that follow the motion best may leave more of it."""
+
+
 def _errors(rows: list[list[str]], horizon: float) -> str:
-    return f"Error over the next {horizon:g} s (RMS)\n" + table([ERRORS, *rows], right=range(2, 7))
+    shown = f"Error over the next {horizon:g} s (RMS)\n" + table([ERRORS, *rows], right=range(2, 7))
+    return f"{shown}\n({FORCE}, {AT_BEST})" if any(row[1] == FORCE for row in rows) else shown
 
 
 def first_rows(content: dict[str, Any]) -> list[list[str]]:
