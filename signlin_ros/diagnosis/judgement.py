@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 UNTOLD = {
     "once": "it remembers the way, and the motion turns back only once in a record",
     "given": "it gains too little of unseen data beside the model as given",
+    "noise": "what it takes away is less than the sensors' noise",
 }
 """Why unseen data do not tell of a proposal, in words."""
 
@@ -186,6 +187,8 @@ class Judgement:
             return "given"
         if self.remembers and self.case.seldom:
             return "once"
+        if self.names and self.of_noise:
+            return "noise"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
         if self.witnesses.sees(self.final):
@@ -203,10 +206,26 @@ class Judgement:
         return "" if noise or self.within_noise else "structure"
 
     @property
+    def of_noise(self) -> bool:
+        """Whether the base errs by no more than the sensors' noise, and no channel's squared error falls by a visible
+        part for each parameter, nor is a base parameter freed of what bent it.
+        """
+        before, after = (np.nanmean(f.unseen_squares, axis=0) for f in (self.base, self.final))
+        visible = self.criteria.each * (self.final.size - self.base.size)
+        freed = any(abs(x) > abs(self.final.off.get(n, 0.0)) + 1.0 for n, x in self.base.off.items())
+        within = np.all(before <= self.motion.unseen.noise**2)
+        return bool(within and np.all(before - after < visible * before) and not freed)
+
+    @property
     def within_noise(self) -> bool:
-        """Whether no effect is named, and force and motion, as shown, are within the sensors' noise."""
-        small = self.percent is not None and self.percent <= self.witnesses.noise_percent
-        return not self.names and small and self.witnesses.near_noise(self.final)
+        """Whether no effect is named, and force and motion, as shown, are within the sensors' noise: the one of them,
+        and the other about so.
+        """
+        if self.names or self.percent is None:
+            return False
+        w, squares = self.witnesses, np.nanmean(self.final.unseen_squares, axis=0)
+        little = self.percent <= w.noise_percent and w.near_noise(self.final)
+        return bool(little or (not w.sees(self.final) and np.all(squares <= self.motion.unseen.noise**2)))
 
     @property
     def little(self) -> bool:

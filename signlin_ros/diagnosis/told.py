@@ -87,7 +87,7 @@ def _named(j: Judgement, effect: str, ties: tuple[str, ...]) -> Entry:
     plain = [t for t in ties if not _richer(t, effect)]
     once = j.unexplained == "once" and effect in j.remembers
     status = "ambiguous" if plain or once else "confirmed"
-    if j.unexplained in ("conflict", "worse", "given", "far", "reversed") or j.refused:
+    if j.unexplained in ("conflict", "worse", "given", "noise", "far", "reversed") or j.refused:
         status = "rejected"
     own = words.own_parameters(j.final, effect)
     return Entry(effect, status, own, j.witnesses.row(j.final, None).validation, ties, words.why_named(j, effect))

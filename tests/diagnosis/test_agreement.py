@@ -46,6 +46,10 @@ class Fit:
     unreal: tuple[str, ...] = ()
 
     @property
+    def size(self) -> int:
+        return 2 * len(self.effects)
+
+    @property
     def left(self) -> list[Any]:
         return [SimpleNamespace(over_noise=self.residual) for _ in self.rms]
 
@@ -260,6 +264,16 @@ def test_what_unseen_data_do_not_tell_of_is_not_stood_for_where_nothing_is_missi
     assert (found.verdict, found.final, found.untold) == ("adequate", noise, "given")
     found = judgement.judge(both(Motion(BASE), None, BASE, COULOMB), COULOMB)
     assert (found.verdict, found.final, found.untold) == ("unexplained", COULOMB, "")
+
+
+@pytest.mark.parametrize(("error", "verdict"), [(0.97, "adequate"), (0.8, "missing")])
+def test_a_part_of_the_sensors_noise_has_no_name(error, verdict):
+    """A pendulum whose encoder has steps of a degree: a wave and an offset took 4 % of their size away."""
+    noise = Fit((), (0.99 * NOISE,), 0.011)
+    waves = Fit(("cogging_torque", "sensor_offset"), (error * 0.99 * NOISE,), 0.011, white=True)
+    found = judgement.judge(both(Motion(noise), sees(), noise, waves), waves)
+    assert found.verdict == verdict
+    assert found.final is (noise if verdict == "adequate" else waves)
 
 
 def test_a_force_that_changes_along_the_record_is_told(monkeypatch):
