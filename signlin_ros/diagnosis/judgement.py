@@ -219,13 +219,14 @@ class Judgement:
     @property
     def within_noise(self) -> bool:
         """Whether no effect is named, and force and motion, as shown, are within the sensors' noise: the one of them,
-        and the other about so.
+        and the other about so. Half of a sensor's own step is its noise, and no white one.
         """
         if self.names or self.percent is None:
             return False
-        w, squares = self.witnesses, np.nanmean(self.final.unseen_squares, axis=0)
+        w, errors = self.witnesses, np.sqrt(np.nanmean(self.final.unseen_squares, axis=0))
         little = self.percent <= w.noise_percent and w.near_noise(self.final)
-        return bool(little or (not w.sees(self.final) and np.all(squares <= self.motion.unseen.noise**2)))
+        within = errors <= np.maximum(self.motion.unseen.noise, self.case.steps / 2)
+        return bool(little or (not w.sees(self.final) and np.all(within)))
 
     @property
     def little(self) -> bool:
