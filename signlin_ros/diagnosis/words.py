@@ -140,8 +140,11 @@ def remainder(j: Judgement) -> str:
 def _left_over(j: Judgement) -> str:
     if j.percent is None:
         return ": the residual is noise" if j.final.white else ""
-    noise = f"the sensors' noise {j.witnesses.noise_percent:.3g} %"
-    return f": the force that is left is {j.percent:.3g} % {j.witnesses.of_effort}, {noise}"
+    w, followed = j.witnesses, ""
+    if j.verdict == "adequate" and j.percent > w.noise_percent and w.near_noise(j.final):
+        followed = "the motion is followed to about its sensors' noise; "
+    left = f"the force that is left is {j.percent:.3g} % {w.of_effort}, the sensors' noise {w.noise_percent:.3g} %"
+    return f": {followed}{left}"
 
 
 # -------------------------------------------------------------------- of one effect
