@@ -15,7 +15,7 @@ from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import as_list, travelled
 from signlin_ros.model import Model
-from signlin_ros.noise import quantum_of, sensor_noise
+from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Case:
     @property
     def rotary(self) -> bool:
         """Whether the axis turns: as the model, its plant or the records' units say."""
-        return self.model.turns(self.records[0].units)
+        return self.problem.turns
 
     @property
     def horizon(self) -> float:
@@ -55,12 +55,6 @@ class Case:
         """Standard deviation of every channel's noise, from all records: of the sensors alone."""
         parts = [(s.t, s.y) for s in (*self.problem.segments, *self.unseen.segments)]
         return dict(zip(self.problem.channels, sensor_noise(parts).tolist(), strict=True))
-
-    @cached_property
-    def steps(self) -> Array:
-        """Steps (ny,) in which the values of every channel come, 0 where they come in none."""
-        values = [np.concatenate([s.y[:, k] for s in self.unseen.segments]) for k in range(len(self.problem.channels))]
-        return np.array([quantum_of(y[np.isfinite(y)]) for y in values])
 
     @cached_property
     def _swings(self) -> list[Array]:

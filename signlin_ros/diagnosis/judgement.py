@@ -225,7 +225,7 @@ class Judgement:
             return False
         w, errors = self.witnesses, np.sqrt(np.nanmean(self.final.unseen_squares, axis=0))
         little = self.percent <= w.noise_percent and w.near_noise(self.final)
-        within = errors <= np.maximum(self.motion.unseen.noise, self.case.steps / 2)
+        within = errors <= np.maximum(self.motion.unseen.noise, self.case.problem.quanta / 2)
         return bool(little or (not w.sees(self.final) and np.all(within)))
 
     @property

@@ -102,7 +102,7 @@ class Problem:
     @property
     def turns(self) -> bool:
         """Whether the axis turns, so that what repeats over the position does so a whole number of times a turn."""
-        return self.base.turns(self.units)
+        return self.base.turns(self.parts[0].units if self.parts else self.units)
 
     def shown(self, unit: str) -> str:
         """Return a unit of the model as the records have it."""

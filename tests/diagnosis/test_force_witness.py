@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.force import witness
 from signlin_ros.diagnosis.force.filters import sensor_noise
@@ -308,6 +310,15 @@ def test_orders_behind_a_gear_are_those_of_the_motor_too():
     model = Model.from_dict({**DRIVE, "axis": "rotary", "gear": 2.5})
     found = heard(lambda q, v: -0.8 * np.sin(7.5 * q), model, turns=3.0)
     assert named(found)["cogging_torque"]["N"] == pytest.approx(7.5)
+
+
+def test_an_axis_whose_speed_alone_is_recorded_turns_for_both_witnesses():
+    whole = record(1)
+    shown = {"velocity": whole.measured["velocity"]}
+    speed = replace(whole, measured=shown, units={"velocity": "rad/s"})
+    found = case(Model.from_dict(DRIVE), speed, speed)
+    assert found.rotary
+    assert found.problem.turns
 
 
 def test_several_harmonics_are_one_effect():
