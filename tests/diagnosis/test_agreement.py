@@ -91,12 +91,12 @@ class Motion:
             channels=channels,
             units=units,
             shown=lambda unit: unit,
-            base=SimpleNamespace(
-                update_period=0.2, plant=SimpleNamespace(motion_is_imposed=lambda: imposed), turns=lambda units: True
-            ),
+            base=SimpleNamespace(update_period=0.2, plant=SimpleNamespace(motion_is_imposed=lambda: imposed)),
             scale=SimpleNamespace(step=0.01),
             segments=(SimpleNamespace(y=np.outer((-SPREAD, SPREAD), np.ones(len(channels)))),),
             noise=np.full(len(channels), NOISE),
+            quanta=np.zeros(len(channels)),
+            turns=True,
         )
         self.unseen = self.problem
 
