@@ -128,14 +128,14 @@ def _both(w: Witnesses, force: Testimony, second: Fitted) -> str:
 
 
 def _beyond(w: Witnesses, now: Fitted, other: Fitted) -> bool:
-    """Tell whether another model is to be stood for instead: it leaves noise where this one does not, and no more of
-    unseen data, or surely less of the motion, and not more of the force; what the force witness can see, it must see.
+    """Tell whether another model is to be stood for instead: no channel and no force is worse for it, and it leaves
+    noise where this one does not, or surely less of the motion; what the force witness can see, it must see.
     """
-    if other.clean and w.leaves_noise(other) and not now.white and other.level <= now.level:
-        return not w.raises(now, other)
     c, g = w.criteria, w.motion.gain(now, other)
-    if g.worsens(c.worse, c.alike) or w.raises(now, other):
+    if g.worsens(c.worse, c.alike) or w.rising(now, other) or w.raises(now, other):
         return False
+    if other.clean and w.leaves_noise(other) and not now.white and other.level <= now.level:
+        return True
     if g.certainty < c.certainty or not w.sees(now):
         return g.certainty >= c.certainty
     return set(other.effects) - set(now.effects) <= w.hidden or w.falls(now, other)

@@ -126,17 +126,9 @@ class Judgement:
     @cached_property
     def worse(self) -> str:
         """The channel whose printed error rises beyond its standard error beside the base, or the missing force."""
-        base, final = self.base, self.final
-        pairs = zip(self.motion.problem.channels, base.unseen_squares.T, final.unseen_squares.T, strict=True)
-        rows = [*pairs, ("the missing force", self.left(base), self.left(final))]
-        return next((n for n, a, b in rows if a is not None and b is not None and self._rises(a, b)), "")
-
-    def _rises(self, before: Array, after: Array) -> bool:
-        """Tell whether mean squares (blocks,) rise so that it shows, and beyond their standard error."""
-        rise = after - before
-        error = float(np.nanstd(rise) / np.sqrt(max(int(np.count_nonzero(np.isfinite(rise))), 1)))
-        shows = np.nanmean(after) > (1.0 + self.criteria.alike) ** 2 * np.nanmean(before)
-        return bool(shows and np.nanmean(rise) > self.criteria.worse * error)
+        before, after, w = self.left(self.base), self.left(self.final), self.witnesses
+        risen = before is not None and after is not None and w.rises(before, after)
+        return w.rising(self.base, self.final) or ("the missing force" if risen else "")
 
     @cached_property
     def beside_given(self) -> Gain:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -54,11 +55,14 @@ def proposed(found: dict[str, Any]) -> list[str]:
 
 
 def risen(found: dict[str, Any]) -> list[str]:
-    """Return the rows of the table that are worse with the proposal than without."""
-    first, last = (found["ladder"][k]["validation"] for k in (0, -1))
-    rows = [n for n in first if n != "score" and last[n]["rmse"] > ALIKE * first[n]["rmse"]]
-    force = [found["ladder"][k]["missing_force_percent"] for k in (0, -1)]
-    return rows + (["missing force"] if None not in force and force[1] > ALIKE * force[0] else [])
+    """Return the rows of the table that are worse with an effect than without it: from each step to the next."""
+    rows = []
+    for before, after in pairwise(found["ladder"]):
+        first, last = (step["validation"] for step in (before, after))
+        rows += [n for n in first if n != "score" and last[n]["rmse"] > ALIKE * first[n]["rmse"]]
+        force = [step["missing_force_percent"] for step in (before, after)]
+        rows += ["missing force"] if None not in force and force[1] > ALIKE * force[0] else []
+    return rows
 
 
 @pytest.mark.parametrize("which", RECORDS)
@@ -91,8 +95,7 @@ def test_the_first_rows_are_the_model_as_given_and_its_base_refitted(which):
 def test_a_load_that_changes_no_number_is_not_named():
     """Right: Coulomb friction first, 0.0020 N·m at the nominal K_t; gravity was "confirmed, 70 standard errors"."""
     found = answer("null")
-    assert proposed(found)[:1] == ["coulomb_friction"]
-    assert "gravity_load" not in proposed(found)
+    assert proposed(found) == ["coulomb_friction"]  # with a play beside it the speed's error rises by 15 %
     assert "gravity_load" not in confirmed(found)
     assert found["parameters"]["coulomb_friction.mu"]["value"] == pytest.approx(0.0023, rel=0.25)
 
