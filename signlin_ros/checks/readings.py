@@ -20,11 +20,15 @@ GEAR = 3.0
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to read a record: what some of its signals are divided by; in words; and the name of the cure."""
+    """One way to read a record: what some of its signals are divided by; in words; and the name of the cure.
+
+    ``far_fetched``: one of so many that one is better by chance, or for what the model lacks.
+    """
 
     divided: Mapping[str, float]
     words: str
     cure: str
+    far_fetched: bool = False
 
     @property
     def scales(self) -> dict[str, float]:
@@ -76,7 +80,7 @@ def pairs(look: Look, p: Prediction) -> Iterator[Reading]:
     for (a, first, of_a), (b, second, of_b) in itertools.combinations(one, 2):
         if a != b:
             words = f"{a} and {b} fit if they are in {first} and {second}"
-            yield Reading({a: of_a, b: of_b}, words, f"{a}_in_{word(first)}_{b}_in_{word(second)}")
+            yield Reading({a: of_a, b: of_b}, words, f"{a}_in_{word(first)}_{b}_in_{word(second)}", far_fetched=True)
 
 
 def gears(look: Look, p: Prediction) -> Iterator[Reading]:
@@ -90,7 +94,7 @@ def gears(look: Look, p: Prediction) -> Iterator[Reading]:
             words = f"the {name} fits if it is {by}: a gear, a unit, or a wrong scale"
             if name in look.record.inputs and look.model.plant.scaled_by_effort:
                 words += f" (or {', '.join(look.model.plant.scaled_by_effort)} of the model are all wrong by that)"
-            yield Reading({name: factor}, words, f"scale_{name}")
+            yield Reading({name: factor}, words, f"scale_{name}", far_fetched=True)
 
 
 def _recorded(name: str, p: Prediction) -> bool:

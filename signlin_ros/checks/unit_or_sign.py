@@ -69,9 +69,9 @@ class UnitOrSign(Check):
 
     def _finding(self, look: Look, r: Reading, first: Reading | None) -> Finding:
         names = tuple(r.divided)
-        far_fetched, sign = r.cure.startswith("scale_") or len(names) > 1, r.only_sign
+        sign = r.only_sign
         doubt = f" (as well as: {first.words})" if first else ""
-        severity = "offer" if sign or (far_fetched and _guessed(look.model)) else "refuse"
+        severity = "offer" if sign or (r.far_fetched and _guessed(look.model)) else "refuse"
         return Finding(
             self.name,
             ", ".join(names),

@@ -14,6 +14,7 @@ from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
+from signlin_ros.diagnosis.measures import freed
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain, of_windows
 from signlin_ros.diagnosis.witnesses import Witnesses
@@ -204,9 +205,8 @@ class Judgement:
         """
         before, after = (np.nanmean(f.unseen_squares, axis=0) for f in (self.base, self.final))
         visible = self.criteria.each * (self.final.size - self.base.size)
-        freed = any(abs(x) > abs(self.final.off.get(n, 0.0)) + 1.0 for n, x in self.base.off.items())
         within = np.all(before <= self.motion.unseen.noise**2)
-        return bool(within and np.all(before - after < visible * before) and not freed)
+        return bool(within and np.all(before - after < visible * before) and not freed(self.base, self.final))
 
     @property
     def within_noise(self) -> bool:
@@ -275,10 +275,11 @@ def judge(witnesses: Witnesses, final: Fitted, conflict: str = "") -> Judgement:
     """Return what follows from what both witnesses stand for; the model without it where unseen data do not tell of it,
     and the model lacks nothing that they could show.
     """
-    found, alone = Judgement(witnesses, final, conflict), Judgement(witnesses, witnesses.base)
-    if found.unexplained in UNTOLD and alone.verdict == "adequate":
-        return replace(alone, untold=found.unexplained)
-    return found
+    found = Judgement(witnesses, final, conflict)
+    if found.unexplained not in UNTOLD:
+        return found
+    alone = Judgement(witnesses, witnesses.base, untold=found.unexplained)
+    return alone if alone.verdict == "adequate" else found
 
 
 __all__ = ["Judgement", "judge"]

@@ -27,6 +27,15 @@ def listed(names: Iterable[str]) -> str:
     return joined([n.replace("_", " ") for n in names])
 
 
+def freed(before: Fitted, after: Fitted) -> str:
+    """Return the base parameter that is bent most without what was added, where that is a tolerance more than with it;
+    empty if there is none.
+    """
+    first, last = before.off, after.off
+    most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
+    return most if most and abs(first[most]) > abs(last.get(most, 0.0)) + 1.0 else ""
+
+
 def written_left(force: Testimony, f: Fitted) -> Array:
     """Return the mean squared force (blocks,) that a model leaves of unseen data, with the values that are written in
     it, in the size of the effort as given. Effort and motion may be stamped apart by half a sample.
@@ -69,4 +78,4 @@ def _has(effect: type[Effect], *parts: str) -> bool:
     return any(getattr(effect, part) is not getattr(Effect, part) for part in parts)
 
 
-__all__ = ["HALF", "changes_effort", "listed", "only_input", "values", "with_laws", "written_left"]
+__all__ = ["HALF", "changes_effort", "freed", "listed", "only_input", "values", "with_laws", "written_left"]

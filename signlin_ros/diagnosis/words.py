@@ -6,7 +6,7 @@ import numpy as np
 
 from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.judgement import UNTOLD, Judgement
-from signlin_ros.diagnosis.measures import HALF, listed
+from signlin_ros.diagnosis.measures import HALF, freed, listed
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.effects import find_effect
@@ -115,11 +115,8 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
 
 def _freed(before: Fitted, after: Fitted) -> str:
     """Return which base parameter is bent most without what was added, if it is less so with it."""
-    first, last = before.off, after.off
-    most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
-    if not most or not abs(first[most]) > abs(last.get(most, 0.0)) + 1.0:
-        return ""
-    return f", but without it {most} ends {abs(first[most]):.1f} tolerances from its nominal value"
+    most = freed(before, after)
+    return f", but without it {most} ends {abs(before.off[most]):.1f} tolerances from its nominal value" if most else ""
 
 
 def remainder(j: Judgement) -> str:
@@ -130,7 +127,8 @@ def remainder(j: Judgement) -> str:
     left, curve = f" What is left is {j.percent:.3g} % {j.witnesses.of_effort}", j.flexible
     if curve.visible and curve.percent < (1 - j.criteria.alike) * j.percent:
         if curve.along:
-            return f"{left}; most with a {curve.along}: with such waves {curve.percent:.3g} % would be left."
+            waves = f"forces that repeat along the way, first of all {curve.along}"
+            return f"{left}; with {waves}, {curve.percent:.3g} % would be left."
         return f"{left}; a flexible curve would leave {curve.percent:.3g} %: {LEARN}."
     if j.changing:
         return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."

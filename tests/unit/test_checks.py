@@ -473,6 +473,19 @@ def test_units_are_those_of_the_kind_of_axis_that_is_known() -> None:
     assert "rpm" in other_units("rad/s", turns=True)
 
 
+def test_position_and_speed_in_degrees_are_a_reason_to_refuse_beside_guesses_too() -> None:
+    model, data = motor()
+    guess = model.with_options(tolerance=0.5)
+    turned = data
+    for name in ("position", "speed"):
+        turned = with_channel(turned, name, np.degrees(data.measured[name]))
+    finding = the(
+        "unit_or_sign", guess, replace(turned, measured={n: turned.measured[n] for n in ("position", "speed")})
+    )
+    assert {"position", "speed"} == set(finding.about)
+    assert finding.severity == "refuse"
+
+
 def test_two_channels_in_other_units_are_told_together() -> None:
     model, data = changed("current", lambda i: 1e3 * i)
     both = with_channel(data, "speed", 60 / (2 * np.pi) * data.measured["speed"])

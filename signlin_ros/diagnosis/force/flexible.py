@@ -40,11 +40,11 @@ LAGS = (0.15, 1.0)
 """Time constants in s of the past that counts."""
 BRISTLES = (0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3)
 """Half widths of elements that slip, as parts of the travel."""
-WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
-"""Weights of the ridge that are tried,"""
 KNOTS, SLOW = 6, 0.3
 """Knots of a curve over the speed, at quantiles of it, from this one on: slower, the direction may be lost in noise,
 and a curve would take what is lost of dry friction's corner for a law."""
+WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
+"""Weights of the ridge that are tried,"""
 FOLDS = 5
 """each on so many parts of the record, left out in turn."""
 CHANGES = (6, 24)
@@ -108,14 +108,19 @@ def _everything(r: Regression) -> Columns:
     return columns
 
 
+def _splines(x: Array, inner: Array) -> Array:
+    """Return cubic splines (T, k) of x (T,) over its ``inner`` knots, from the first of them to the last."""
+    knots = np.concatenate([inner[:1].repeat(3), inner, inner[-1:].repeat(3)])
+    return np.asarray(BSpline.design_matrix(np.clip(x, inner[0], inner[-1]), knots, 3).toarray())
+
+
 def _over_speed(r: Regression) -> Columns:
     """Return splines of the size of the velocity, against the motion and with it; as they begin where it is slower."""
     speeds = np.abs(np.concatenate([p.v[p.kept] for p in r.known.pieces]))
     inner = np.unique(np.quantile(speeds, np.linspace(SLOW, 1.0, KNOTS)))
-    knots = np.concatenate([inner[:1].repeat(3), inner, inner[-1:].repeat(3)])
 
     def columns(piece: Piece) -> Array:
-        curves = BSpline.design_matrix(np.clip(np.abs(piece.v), inner[0], inner[-1]), knots, 3).toarray()
+        curves = _splines(np.abs(piece.v), inner)
         return piece.seen(np.hstack([curves * piece.sign[:, None], curves]))
 
     return columns if inner.size > 1 else lambda piece: piece.seen(piece.sign[:, None])
@@ -143,7 +148,7 @@ def _along_the_way(search: Search, left: Array) -> tuple[Columns | None, list[st
     return columns if waves else None, [told(*wave) for wave in waves]
 
 
-def unseen_after(search: Search, fit: Fit) -> tuple[Array, str]:
+def _unseen_after(search: Search, fit: Fit) -> tuple[Array, str]:
     """Return what is left (K,) of unseen data after a flexible regression on what a fit leaves, and which force repeats
     along the way, if that is the regression.
     """
@@ -190,7 +195,7 @@ def structured(search: Search, fit: Fit) -> Curve:
     visible = max(c.flexible_share * search.base.error, (c.flexible_visible * r.unseen.effort) ** 2)
     if fit.error <= visible:
         return Curve(False, np.inf)
-    left, along = unseen_after(search, fit)
+    left, along = _unseen_after(search, fit)
     flexible = Fit((("flexible", ()),), fit.theta, fit.left, lambda: left)
     large = fit.error - flexible.error > visible
     return Curve(large and r.surely(flexible, fit) > c.flexible, r.percent(flexible), along)
@@ -221,8 +226,7 @@ def _changed(piece: Piece, left: Array, force: Array) -> Array:
     number = min((int(piece.blocks.max()) + 1) // APART, _reversals(piece) // 2, CHANGES[1])
     if number < CHANGES[0]:
         return np.array(left)
-    knots = np.concatenate([np.zeros(3), np.linspace(0.0, 1.0, number - 2), np.ones(3)])
-    of_time = BSpline.design_matrix(piece.t / max(float(piece.t[-1]), TINY), knots, 3).toarray()
+    of_time = _splines(piece.t / max(float(piece.t[-1]), TINY), np.linspace(0.0, 1.0, number - 2))
     A = piece.seen(of_time * force[:, None])
     A = A / (A.std() + TINY)
     weight, fold, after = _chosen(A, left, piece.blocks)[1], piece.blocks % (FOLDS - 1), left.copy()
@@ -238,4 +242,4 @@ def _reversals(piece: Piece) -> int:
     return int(np.count_nonzero(np.diff(side)))
 
 
-__all__ = ["Curve", "changing", "structured", "unseen_after"]
+__all__ = ["Curve", "changing", "structured"]
