@@ -15,11 +15,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.comparison.equations import mass
 from signlin_ros.engine.compiling import compiled
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import InputError
 from signlin_ros.follow.observer import TRUSTS, Design, Observer
-from signlin_ros.model import Model
 from signlin_ros.recording.trace import Trace
 
 Array = NDArray[np.float64]
@@ -107,10 +107,10 @@ def _beside_motion(observer: Observer, units: Mapping[str, str]) -> tuple[Missin
 
 def _equations(observer: Observer, force_unit: str) -> list[_Equation]:
     model, plant = observer.model, observer.model.plant
-    forces, inputs, found = per_force(model), _slope(model.trace, "u", 0, model.p, 1.0), []
+    inputs, found = _slopes(model.trace, model.p), []
     for i in observer.disturbed:
-        if model.states[i] == plant.velocity and forces[i] != 0:
-            found.append(_Equation("force" if force_unit == "N" else "torque", force_unit, i, float(forces[i])))
+        if model.states[i] == plant.velocity:
+            found.append(_Equation("force" if force_unit == "N" else "torque", force_unit, i, 1.0 / mass(model)))
         elif inputs[i] != 0:
             found.append(_Equation(model.inputs[0], plant.input_unit, i, float(inputs[i])))
     return found
@@ -170,27 +170,13 @@ def _backwards(back, weigh, e, out):  # type: ignore[no-untyped-def]
         r[:] = new
 
 
-def per_force(model: Model) -> Array:
-    """Return the change of every state's rate (n,) for a unit force on the mass: 1/m in the velocity's row."""
-    probed = model.with_effect("constant_load", key="probe")
-    t = probed.trace
-    return _slope(t, "p", t.parameters.index("probe.F0"), probed.p, 0.0)
-
-
-def inertia(model: Model) -> float:
-    """Return the moving mass or inertia of a model, 0 where the motion is imposed."""
-    if model.plant.velocity not in model.states:
-        return 0.0
-    return 1.0 / abs(float(per_force(model)[model.states.index(model.plant.velocity)]))
-
-
 @symbolic
-def _slope(t: Trace, what: str, i: int, p: Array, sign: float) -> Array:
-    """Return dF (n,) per unit of a parameter ("p") or an input ("u"), at rest with every sign at ``sign``."""
-    slope = ca.densify(ca.jacobian(t.f, getattr(t, what)[i]))
+def _slopes(t: Trace, p: Array) -> Array:
+    """Return dF (n,) per unit of the first input, at rest with every sign positive."""
+    slope = ca.densify(ca.jacobian(t.f, t.u[0]))
     symbols = [t.x, t.u, t.p, *(s.symbol for s in t.surfaces)]
-    values = [np.zeros(t.x.numel()), np.zeros(t.u.numel()), p, *([sign] * len(t.surfaces))]
+    values = [np.zeros(t.x.numel()), np.zeros(t.u.numel()), p, *([1.0] * len(t.surfaces))]
     return np.asarray(ca.Function("slope", symbols, [slope])(*values)).ravel()
 
 
-__all__ = ["Missing", "inertia", "missing", "per_force"]
+__all__ = ["Missing", "missing"]

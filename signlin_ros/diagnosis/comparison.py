@@ -23,6 +23,7 @@ from signlin_ros.comparison.missing import Missing, missing
 from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
 from signlin_ros.comparison.whiteness import ResidualTest, residual_test
 from signlin_ros.diagnosis.case import Case, Records, case
+from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.results import FirstRows
 from signlin_ros.diagnosis.witnesses import refitted
 from signlin_ros.errors import InputError
@@ -30,6 +31,7 @@ from signlin_ros.follow.data import Stretch, as_list, measured_channels, stretch
 from signlin_ros.follow.freerun import FreeRun, free_run
 from signlin_ros.follow.observer import TRUSTS, Observer
 from signlin_ros.follow.outliers import without_outliers
+from signlin_ros.follow.segments import pieces
 from signlin_ros.follow.tracking import mean_square
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, sensor_noise
@@ -155,9 +157,10 @@ class Comparison:
 
 
 def compare_efforts(model: Model, data: Records, cutoff: float | None = None) -> Efforts | None:
-    """Return the efforts of records, with outliers left out as by `compare`; None where they are not known."""
-    observer, _ = _observed(model, as_list(data))
-    return Efforts.of(model, observer.stretches, observer.channels, observer.noise, cutoff)
+    """Return the efforts of records, cut at gaps and without outliers; None where they are not known."""
+    records = as_list(data)
+    channels = measured_channels(model, records)
+    return Efforts.of(model, [part for r in records for part in pieces(r, channels)[0]], DEFAULT.noise, cutoff)
 
 
 @one_thread
@@ -177,7 +180,7 @@ def compare(
     record is held out); they are found when they are asked for, which takes seconds: ``progress`` is told of it,
     ``cancelled`` asked whether to stop. All else is told of ``data``.
     ``horizon`` of the windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse
-    model's low-pass in Hz, by default a tenth of the sampling rate or less. Raises `RecordError` where nothing that
+    model's low-pass in Hz, by default that of `diagnose`. Raises `RecordError` where nothing that
     the model predicts is measured, `InputError` for a horizon or a cut-off that the sampling cannot serve.
     """
     records = as_list(data)
@@ -191,7 +194,7 @@ def compare(
         prepared = error  # the records cannot be used as `diagnose` uses them
     scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Case) else {})
     parts, channels, noise = observer.stretches, observer.channels, observer.noise
-    efforts = Efforts.of(model, parts, channels, noise, cutoff)
+    efforts = compare_efforts(model, records, cutoff)
     effort, where = efforts.inverse(model, units) if efforts else None, locate(observer, lacking, units)
 
     def refit() -> FirstRows:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.record import effort_gain
+from signlin_ros.comparison.piece import effort_gain
 from signlin_ros.diagnosis.force.regression import APART, Fit
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.comparison.equations import depends_on_place
+from signlin_ros.comparison.piece import recorded, tells_force
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
-from signlin_ros.diagnosis.force.equations import depends_on_place
 from signlin_ros.diagnosis.force.regression import TINY, Fit, mean_certainty, scaling
 from signlin_ros.diagnosis.force.witness import Testimony, hear
 from signlin_ros.diagnosis.measures import changes_effort, only_input, with_laws, written_left
@@ -33,9 +34,7 @@ Seen = Callable[[Fitted | Testimony], None]
 def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None = None) -> Testimony | None:
     """Return the force witness; None where what the model's forces depend on is not recorded."""
     tell("missing force")
-    plant, recorded = c.model.plant, {*c.records[0].measured, *c.model.inputs}
-    placed = plant.position in recorded or not depends_on_place(c.model.structure)
-    if not placed or not {plant.position, plant.velocity} & recorded:
+    if not tells_force(c.model, recorded(c.model, [*c.problem.parts, *c.unseen.parts])):
         return None
     found = hear(c.model, c.problem.parts, c.unseen.parts, c.rotary, criteria)
     if seen is not None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.missing import inertia
+from signlin_ros.comparison.equations import inertia
 from signlin_ros.errors import RecordError
 from signlin_ros.fitting.gains import Gains, design, time_constants
 from signlin_ros.follow.data import Early, cut, measured_channels, travelled

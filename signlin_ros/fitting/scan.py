@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, fftconvolve, savgol_filter
 
-from signlin_ros.comparison.missing import inertia
+from signlin_ros.comparison.equations import inertia
 from signlin_ros.fitting.candidate import candidate
 from signlin_ros.fitting.fit import fit
 from signlin_ros.fitting.following import follow_records

@@ -92,7 +92,7 @@ class Tracker:
     def linearized(self, x: Array) -> tuple[Array, Array, Array]:
         """Return F (T, n), dF/dx (T, n, n) and dh/dx (T, channels, n) at the states x (T, n) under the inputs."""
         n, _, ny, *_ = self._equations.sizes
-        (out, _), at = self._evaluated(x), self._equations.places
+        out, at = self._evaluated(x), self._equations.places
         blocks = out[at.J : at.J + n * n].reshape(n, n, -1), out[at.h_x : at.h_x + ny * n].reshape(ny, n, -1)
         J, C = (np.moveaxis(block, -1, 0) for block in blocks)
         return out[:n].T, J, C
@@ -100,28 +100,14 @@ class Tracker:
     def outputs(self, x: Array) -> Array:
         """Return what the channels would show (T, channels) at the states x (T, n) under the inputs."""
         h = self._equations.places.h
-        return np.asarray(self._evaluated(x)[0][h : h + len(self.channels)].T)
+        return np.asarray(self._evaluated(x)[h : h + len(self.channels)].T)
 
-    def rate(self, x: Array, state: int, measured: Array, standing: NDArray[np.bool_]) -> Array:
-        """Return the rate (T,) of a state at x (T, n); where ``standing`` (T,), friction takes what is ``measured``
-        (T,) as far as the set-valued law lets it.
-        """
-        n = self._equations.sizes[0]
-        out, s = self._evaluated(x)
-        slope = out[n + 2 + state]
-        if self._equations.sizes[6] < 0:
-            return np.asarray(out[state])
-        free = out[state] - slope * s
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            stuck = np.clip(np.where(slope != 0, (measured - free) / slope, s), -1.0, 1.0)
-        return np.asarray(free + slope * np.where(standing, stuck, s))
-
-    def _evaluated(self, x: Array) -> tuple[Array, Array]:
-        """Return everything that the equations say at x (T, n), (outputs, T), and the sign of the surface (T,)."""
+    def _evaluated(self, x: Array) -> Array:
+        """Return everything that the equations say at x (T, n), (outputs, T)."""
         tape, n = self._equations.keep, self._equations.sizes[0]
         columns = [*x.T, *self.u.T, *self._p]
         s = np.sign(tape.batch([*columns, 0.0])[n])
-        return tape.batch([*columns, s]), s
+        return np.asarray(tape.batch([*columns, s]))
 
 
 def filled(t: Array, values: Array) -> Array:

@@ -34,14 +34,14 @@ def learn_missing(
 ) -> Learned:
     """Learn the force that a model lacks on records, as a curve over one coordinate or two.
 
-    The missing force is the effort that the measured motion takes by the model, less the measured one, both behind the
-    same zero-phase low-pass (`signlin_ros.comparison.inverse`); where the machine stands it is not known.
+    The missing force is that of the diagnosis (`signlin_ros.comparison.piece`); where the machine stands it is not
+    known.
 
     Parameters
     ----------
     over : ``speed``, ``position``, ``load``, or two of them: ``speed, load``.
     shape : one of `signlin_ros.learning.curve.SHAPES`.
-    cutoff : of the low-pass in Hz; by default a tenth of the sampling rate, or less.
+    cutoff : of the low-pass in Hz; by default that of the diagnosis.
 
     Raises
     ------
@@ -55,8 +55,8 @@ def learn_missing(
     if efforts is None:
         raise InputError("the effort and the motion are not both known from these records, or they are too short")
     coordinates = {word: _along(efforts, model, word) for word in over.split(", ")}
-    force = efforts.computed(model) - efforts.measured
-    return learn(coordinates, force, efforts.moving(model).astype(float), shape=shape)
+    force = efforts.missing(model)
+    return learn(coordinates, force, np.ones_like(force), shape=shape)
 
 
 def with_learned(model: Model, learned: Learned, key: str | None = None) -> Model:

@@ -138,7 +138,7 @@ def _effort(c: Comparison) -> list[Block]:
     return [
         Text(
             f"The {name} computed from the measured motion is {number(i.rmse, i.unit)} off (RMS),"
-            f" {percent(i.relative_error_percent)} of the measured one, below {i.cutoff:g} Hz."
+            f" {percent(i.relative_error_percent)} of the measured one, below {i.cutoff_hz:g} Hz."
         )
         for name, i in c.inverse.items()
     ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.missing import per_force
+from signlin_ros.comparison.equations import mass
 from signlin_ros.comparison.scene import remembered
 from signlin_ros.diagnosis.comparison import Comparison, Traces
 from signlin_ros.follow.tracking import Tracker
@@ -75,7 +75,7 @@ def internal_force(comparison: Comparison, k: int) -> tuple[Array, Array]:
         return trace.measured[:, j], computed
     row = model.states.index(model.plant.velocity)
     rate = _tracker(comparison, trace).linearized(trace.states)[0][:, row]
-    resisting = np.asarray(_drive(model, trace) - rate / per_force(model)[row])
+    resisting = np.asarray(_drive(model, trace) - rate * mass(model))
     lacking = next(m for m in comparison.missing if m.name in ("force", "torque"))
     return resisting - lacking.values[k], resisting
 

@@ -16,6 +16,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from signlin_ros import cli
+from signlin_ros.comparison.equations import mass, rate_tape
 from signlin_ros.comparison.scores import score
 from signlin_ros.console import compare_text
 from signlin_ros.diagnosis.comparison import Comparison, compare
@@ -381,10 +382,17 @@ def test_xl330_is_rotary():
     assert c.channels["displacement"].noise.quantum == pytest.approx(2 * np.pi / 4096, rel=0.01)
 
 
-def test_a_force_on_the_mass_counts_alike_with_load_dependent_friction():
-    from signlin_ros.comparison.missing import per_force
-
-    model = Model.load("mass_spring_damper")
-    loaded = model.with_effect("load_dependent_friction", kappa_d=0.1, kappa_e=0.2)
-    assert np.allclose(per_force(loaded), per_force(model))
-    assert np.allclose(per_force(model), [0.0, 1.0 / model.parameters["m"]])
+@pytest.mark.parametrize("name", ["mass_spring_damper", "bouc_wen", "dc_motor", "force_element"])
+@pytest.mark.parametrize("loaded", [False, True])
+def test_a_force_moves_the_mass_that_the_recorded_equation_has(name, loaded):
+    """A force of 1 changes what it acts on by 1 over the mass, with load-dependent friction too."""
+    model = Model.load(name)
+    if loaded and "load_dependent_friction" not in model.effects and not model.plant.motion_is_imposed():
+        model = model.with_effect("load_dependent_friction", kappa_d=0.1, kappa_e=0.2)
+    zero, one = (model.with_effect("constant_load", key="probe", F0=F0) for F0 in (0.0, 1.0))
+    still = np.zeros((1, len(model.states))), np.zeros((1, len(model.inputs)))
+    rates = [
+        rate_tape(m.structure).batch([*still[0].T, *still[1].T, *m.p, *([0.0] * len(m.trace.surfaces))])[0][0]
+        for m in (zero, one)
+    ]
+    assert rates[1] - rates[0] == pytest.approx(1.0 / mass(model))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline
 from scipy.signal import lfilter
 
-from signlin_ros.diagnosis.force.record import Piece
+from signlin_ros.comparison.piece import Piece
 from signlin_ros.diagnosis.force.regression import TINY, Fit, Regression, Side, mean_certainty
 from signlin_ros.diagnosis.force.search import Search
 

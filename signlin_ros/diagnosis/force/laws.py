@@ -23,8 +23,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.diagnosis.force.equations import by_effort, depends_on_place, rate_of, tape_of
-from signlin_ros.diagnosis.force.record import Piece, effort_unit, mass
+from signlin_ros.comparison.equations import by_effort, depends_on_place, mass, rate_of, tape_of
+from signlin_ros.comparison.piece import Piece, effort_unit
 from signlin_ros.effects import EFFECTS, Effect, find_effect
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.missing import inertia
+from signlin_ros.comparison.equations import inertia
+from signlin_ros.comparison.filters import slope
+from signlin_ros.comparison.piece import LEAST_PART, Piece, asked_effort, missing_force
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.force.filters import slope
 from signlin_ros.diagnosis.force.laws import Law, Shape
-from signlin_ros.diagnosis.force.record import LEAST_PART, Piece, asked_effort, missing_force
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]

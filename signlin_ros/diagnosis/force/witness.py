@@ -9,11 +9,11 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.missing import inertia
+from signlin_ros.comparison.equations import inertia
+from signlin_ros.comparison.piece import Piece, best_cutoff, piece
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, structured
 from signlin_ros.diagnosis.force.laws import grid, laws
-from signlin_ros.diagnosis.force.record import Piece, best_cutoff, piece
 from signlin_ros.diagnosis.force.regression import TINY, Fit, Regression, Side, base_of
 from signlin_ros.diagnosis.force.search import Search
 from signlin_ros.model import Model

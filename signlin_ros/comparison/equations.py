@@ -1,4 +1,4 @@
-"""A model's equations as the force witness asks for them: what a force acts on, what the effort does to it."""
+"""A model's equations for what they lack: what a force acts on, what the effort does to it, what is moved."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import casadi as ca
 
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
+from signlin_ros.model import Model
 from signlin_ros.plants import Plant
 from signlin_ros.recording.trace import Structure, Trace, trace
 
@@ -74,4 +75,26 @@ def surfaces_tape(structure: Structure) -> Tape:
     return tape_of(t, ca.vertcat(*(s.g for s in t.surfaces)))
 
 
-__all__ = ["arriving_tape", "by_effort", "depends_on_place", "rate_of", "rate_tape", "surfaces_tape", "tape_of"]
+def mass(model: Model) -> float:
+    """Return the moving mass or inertia; -1 where a force is the output."""
+    if model.plant.motion_is_imposed():
+        return -1.0
+    return float(model.parameters["J" if "J" in model.parameters else "m"])
+
+
+def inertia(model: Model) -> float:
+    """Return the moving mass or inertia, 0 where the motion is imposed."""
+    return 0.0 if model.plant.motion_is_imposed() else mass(model)
+
+
+__all__ = [
+    "arriving_tape",
+    "by_effort",
+    "depends_on_place",
+    "inertia",
+    "mass",
+    "rate_of",
+    "rate_tape",
+    "surfaces_tape",
+    "tape_of",
+]

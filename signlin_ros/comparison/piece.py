@@ -1,8 +1,9 @@
-"""A record as the force witness sees it: even samples, motion and effort through the same zero-phase low-pass.
+"""A record without gaps and the force that a model lacks along it: motion and effort through the same low-pass.
 
 The band is the widest in which the noise of the inertial force stays a small share of the effort. A position and a
 velocity that are both measured serve each where it is quieter. At rest, where the sign of the velocity is noise, dry
-friction is what drives: its sign is that of the net force, up to breakaway.
+friction is what drives: its sign is that of the net force, up to breakaway. Where something was not measured for longer
+than the samples that are compared are apart, nothing is compared.
 """
 
 from __future__ import annotations
@@ -14,11 +15,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
-from scipy.ndimage import grey_opening
+from scipy.ndimage import binary_dilation, grey_opening
 
-from signlin_ros.comparison.missing import inertia
-from signlin_ros.diagnosis.force.equations import arriving_tape, rate_tape, surfaces_tape
-from signlin_ros.diagnosis.force.filters import low_pass, sensor_noise, slope
+from signlin_ros.comparison.equations import (
+    arriving_tape,
+    depends_on_place,
+    inertia,
+    mass,
+    rate_tape,
+    surfaces_tape,
+)
+from signlin_ros.comparison.filters import low_pass, sensor_noise, slope
 from signlin_ros.engine.tape import Tape
 from signlin_ros.follow.data import corrected
 from signlin_ros.follow.tracking import driven, filled
@@ -92,6 +99,11 @@ class Piece:
         """The velocity (T,)."""
         return self.values[self.plant.velocity]
 
+    @property
+    def moves(self) -> bool:
+        """Whether the direction of motion is known in more than a few samples."""
+        return bool(np.mean(np.abs(self.sign) >= 1.0) > AT_REST)
+
     @cached_property
     def effort_nearby(self) -> Array:
         """The effort (T,) through a low-pass as wide as that of the motion: less noise than its samples have."""
@@ -140,23 +152,25 @@ class Piece:
 
 class _Raw:
     """Even samples before any filter: ``t`` (T,) from 0 on, ``step`` in s, inputs ``u`` (T, m) as they act, channels'
-    ``values`` (T,) and the ``noise`` of each.
+    ``values`` (T,) and the ``noise`` of each; seconds (T,) from one measurement to the next, where they are ``apart``.
     """
 
     def __init__(self, model: Model, data: ModelData) -> None:
         self.model, self.plant, self.step = model, model.plant, float(np.median(np.diff(data.t)))
         t = data.t[0] + self.step * np.arange(int((data.t[-1] - data.t[0]) / self.step + 1e-6) + 1)
-        names = [n for n, v in data.measured.items() if np.isfinite(v).sum() > FEWEST]
+        names = _told(data)
         self.inertia = inertia(model)
         self.t, self.u = t - t[0], np.column_stack([np.interp(t, data.t, c) for c in data.u.T])
         self.values = {n: np.interp(t, data.t, filled(data.t, corrected(model, data, n))) for n in names}
         self.noise = {n: sensor_noise(data.measured[n][np.isfinite(data.measured[n])]) for n in names}
+        self.apart = np.max([_apart(data, n, t) for n in names], axis=0)
         if self.plant.velocity in model.inputs:
             self.values[self.plant.velocity] = v = self.u[:, model.inputs.index(self.plant.velocity)]
             self.noise.setdefault(self.plant.velocity, sensor_noise(v))
         else:
             stamped = 0.0 if data.acts is None else np.interp(t, data.t, data.acts - data.t) / self.step
-            self.u = np.column_stack([_acting(c, 0.5 - model.early + stamped) for c in self.u.T])
+            late = 0.5 - model.early + stamped + model.delay / self.step
+            self.u = np.column_stack([_acting(c, late) for c in self.u.T])
 
     @cached_property
     def effort(self) -> tuple[Array, float]:
@@ -193,6 +207,13 @@ class _Raw:
         return low_pass(q, wide, step), low_pass(v, wide, step), float(noise), lost
 
 
+def _apart(data: ModelData, name: str, t: Array) -> Array:
+    """Return the seconds (T,) between the measurements of a channel around some times (T,)."""
+    there = np.concatenate([[-np.inf], data.t[np.isfinite(data.measured[name])], [np.inf]])
+    at = np.searchsorted(there, t)
+    return np.asarray(there[at] - there[at - 1])
+
+
 def _acting(u: Array, late: float | Array) -> Array:
     """Return a held input (T,) as it acts at its samples: the mean of what is held before and after each."""
     if np.any(late != 0.5):
@@ -200,6 +221,22 @@ def _acting(u: Array, late: float | Array) -> Array:
         return np.asarray(np.interp(k - late, k, u))
     padded = np.concatenate([u[:1], u[:1], u, u[-1:]])
     return np.convolve(padded, np.array([-1.0, 13.0, 13.0, -1.0]) / 24, "valid")
+
+
+def _told(data: ModelData) -> list[str]:
+    return [n for n, v in data.measured.items() if np.isfinite(v).sum() > FEWEST]
+
+
+def recorded(model: Model, data: Sequence[ModelData]) -> set[str]:
+    """Return the inputs, and what every one of some records measures."""
+    return {*model.inputs, *set.intersection(*(set(_told(d)) for d in data))}
+
+
+def tells_force(model: Model, recorded: set[str]) -> bool:
+    """Tell whether the motion that forces depend on is recorded."""
+    plant = model.plant
+    placed = plant.position in recorded or not depends_on_place(model.structure)
+    return placed and not recorded.isdisjoint((plant.position, plant.velocity))
 
 
 def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
@@ -231,7 +268,7 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
     effort, u = raw.effort[0], raw.u
     sign, still = _direction(v, noise, effort - model.parameters.get("k", 0.0) * q, wide, step)
     every = max(1, int(1 / (SAMPLED * cutoff * step)))
-    kept = _kept(still, cutoff, step, max(EDGE / cutoff, lost), every)
+    kept = _kept(still, raw.apart > 1 / (PER_PERIOD * cutoff), cutoff, step, max(EDGE / cutoff, lost), every)
     block = max(min(BLOCK, length / FEWEST_BLOCKS), 2.0 / cutoff, length / BLOCKS)
     if every > 1:
         u, effort = low_pass(u, wide, step), low_pass(effort, wide, step)
@@ -257,12 +294,16 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
     )
 
 
-def _kept(still: NDArray[np.bool_], cutoff: float, step: float, ends: float, every: int) -> NDArray[np.intp]:
-    """Return the samples, of every so many, that are compared: not the ends, not where friction is any force, a few for
-    each period.
+def _kept(
+    still: NDArray[np.bool_], hole: NDArray[np.bool_], cutoff: float, step: float, ends: float, every: int
+) -> NDArray[np.intp]:
+    """Return the samples, of every so many, that are compared: not near the ends or a hole, not where friction is any
+    force, a few for each period.
     """
     e = min(int(ends / step) + 1, still.size // 5)
     moving = low_pass(still.astype(float), min(cutoff, HIGHEST / step), step) < AT_REST
+    if hole.any():
+        moving &= ~binary_dilation(hole, iterations=e)
     moving[:e] = moving[-e:] = False
     if moving.mean() < AT_REST:
         moving[e:-e] = True
@@ -305,13 +346,6 @@ def effort_unit(model: Model) -> float:
     return effort_gain(model, (model.plant.effort or "current") in model.states)
 
 
-def mass(model: Model) -> float:
-    """Return the moving mass or inertia; -1 where a force is the output."""
-    if model.plant.motion_is_imposed():
-        return -1.0
-    return float(model.parameters["J" if "J" in model.parameters else "m"])
-
-
 __all__ = [
     "LEAST_PART",
     "Piece",
@@ -319,7 +353,8 @@ __all__ = [
     "best_cutoff",
     "effort_gain",
     "effort_unit",
-    "mass",
     "missing_force",
     "piece",
+    "recorded",
+    "tells_force",
 ]
