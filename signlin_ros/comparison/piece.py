@@ -208,10 +208,10 @@ class _Raw:
 
 
 def _apart(data: ModelData, name: str, t: Array) -> Array:
-    """Return the seconds (T,) between the measurements of a channel around some times (T,)."""
-    there = np.concatenate([[-np.inf], data.t[np.isfinite(data.measured[name])], [np.inf]])
-    at = np.searchsorted(there, t)
-    return np.asarray(there[at] - there[at - 1])
+    """Return the seconds (T,) between the measurements of a channel around some times (T,), or to the only one."""
+    there = data.t[np.isfinite(data.measured[name])]
+    at = np.clip(np.searchsorted(there, t), 1, there.size - 1)
+    return np.asarray(np.max([there[at] - there[at - 1], there[0] - t, t - there[-1]], axis=0))
 
 
 def _acting(u: Array, late: float | Array) -> Array:
