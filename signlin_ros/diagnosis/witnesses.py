@@ -36,7 +36,7 @@ def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None = N
     tell("missing force")
     if not tells_force(c.model, recorded(c.model, [*c.problem.parts, *c.unseen.parts])):
         return None
-    found = hear(c.model, c.problem.parts, c.unseen.parts, c.rotary, criteria)
+    found = hear(c.model, c.problem.parts, c.unseen.parts, c.rotary, c.problem.scale, criteria)
     if seen is not None:
         seen(found)
     return found

@@ -21,6 +21,7 @@ from signlin_ros.diagnosis.force import witness
 from signlin_ros.diagnosis.force.flexible import changing
 from signlin_ros.diagnosis.force.laws import Ripple, Shape, laws
 from signlin_ros.diagnosis.force.regression import Side
+from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -63,7 +64,8 @@ def record(
 
 def heard(law: Force, model: Model | None = None, rotary: bool = True, **options: float) -> witness.Testimony:
     known, unseen = record(1, law, **options), record(2, law, **options)
-    return witness.hear(model or Model.from_dict(DRIVE), [known], [unseen], rotary)
+    model = model or Model.from_dict(DRIVE)
+    return witness.hear(model, [known], [unseen], rotary, prepare(model, [known]).scale)
 
 
 # ---------------------------------------------------------------- columns
@@ -278,7 +280,7 @@ def test_forces_of_a_free_motion_are_told_beside_the_inertial_force():
     shown = {"displacement": q, "velocity": v + 1e-6 * np.random.default_rng(4).normal(size=t.size)}
     units = {"force": "N", "displacement": "m", "velocity": "m/s"}
     data = ModelData(t, np.zeros((t.size, 1)), shown, None, ("force",), ("displacement", "velocity"), units)
-    found = witness.hear(model, [data], [data], False)
+    found = witness.hear(model, [data], [data], False, prepare(model, [data]).scale)
     assert found.search.r.unseen.free
     assert found.search.r.percent(found.search.base) < 1.0
 

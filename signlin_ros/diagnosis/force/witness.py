@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.equations import inertia
 from signlin_ros.comparison.piece import Piece, best_cutoff, piece
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, structured
@@ -61,6 +60,7 @@ def hear(
     known: Sequence[ModelData],
     unseen: Sequence[ModelData],
     rotary: bool,
+    scale: Scale,
     criteria: Criteria = DEFAULT,
 ) -> Testimony:
     """Ask the force witness; records without gaps. The quiet band first, a wider one where nothing is found in it."""
@@ -68,7 +68,6 @@ def hear(
     def below(cutoff: float) -> Testimony:
         first, second = ([piece(model, data, cutoff) for data in records] for records in (known, unseen))
         r = _regression(model, first, second, rotary, criteria)
-        scale = scale_of(model, r.known.pieces)
         search = Search(r, rotary, {n: grid(law, scale) for n, law in r.laws.items()})
         search.run()
         return Testimony(search, structured(search, search.chosen))
@@ -107,26 +106,4 @@ def _regression(
     )
 
 
-def scale_of(model: Model, pieces: Sequence[Piece]) -> Scale:
-    """Return how large things are in records."""
-
-    def rms(of: Callable[[Piece], Array]) -> float:
-        return float(np.sqrt(np.mean(np.concatenate([of(p) for p in pieces]) ** 2))) or 1.0
-
-    def most(of: Callable[[Piece], Array]) -> float:
-        return max(float(np.max(np.abs(of(p)))) for p in pieces) or 1.0
-
-    return Scale(
-        rms(lambda p: p.effort),
-        most(lambda p: p.q),
-        rms(lambda p: p.v),
-        rms(lambda p: p.acceleration),
-        rms(lambda p: p.values.get("current", np.ones(1))),
-        most(lambda p: p.u[:, 0]),
-        pieces[0].step,
-        max(float(p.t[-1]) for p in pieces),
-        inertia(model),
-    )
-
-
-__all__ = ["Testimony", "hear", "scale_of"]
+__all__ = ["Testimony", "hear"]
