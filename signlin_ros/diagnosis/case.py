@@ -41,11 +41,6 @@ class Case:
         return self.problem.base
 
     @property
-    def rotary(self) -> bool:
-        """Whether the axis turns: as the model, its plant or the records' units say."""
-        return self.problem.turns
-
-    @property
     def horizon(self) -> float:
         """Seconds over which the motion is predicted."""
         return float(max(self.model.update_period, 2 * self.problem.scale.step))

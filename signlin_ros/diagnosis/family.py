@@ -121,13 +121,8 @@ class Choice:
         the force in all its band, beyond doubt or half of what is left, and do not leave more in the low-pass.
         """
         w, c, motion = self.witnesses, self.witnesses.criteria, self.witnesses.motion
-        shown = c.each * np.nanmean(motion.base.unseen_squares, axis=0)
-        before = np.nanmean(found.unseen_squares, axis=0)
-        visible = [
-            one
-            for one in options
-            if not w.raises(found, one) and np.any(before - np.nanmean(one.unseen_squares, axis=0) > shown)
-        ]
+        most = found.errors**2 - c.each * motion.base.errors**2
+        visible = [one for one in options if not w.raises(found, one) and np.any(one.errors**2 < most)]
         gains = [(one, motion.gain(found, one)) for one in visible if not one.vague(c)]
         halved = [one for one, g in gains if g.share >= HALF and g.certainty >= c.least]
         return motion.alike(found, visible) or sorted(halved, key=lambda one: one.level)

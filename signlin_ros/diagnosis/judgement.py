@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.measures import freed
 from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain, of_windows
+from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import SignlinError
@@ -154,9 +154,8 @@ class Judgement:
     @cached_property
     def lost(self) -> list[str]:
         """The channels that the model follows neither where it was fitted nor on unseen data."""
-        motion, final = self.motion, self.final
-        sides = ((motion.problem, final.known_squares), (motion.unseen, final.unseen_squares))
-        known, unseen = (unfollowed(of_windows(p, squares, p.noise)) for p, squares in sides)
+        row = self.witnesses.row(self.final, None)
+        known, unseen = (unfollowed(side.channels) for side in (row.estimation, row.validation))
         return [name for name in known if name in unseen]
 
     @cached_property
@@ -203,7 +202,7 @@ class Judgement:
         """Whether the base errs by no more than the sensors' noise, and no channel's squared error falls by a visible
         part for each parameter, nor is a base parameter freed of what bent it.
         """
-        before, after = (np.nanmean(f.unseen_squares, axis=0) for f in (self.base, self.final))
+        before, after = self.base.errors**2, self.final.errors**2
         visible = self.criteria.each * (self.final.size - self.base.size)
         within = np.all(before <= self.motion.unseen.noise**2)
         return bool(within and np.all(before - after < visible * before) and not freed(self.base, self.final))
@@ -215,9 +214,9 @@ class Judgement:
         """
         if self.names or self.percent is None:
             return False
-        w, errors = self.witnesses, np.sqrt(np.nanmean(self.final.unseen_squares, axis=0))
+        w = self.witnesses
         little = self.percent <= w.noise_percent and w.near_noise(self.final)
-        within = errors <= np.maximum(self.motion.unseen.noise, self.case.problem.quanta / 2)
+        within = self.final.errors <= np.maximum(self.motion.unseen.noise, self.case.problem.quanta / 2)
         return bool(little or (not w.sees(self.final) and np.all(within)))
 
     @property

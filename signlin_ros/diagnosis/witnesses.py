@@ -36,7 +36,7 @@ def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None = N
     tell("missing force")
     if not tells_force(c.model, recorded(c.model, [*c.problem.parts, *c.unseen.parts])):
         return None
-    found = hear(c.model, c.problem.parts, c.unseen.parts, c.rotary, c.problem.scale, criteria)
+    found = hear(c.model, c.problem.parts, c.unseen.parts, c.problem.turns, c.problem.scale, criteria)
     if seen is not None:
         seen(found)
     return found
@@ -241,7 +241,7 @@ class Witnesses:
         """Tell whether a model predicts every channel to about its sensor's noise: what is left then tells by itself
         whether the model is complete. Far above it any real drive lacks more than one thing.
         """
-        return bool(np.all(np.sqrt(np.nanmean(f.unseen_squares, axis=0)) < self.criteria.near * f.noise))
+        return bool(np.all(f.errors < self.criteria.near * f.noise))
 
     def near_any_noise(self, f: Fitted) -> bool:
         """Tell whether a model is near the sensors' noise, or leaves noise, coloured maybe, and over the horizon errs

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.judgement import UNTOLD, Judgement
 from signlin_ros.diagnosis.measures import HALF, freed, listed
@@ -104,8 +102,8 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
     a, b = j.percent_of(before), j.percent_of(after)
     if a is not None and b is not None and b < (1 - j.criteria.alike) * a:
         parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {j.witnesses.of_effort}")
-    problem, rms = j.case.problem, (np.sqrt(np.nanmean(f.unseen_squares, axis=0)) for f in (before, after))
-    for name, first, last in zip(problem.channels, *rms, strict=True):
+    problem = j.case.problem
+    for name, first, last in zip(problem.channels, before.errors, after.errors, strict=True):
         if last < (1 - j.criteria.alike) * first:
             verb, unit = "" if parts else "falls ", problem.shown(problem.units.get(name, ""))
             what = f"the error of {name} over {j.case.horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
@@ -160,7 +158,7 @@ def shown(j: Judgement, f: Fitted, effect: str) -> str:
     for n, value in f.model.effects[key].parameters.items():
         known = own.get(f"{key}.{n}") or Estimate(value, None, units.get(f"{key}.{n}", ""))
         values[n] = Shown(value, known.unit, known.std)
-    force = "force" if plant.force_unit == "N" and not j.case.rotary else "torque"
+    force = "force" if plant.force_unit == "N" and not j.case.problem.turns else "torque"
     return cls.shown(gathered(values), force, plant.position, plant.velocity)
 
 

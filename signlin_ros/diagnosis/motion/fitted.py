@@ -103,6 +103,11 @@ class Fitted:
         return self.look()
 
     @property
+    def errors(self) -> Array:
+        """RMS errors (channels,) of unseen data over the horizon: those of the tables."""
+        return np.asarray(np.sqrt(np.nanmean(self.unseen_squares, axis=0)))
+
+    @property
     def kind(self) -> tuple[str, ...]:
         """What tells one set of effects from another: their keys, sensors with their channels."""
         return tuple(sorted(self.fit.candidate.label))
