@@ -35,9 +35,7 @@ def arriving_tape(structure: Structure) -> Tape | None:
 
 
 def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> Tape | None:
-    """Return the slopes of expressions (k) over the effort, as a tape; None where they are the same however the plant
-    moves.
-    """
+    """Return slopes (k) over the effort, as a tape; None where they are the same however the plant moves."""
     if plant.motion_is_imposed():
         return None
     effort = plant.effort or "current"
@@ -50,9 +48,7 @@ def by_effort(t: Trace, plant: type[Plant], e: ca.SX) -> Tape | None:
 @symbolic
 @functools.lru_cache(maxsize=256)
 def depends_on_place(structure: Structure) -> bool:
-    """Tell whether the force depends on where the plant is: that is known only where a position was measured, since an
-    integral of the speed starts anywhere, and drifts.
-    """
+    """Tell whether the force depends on the position: an integral of the speed starts anywhere, and drifts."""
     t, plant = trace(structure), structure.plant
     if plant.position not in t.states:
         return False

@@ -22,8 +22,7 @@ NYQUIST = 0.45
 DIFFERENCES = 16
 """Fourth differences from which a noise is told."""
 OUTLYING, SMOOTH = 5.0, 0.25
-"""Times the median beyond which a difference is a jump; part of the coarse differences below which the fine ones tell
-nothing of coloured noise, but of a smooth signal."""
+"""Times the median of a jump; part of coarse differences below which fine ones tell of a smooth signal."""
 
 
 def low_pass(values: Array, cutoff: float, step: float) -> Array:
@@ -41,9 +40,7 @@ def low_pass(values: Array, cutoff: float, step: float) -> Array:
 
 @numba.njit(cache=True)
 def _pass(sections: Array, state: Array, values: Array, back: bool) -> None:
-    """Pass columns (T, c) through the sections (s, 6) of a filter, numerator first, forward or ``back``, in place; from
-    its state (s, 2, c) on, which is carried along.
-    """
+    """Pass columns (T, c) through sections (s, 6), numerator first, in place; from their ``state`` (s, 2, c) on."""
     for at in range(len(values)):
         k = len(values) - 1 - at if back else at
         for i in range(len(sections)):

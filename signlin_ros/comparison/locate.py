@@ -70,9 +70,7 @@ class Region:
 
 
 def locate(observer: Observer, lacking: Sequence[Missing], units: Mapping[str, str]) -> tuple[Region, ...]:
-    """Return the situations in which the error is concentrated, the most telling first; none where the model is as
-    good as the noise lets one see, or fails everywhere alike.
-    """
+    """Return the situations in which the error is concentrated, the most telling first; none if nothing is clear."""
     lacking = [m for m in lacking if m.clear]
     if not lacking:
         return ()
@@ -92,9 +90,7 @@ def _matters(split: Split) -> bool:
 
 
 def _significant(scene: Scene, split: Split) -> bool:
-    """Whether the excess stands out of its scatter; a large one also if it is lost when the situation is shifted in
-    time, which a record of few independent blocks can show as well.
-    """
+    """Whether the excess stands out of its scatter; a large one also if it is lost when it is shifted in time."""
     errors = scene.excess(split.mask, scene.error)
     by_place = split.gain > LARGE and errors > FEW and scene.as_large_elsewhere(split.mask) < RARE
     return errors > SIGNIFICANT or by_place

@@ -25,8 +25,7 @@ from signlin_ros.recording.trace import Trace
 Array = NDArray[np.float64]
 
 CLEAR, WORTH = 3.0, 0.005
-"""What is missing must be so many times larger (RMS) than what the measurement noise alone would make of it, and this
-share of what the equation typically holds."""
+"""How many times the noise that is missing, and which share of what the equation holds, is clear."""
 FREQUENCIES = 512
 """Frequencies at which the smoother is evaluated, up to Nyquist's."""
 

@@ -39,8 +39,7 @@ Array = NDArray[np.float64]
 BANDS, PERIODS = 0.12 * np.geomspace(1.0, 1e-3, 31), 8.0
 """Cut-offs that are tried, as parts of the sampling rate, the widest first; periods that a record must hold of one."""
 WIDER, HIGHEST = 2.0, 0.4
-"""The motion that laws are driven with passes through a low-pass so many times wider, at most at this part of the
-sampling rate."""
+"""How much wider the low-pass is that laws are driven through, at most at this part of the sampling rate."""
 EDGE = 1.2
 """Periods of the cut-off that are left out at either end."""
 SAMPLED, PER_PERIOD, MOST = 10.0, 2.5, 4000
@@ -56,8 +55,7 @@ SHORTEST_REST, FEW_AT_REST = 0.04, 4
 RESTING = (0.01, 0.9)
 """if such a share of the record is rest."""
 BLOCK, FEWEST_BLOCKS, BLOCKS = 0.3, 10, 60
-"""Length in s of a block for standard errors, and how many of them a record is cut into, if each holds two periods of
-the cut-off."""
+"""Length in s of a block for standard errors, and how many a record has, if each holds two periods."""
 AT_ONCE, FEWEST = 2_000_000, 20
 """Most values that pass the low-pass at once; samples that a channel must have."""
 LEAST_PART = 0.01
@@ -137,9 +135,7 @@ class Piece:
         return driven(model, self.t, self.u, known, 0.5 * self.step if follows else 0.0, p=p)
 
     def evaluated(self, model: Model, tape: Tape, x: Array, p: Array) -> Array:
-        """Return what a tape of a model's equations says (outputs, T) at states x (T, n) for parameters p; the
-        direction of motion as far as it is known decides the sign of the velocity.
-        """
+        """Return what a tape says (outputs, T) at states x (T, n), with the direction of motion as far as it is told."""
         surfaces, columns = model.trace.surfaces, [*x.T, *self.u.T, *p]
         moving = [s.name == model.plant.velocity for s in surfaces]
         signs: list[Array | float] = [self.sign if m else 0.0 for m in moving]
@@ -240,9 +236,7 @@ def tells_force(model: Model, recorded: set[str]) -> bool:
 
 
 def best_cutoff(model: Model, data: Sequence[ModelData], share: float) -> float:
-    """Return the widest band in Hz in which the noise of the inertial force and of the effort stays below ``share`` of
-    the effort, in the median over the records.
-    """
+    """Return the widest band in Hz in which noise stays below a ``share`` of the effort, in the median of records."""
     return float(np.median([_cutoff(_Raw(model, d), share) for d in data]))
 
 
@@ -297,9 +291,7 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
 def _kept(
     still: NDArray[np.bool_], hole: NDArray[np.bool_], cutoff: float, step: float, ends: float, every: int
 ) -> NDArray[np.intp]:
-    """Return the samples, of every so many, that are compared: not near the ends or a hole, not where friction is any
-    force, a few for each period.
-    """
+    """Return the samples, of ``every`` so many, that are compared: not near ends, holes, nor where it rests."""
     e = min(int(ends / step) + 1, still.size // 5)
     moving = low_pass(still.astype(float), min(cutoff, HIGHEST / step), step) < AT_REST
     if hole.any():
@@ -331,9 +323,7 @@ def missing_force(model: Model, piece: Piece) -> Array:
 
 
 def asked_effort(model: Model, piece: Piece) -> Array:
-    """Return the missing force (K,) at the samples that are compared, as the effort that it asks for: more than its own
-    size where friction follows the load and takes part of the effort before it drives.
-    """
+    """Return the missing force (K,) as the effort that it asks for: more where friction follows the load."""
     left, tape = piece.seen(missing_force(model, piece)), arriving_tape(model.structure)
     if tape is None:
         return left

@@ -58,9 +58,7 @@ def residual_test(residuals: Sequence[Array], inputs: Sequence[Array], rho: floa
 
 
 def _follows(e: Sequence[Array], u: Sequence[Array], lags: int) -> bool:
-    """Whether residuals follow an input: both are filtered by what whitens the input, so that the correlations at all
-    lags have the covariance of the filtered residual over n.
-    """
+    """Whether residuals follow an input: both are filtered by what whitens the input."""
     every = _memory(e)
     e, u = ([x[: x.size // every * every].reshape(-1, every).mean(axis=1) for x in series] for series in (e, u))
     lags = min(lags, max(1, sum(x.size for x in e) // 10))

@@ -67,9 +67,7 @@ class Choice:
         return found
 
     def worth_it(self, found: Fitted, name: str, richer: Sequence[str]) -> list[str]:
-        """Return the laws that the motion should be asked of in place of ``name``: where the force is seen, those that
-        take a visible part of it away, or the best of them to compare with.
-        """
+        """Return the laws in place of ``name`` that take visible force away, or the best; all where none is seen."""
         if self.imposed or not self.witnesses.sees(found):
             return list(richer)
         models, names = self.force.search.models, frozenset(found.effects)
@@ -105,9 +103,7 @@ class Choice:
     # ------------------------------------------------------------ where the motion is imposed
 
     def in_all_band(self, found: Fitted) -> Fitted:
-        """Return what leaves less of an imposed motion's force in all of its band, of the best other sets that the
-        force witness holds sound, and no worse within its own band: it took the one with the fewest parameters.
-        """
+        """Return the best other set that leaves less of an imposed motion's force in all its band, if there is one."""
         search = self.force.search
         if not self.imposed:
             return found

@@ -13,9 +13,7 @@ from signlin_ros.errors import SignlinError
 
 
 def as_good_as(w: Witnesses, final: Fitted) -> Fitted:
-    """Return the model with the fewest effects that is as good: each of several must be missed where it is left out,
-    and one takes the place of two that it is about the same as. What no force shows displaces nothing that one does.
-    """
+    """Return the model with the fewest effects that is as good; what no force shows displaces nothing that one does."""
     if len(final.effects) < 2:
         return final
     motion = w.motion
@@ -33,9 +31,7 @@ def as_good_as(w: Witnesses, final: Fitted) -> Fitted:
 
 
 def alone(w: Witnesses, final: Fitted) -> Fitted | None:
-    """Return the effect that by itself leaves nothing but noise, where what both witnesses arrived at leaves more: of
-    all that there are, it is the one that explains the motion. That it takes more force away than another is not asked.
-    """
+    """Return the effect that by itself leaves nothing but noise, where what both witnesses arrived at leaves more."""
     if _complete(w, final):
         return None
     motion, base = w.motion, w.base

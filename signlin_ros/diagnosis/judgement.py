@@ -199,9 +199,7 @@ class Judgement:
 
     @property
     def of_noise(self) -> bool:
-        """Whether the base errs by no more than the sensors' noise, and no channel's squared error falls by a visible
-        part for each parameter, nor is a base parameter freed of what bent it.
-        """
+        """Whether the base errs by no more than the noise, and nothing falls visibly, nor is a parameter freed."""
         before, after = self.base.errors**2, self.final.errors**2
         visible = self.criteria.each * (self.final.size - self.base.size)
         within = np.all(before <= self.motion.unseen.noise**2)
@@ -271,9 +269,7 @@ class Judgement:
 
 
 def judge(witnesses: Witnesses, final: Fitted, conflict: str = "") -> Judgement:
-    """Return what follows from what both witnesses stand for; the model without it where unseen data do not tell of it,
-    and the model lacks nothing that they could show.
-    """
+    """Return the judgement; of the model without it where unseen data do not tell of it, and nothing is missing."""
     found = Judgement(witnesses, final, conflict)
     if found.unexplained not in UNTOLD:
         return found

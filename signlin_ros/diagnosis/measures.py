@@ -28,9 +28,7 @@ def listed(names: Iterable[str]) -> str:
 
 
 def freed(before: Fitted, after: Fitted) -> str:
-    """Return the base parameter that is bent most without what was added, where that is a tolerance more than with it;
-    empty if there is none.
-    """
+    """Return the base parameter that is bent most without what was added, by a tolerance more; empty if none is."""
     first, last = before.off, after.off
     most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
     return most if most and abs(first[most]) > abs(last.get(most, 0.0)) + 1.0 else ""
@@ -62,9 +60,7 @@ def with_laws(force: Testimony, fit: Fit) -> Model:
 
 
 def changes_effort(effect: type[Effect]) -> bool:
-    """Tell whether an effect changes the input, the torque constant, or what a sensor shows: the effort would explain
-    itself.
-    """
+    """Tell whether an effect changes the input, torque constant or a sensor: the effort would explain itself."""
     return issubclass(effect, SensorEffect) or _has(effect, "input", "delay", "torque_constant", "resistance")
 
 

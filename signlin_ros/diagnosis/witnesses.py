@@ -109,9 +109,7 @@ class Witnesses:
         return self.force.search.r.known.pieces[0].position_measured or not depends_on_place(f.model.structure)
 
     def as_written(self, f: Fitted) -> Array | None:
-        """Return the mean squared force (blocks,) that a model leaves of unseen data, with the values that are written
-        in it; None where forces do not tell.
-        """
+        """Return the mean squared force (blocks,) left of unseen data, with the values in the model; None: not told."""
         if self.force is None or not self.comparable(f):
             return None
         if f not in self._written:
@@ -119,9 +117,7 @@ class Witnesses:
         return self._written[f]
 
     def left(self, f: Fitted) -> Array | None:
-        """Return the same of a set of effects: with the values that the motion gave or those that the force gave,
-        whichever leave less. So that what is held against a set is the best of it.
-        """
+        """Return the same with the values of the motion or of the force, whichever leave less: the best of a set."""
         left = self.as_written(f)
         if left is None or self.force is None:
             return None
@@ -238,9 +234,7 @@ class Witnesses:
         return f.white and (not _floats(f) or self.near_noise(f))
 
     def near_noise(self, f: Fitted) -> bool:
-        """Tell whether a model predicts every channel to about its sensor's noise: what is left then tells by itself
-        whether the model is complete. Far above it any real drive lacks more than one thing.
-        """
+        """Tell whether a model predicts every channel to about its sensor's noise: completeness can be tested there."""
         return bool(np.all(f.errors < self.criteria.near * f.noise))
 
     def near_any_noise(self, f: Fitted) -> bool:

@@ -20,8 +20,7 @@ PURE, TIMES, ROUGH = 0.998, 20.0, 0.05
 """Noise of one pole alone may last longer, up to this correlation: whitened by it, nothing but white noise is left
 beside no more than a share of that; and the record must be so many times as long as it lasts."""
 SPAN, NEAR, ALIKE = 12, 5, 0.1
-"""Lags either way at which channels are compared, how many are averaged, and the least correlation that tells of a
-common cause: sensors do not know of each other."""
+"""Lags either way at which channels are compared, how many are averaged, and the least common correlation."""
 UNSURE, TOLERATED = 0.02, 0.05
 """How well a share of the variance, or a correlation, is known at best; correlations that never matter."""
 SURE, SURER, SUREST = 3.0, 4.0, 5.0
@@ -54,9 +53,7 @@ class Colour:
         return bool(self.slow > UNSURE + SURE * error)
 
     def limited(self, white: float, whole: bool) -> Colour:
-        """Return the same where all that is not ``white`` noise (a share) is structure, if its colour lasts too long
-        for noise, or in any case (``whole``).
-        """
+        """Return the same with all but ``white`` (a share) as structure, if that lasts too long or is ``whole``."""
         lasting = self.rho > LONGEST - UNSURE and self.coloured > 0.0 and not self.pure
         if not (lasting or whole) or white >= 1.0:
             return self
@@ -85,9 +82,7 @@ def colours(innovations: Sequence[Array], noise: Array) -> list[Colour]:
 
 
 def _colour(parts: Sequence[Array]) -> Colour:
-    """Return r_k = slow + coloured rho^k, fitted to the autocorrelations at k = 1..`LAGS`, neither below 0; samples go
-    together up to where these first vanish.
-    """
+    """Return r_k = slow + coloured rho^k, neither below 0, fitted to the autocorrelations at k = 1..`LAGS`."""
     r, variance, count = correlations(parts, max(LAGS, min(FURTHEST, min(p.size for p in parts) // 4)))
     vanished = np.append(r < 2.0 / np.sqrt(max(count, 1)), True)
     together, r = 1.0 + 2.0 * float(np.sum(r[: int(np.argmax(vanished))])), r[:LAGS]

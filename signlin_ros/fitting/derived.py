@@ -43,9 +43,7 @@ def without_derived(model: Model, records: Sequence[ModelData], channels: tuple[
 
 
 def _is_derived(t: Array, q: Array, v: Array) -> bool:
-    """Tell whether a velocity v (T,) is a linear combination of differences of the position q (T,) nearby, and of what
-    it was just before; NaN is a missing sample.
-    """
+    """Tell whether a velocity v (T,) is a combination of differences of q (T,) nearby, and of its own past."""
     rows, slopes = np.arange(REACH, t.size - REACH), np.diff(q) / np.diff(t)
     own = np.column_stack([v[rows - k] for k in range(1, OWN + 1)])
     both = np.column_stack([*(slopes[rows + k] for k in range(-REACH, REACH)), own])
@@ -57,9 +55,7 @@ def _is_derived(t: Array, q: Array, v: Array) -> bool:
 
 
 def _is_filtered(t: Array, q: Array, v: Array) -> bool:
-    """Tell whether a velocity v (T,) is a combination of many differences of a fine position q (T,), but for a rest
-    that goes on from sample to sample, and has lost what the position moved by.
-    """
+    """Tell whether v (T,) is a wide filter of a fine position q (T,), but for a rest that leads elsewhere."""
     there = np.isfinite(q) & np.isfinite(v)
     t, q, v = t[there][:MOST], q[there][:MOST], v[there][:MOST]
     reach = min(WIDE, t.size // 40)

@@ -25,15 +25,12 @@ ENOUGH, FAR = 0.02, 1e-3
 """A fit ends where a step lowers -2 log likelihood by less than this, or by less than this share of its distance from
 that of pure noise: a wrong model need not be fitted to the end."""
 STUCK, ENDLESS = 1e9, 1e100
-"""Damping from which on a step is none; curvature of the objective from which on a model counts as one that diverges:
-its sensitivities have run away."""
+"""Damping from which on a step is none; curvature of a model that diverges: its sensitivities have run away."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted candidate: coordinates, objective, innovations of every record, half the objective's curvature and slope
-    there.
-    """
+    """A fitted candidate: coordinates, objective, innovations, and half the objective's curvature and slope there."""
 
     candidate: Candidate
     theta: Array
@@ -106,9 +103,7 @@ def fit(problem: Problem, c: Candidate, gains: Gains, theta: Array | None = None
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def evaluated(problem: Problem, c: Candidate, x: Array, gains: Gains, with_s: bool = True) -> Fit | None:
-    """Return a candidate at one point, as if it were fitted; None if it diverges there. ``with_s``: with the slope and
-    the curvature of its objective.
-    """
+    """Return a candidate at one point, as if fitted (``with_s``: with its slope); None if it diverges there."""
     found = follow_records(problem, c, x, gains, with_s)
     if found is None:
         return None

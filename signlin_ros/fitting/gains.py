@@ -38,9 +38,7 @@ class Gains:
     spread: Array
 
     def rows(self, states: tuple[str, ...], uncorrected: Collection[str] = ()) -> Array:
-        """Return the gains for a model with these states: an effect's own position or velocity moves with the
-        plant's; its other states are not corrected, nor those that are ``uncorrected``.
-        """
+        """Return gains for a model with these states: an effect's own position or velocity moves with the plant's."""
         result = np.zeros((self.values.shape[0], len(states), self.values.shape[2]))
         for i, name in enumerate(states):
             source = name if name in self.names else twin(name, self.names)

@@ -31,11 +31,9 @@ from signlin_ros.noise import sensor_noise
 from signlin_ros.records import ModelData
 
 MOST, PARTS = 20_000, 10
-"""Samples that are fitted to at most, in so many stretches: more only make standard errors smaller than the model is
-true."""
+"""Most samples that are fitted to, in so many stretches: more only make standard errors too small."""
 BETTER = 0.5
-"""What is left with a signal reversed, as a share of what is left without (RMS, geometric mean over the channels), that
-puts its sign in doubt."""
+"""Share of what is left without (RMS, geometric mean) that a reversed signal leaves, if its sign is in doubt."""
 
 
 def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData]]:
@@ -84,9 +82,7 @@ def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Mod
 
 
 def stretched(problem: Problem) -> Problem:
-    """Return a problem on stretches of its records where they are long: half of these spread evenly, half where the
-    model as given is most wrong (a stop that is hit once in a while).
-    """
+    """Return a problem on stretches of long records: half spread evenly, half where the model is most wrong."""
     if problem.samples <= MOST:
         return problem
     size = MOST // PARTS

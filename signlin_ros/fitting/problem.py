@@ -229,9 +229,7 @@ def _scale(model: Model, segments: Sequence[Segment], columns: dict[str, Array],
 
 
 def _of_known_direction(model: Model, s: Segment) -> Segment:
-    """Return a record without what was measured where an imposed motion reverses: in its noise its direction is not
-    known, and what is dry would be wrong by twice its force. Where that is no rare moment, everything is kept.
-    """
+    """Return a record without samples where an imposed motion's direction is lost in noise, if they are rare."""
     if not model.plant.motion_is_imposed():
         return s
     v = s.u[:, model.inputs.index(model.plant.velocity)]

@@ -138,9 +138,7 @@ def _sought(run: Callable[[Array], tuple[Array, Array]], x: Array, unknown: Mapp
 
 
 def _descended(errors: Callable[[Array], Array], start: Start, e: Array, most: int) -> tuple[Start, Array]:
-    """Return a start, of errors e, moved to where the errors are least, and these: steps of Gauss and Newton with
-    secants for slopes, first those that are known.
-    """
+    """Return a start, of errors e, moved to the least ones by Gauss and Newton's steps with secants, and these."""
     x, near, changes = start.x, start.near, start.changes
     for _ in range(most):
         old = changes is not None
