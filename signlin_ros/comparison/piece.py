@@ -135,7 +135,7 @@ class Piece:
         return driven(model, self.t, self.u, known, 0.5 * self.step if follows else 0.0, p=p)
 
     def evaluated(self, model: Model, tape: Tape, x: Array, p: Array) -> Array:
-        """Return what a tape says (outputs, T) at states x (T, n), with the direction of motion as far as it is told."""
+        """Return what a tape says (outputs, T) at states x (T, n), with the direction of motion as far as known."""
         surfaces, columns = model.trace.surfaces, [*x.T, *self.u.T, *p]
         moving = [s.name == model.plant.velocity for s in surfaces]
         signs: list[Array | float] = [self.sign if m else 0.0 for m in moving]
