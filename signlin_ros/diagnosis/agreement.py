@@ -13,10 +13,10 @@ import numpy as np
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.fewest import alone, as_good_as
 from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.measures import HALF, listed, values
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.trials import tryable
-from signlin_ros.diagnosis.witnesses import Witnesses
+from signlin_ros.diagnosis.results import listed
+from signlin_ros.diagnosis.witnesses import HALF, Witnesses
 from signlin_ros.effects import EFFECTS
 
 
@@ -29,7 +29,7 @@ def agree(w: Witnesses) -> tuple[Fitted, str]:
     leaves but noise by itself.
     """
     if w.force:
-        w.motion.heard = {n: values(w.force, f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])}
+        w.motion.heard = {n: w.force.values(f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])}
     final, conflict = _stood_for(w)
     final = as_good_as(w, final)
     whole = alone(w, final)

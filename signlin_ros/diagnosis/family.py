@@ -10,9 +10,8 @@ import numpy as np
 
 from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.force.witness import Testimony
-from signlin_ros.diagnosis.measures import HALF, values, with_laws
 from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.witnesses import Witnesses
+from signlin_ros.diagnosis.witnesses import HALF, Witnesses
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 
@@ -31,7 +30,7 @@ class Choice:
 
     def simulated(self, fit: Fit) -> Fitted | None:
         """Return a set of the force witness fitted by simulation; None where that cannot be."""
-        return self._fitted([n for n, _ in fit.members], partial(with_laws, self.force, fit))
+        return self._fitted([n for n, _ in fit.members], partial(self.force.with_laws, fit))
 
     def _fitted(self, names: Sequence[str], start: Callable[[], Model], least: float = np.inf) -> Fitted | None:
         """Return a fit; None where that cannot be, or -2 log likelihood does not soon come below the ``least``."""
@@ -98,7 +97,7 @@ class Choice:
         model = found.model
         for key in [k for k, use in model.effects.items() if use.type == name]:
             model = model.without_effect(key)
-        return model.with_effect(other, None, **values(self.force, self.witnesses.laws[other], other))
+        return model.with_effect(other, None, **self.force.values(self.witnesses.laws[other], other))
 
     # ------------------------------------------------------------ where the motion is imposed
 

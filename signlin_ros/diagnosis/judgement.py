@@ -14,7 +14,6 @@ from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
-from signlin_ros.diagnosis.measures import freed
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain
 from signlin_ros.diagnosis.witnesses import Witnesses
@@ -268,6 +267,13 @@ class Judgement:
         return self.witnesses.percent(self.left(f))
 
 
+def freed(before: Fitted, after: Fitted) -> str:
+    """Return the base parameter that is bent most without what was added, by a tolerance more; empty if none is."""
+    first, last = before.off, after.off
+    most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
+    return most if most and abs(first[most]) > abs(last.get(most, 0.0)) + 1.0 else ""
+
+
 def judge(witnesses: Witnesses, final: Fitted, conflict: str = "") -> Judgement:
     """Return the judgement; of the model without it where unseen data do not tell of it, and nothing is missing."""
     found = Judgement(witnesses, final, conflict)
@@ -277,4 +283,4 @@ def judge(witnesses: Witnesses, final: Fitted, conflict: str = "") -> Judgement:
     return alone if alone.verdict == "adequate" else found
 
 
-__all__ = ["Judgement", "judge"]
+__all__ = ["Judgement", "freed", "judge"]

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import html
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from signlin_ros.comparison.scores import Score
 from signlin_ros.digits import with_error
+from signlin_ros.errors import joined
 from signlin_ros.markup import html_table
 from signlin_ros.model import Model
+
+
+def listed(names: Iterable[str]) -> str:
+    """Return effects in words."""
+    return joined([n.replace("_", " ") for n in names])
 
 
 def _finite(value: float | None) -> float | None:
@@ -180,4 +186,4 @@ class Diagnosis:
         return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{errors}{table}"
 
 
-__all__ = ["Diagnosis", "Entry", "Estimate", "FirstRows", "Rung", "Scores"]
+__all__ = ["Diagnosis", "Entry", "Estimate", "FirstRows", "Rung", "Scores", "listed"]

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 
 from signlin_ros.diagnosis import words
 from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.measures import listed
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
-from signlin_ros.diagnosis.results import Diagnosis, Entry
+from signlin_ros.diagnosis.results import Diagnosis, Entry, listed
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import SignlinError
 

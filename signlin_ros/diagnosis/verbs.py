@@ -11,10 +11,9 @@ from signlin_ros.diagnosis.agreement import agree
 from signlin_ros.diagnosis.case import Records, case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.judgement import Judgement, judge
-from signlin_ros.diagnosis.measures import listed, with_laws
 from signlin_ros.diagnosis.motion import Motion
 from signlin_ros.diagnosis.motion.trials import trials
-from signlin_ros.diagnosis.results import Diagnosis
+from signlin_ros.diagnosis.results import Diagnosis, listed
 from signlin_ros.diagnosis.told import told
 from signlin_ros.diagnosis.witnesses import Seen, Tell, Witnesses, force_witness
 from signlin_ros.model import Model
@@ -89,7 +88,7 @@ def add(
     tell(f"motion with {listed([effect])}")
     both = Witnesses(prepared, motion, force)
     alone = both.laws.get(effect)
-    final = motion.fitted([effect], with_laws(force, alone) if force and alone else None)
+    final = motion.fitted([effect], force.with_laws(alone) if force and alone else None)
     both.keep(final)
     return told(Judgement(both, final, asked=effect))
 

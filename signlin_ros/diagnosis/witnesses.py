@@ -19,16 +19,19 @@ from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.regression import TINY, Fit, mean_certainty, scaling
 from signlin_ros.diagnosis.force.witness import Testimony, hear
-from signlin_ros.diagnosis.measures import changes_effort, only_input, with_laws, written_left
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.score import of_windows
 from signlin_ros.diagnosis.results import FirstRows, Rung, Scores
 from signlin_ros.effects import EFFECTS, find_effect
+from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.threads import one_thread
 
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 Seen = Callable[[Fitted | Testimony], None]
+
+HALF = 0.5
+"""Part of the squared error that a model must take away for a difference of the witnesses to matter."""
 
 
 def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None = None) -> Testimony | None:
@@ -113,7 +116,7 @@ class Witnesses:
         if self.force is None or not self.comparable(f):
             return None
         if f not in self._written:
-            self._written[f] = written_left(self.force, f)
+            self._written[f] = self.force.written_left(f.model)
         return self._written[f]
 
     def left(self, f: Fitted) -> Array | None:
@@ -188,17 +191,17 @@ class Witnesses:
             return best
 
         def both(one: Fitted) -> float:
-            return one.level + float(np.log(np.mean(written_left(force, one)) + TINY))
+            return one.level + float(np.log(np.mean(force.written_left(one.model)) + TINY))
 
         f = min(f, best, key=both)
         fit = force.search.models.get(frozenset(f.effects))
         if fit is None:
             return f
-        model = with_laws(force, fit)
+        model = force.with_laws(fit)
         untold = set(f.model.plant.pars()) - {*force.search.r.names, *scaling(force.search.r.current)}
         model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
         stated = motion.stated([n for n, _ in fit.members], model)
-        less = stated is not None and mean_certainty(written_left(force, f), written_left(force, stated))
+        less = stated is not None and mean_certainty(force.written_left(f.model), force.written_left(stated.model))
         return min(f, stated, key=both) if stated and less >= self.criteria.certainty else f
 
     # ------------------------------------------------------------ rows of the tables
@@ -258,6 +261,21 @@ def refitted(c: Case, tell: Tell | None = None, cancelled: Callable[[], bool] | 
     return Witnesses(c, motion, force_witness(c, DEFAULT, tell))
 
 
+def changes_effort(effect: type[Effect]) -> bool:
+    """Tell whether an effect changes the input, torque constant or a sensor: the effort would explain itself."""
+    return issubclass(effect, SensorEffect) or _has(effect, "input", "delay", "torque_constant", "resistance")
+
+
+def only_input(effect: type[Effect]) -> bool:
+    """Tell whether an effect changes nothing but the input."""
+    return _has(effect, "input", "delay") and not _has(effect, "force", "torque_constant")
+
+
+def _has(effect: type[Effect], *parts: str) -> bool:
+    """Tell whether an effect has one of some parts of an equation as its own."""
+    return any(getattr(effect, part) is not getattr(Effect, part) for part in parts)
+
+
 def _floats(f: Fitted) -> bool:
     return any(find_effect(name, "effects").floating for name in f.effects)
 
@@ -271,4 +289,4 @@ def _orders(f: Fitted) -> list[float]:
     return found
 
 
-__all__ = ["Seen", "Tell", "Witnesses", "force_witness", "refitted"]
+__all__ = ["HALF", "Seen", "Tell", "Witnesses", "changes_effort", "force_witness", "refitted"]

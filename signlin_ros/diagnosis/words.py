@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from signlin_ros.comparison.scores import follows_nothing
-from signlin_ros.diagnosis.judgement import UNTOLD, Judgement
-from signlin_ros.diagnosis.measures import HALF, freed, listed
+from signlin_ros.diagnosis.judgement import UNTOLD, Judgement, freed
 from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.results import Estimate
+from signlin_ros.diagnosis.results import Estimate, listed
+from signlin_ros.diagnosis.witnesses import HALF
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined

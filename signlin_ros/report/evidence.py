@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.measures import changes_effort, with_laws, written_left
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate
+from signlin_ros.diagnosis.witnesses import changes_effort
 from signlin_ros.diagnosis.words import own_parameters
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
@@ -167,8 +167,8 @@ def _by_force(f: Judgement, rest: set[str], effect: str) -> Fitted | None:
         return None
     sets = [m for m in force.search.models.values() if rest < m.names and len(m.names) == len(rest) + 1]
     for m in sorted((m for m in sets if effect not in m.names), key=lambda m: m.error):
-        found = f.motion.stated([n for n, _ in m.members], with_laws(force, m))
-        if found is not None and np.mean(written_left(force, found)) < force.search.base.error:
+        found = f.motion.stated([n for n, _ in m.members], force.with_laws(m))
+        if found is not None and np.mean(force.written_left(found.model)) < force.search.base.error:
             return found  # as it is written: a stiff law may be no more than its column
     return None
 

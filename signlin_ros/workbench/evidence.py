@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.diagnosis.judgement import Judgement
-from signlin_ros.diagnosis.measures import changes_effort
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Diagnosis
+from signlin_ros.diagnosis.witnesses import changes_effort
 from signlin_ros.effects import find_effect
 from signlin_ros.report.curves import Band
 from signlin_ros.report.evidence import Explanation, evidence

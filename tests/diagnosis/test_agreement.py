@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis import agreement, family, fewest, judgement, witnesses, words
+from signlin_ros.diagnosis import agreement, fewest, judgement, words
 from signlin_ros.diagnosis.agreement import agree
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import DEFAULT
@@ -48,6 +48,10 @@ class Fit:
     @property
     def size(self) -> int:
         return 2 * len(self.effects)
+
+    @property
+    def model(self) -> Any:
+        return self
 
     @property
     def left(self) -> list[Any]:
@@ -125,12 +129,13 @@ def force_witness(
     search = SimpleNamespace(
         r=regression, models=models, helpful=frozenset(helpful), waves=SimpleNamespace(finest=math.inf)
     )
-    return SimpleNamespace(search=search, effects=effects, flexible=Curve(structure, flexible))
-
-
-@pytest.fixture(autouse=True)
-def what_is_written_leaves_what_it_leaves(monkeypatch):
-    monkeypatch.setattr(witnesses, "written_left", lambda force, f: around(f.force, 0))
+    return SimpleNamespace(
+        search=search,
+        effects=effects,
+        flexible=Curve(structure, flexible),
+        written_left=lambda f: around(f.force, 0),  # what is written leaves what it leaves
+        with_laws=lambda fit: None,
+    )
 
 
 def left(*fits: Fit) -> dict[Fit, np.ndarray]:
@@ -509,10 +514,7 @@ def with_limit(together: float, limit: float) -> Refusing:
         Fit(("input_saturation",), (limit,), 2.0),
         Fit(("coulomb_friction", "input_saturation"), (together,), 0.5),
     )
-    found = Refusing(BASE, {frozenset(f.effects): replace(f, fit=None) for f in fits})
-    for f in found.fits.values():
-        f.model = None
-    return found
+    return Refusing(BASE, {frozenset(f.effects): replace(f, fit=None) for f in fits})
 
 
 @pytest.fixture
@@ -631,7 +633,7 @@ def test_a_richer_law_of_an_imposed_force_takes_half_of_what_is_left(rms, taken,
 
 
 @pytest.mark.parametrize(("rms", "sound", "taken"), [(0.4, True, True), (0.9, True, False), (0.4, False, False)])
-def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed(rms, sound, taken, monkeypatch):
+def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed(rms, sound, taken):
     """A timber specimen: a spring and Coulomb friction, fewer parameters, in the place of a hysteresis."""
     base, found = Fit((), (5.0,), 2.0), Fit(("coulomb_friction",), (1.0,), 1.0)
     other = Fit(("bouc_wen_hysteresis",), (rms,), 0.9)
@@ -647,6 +649,5 @@ def test_what_the_force_takes_for_as_good_the_motion_decides_where_it_is_imposed
         frozenset({"coulomb_friction"}): force.search.chosen,
     }
     force.search.sound = lambda f: sound
-    monkeypatch.setattr(family, "with_laws", lambda force, fit: None)
     kept = choice(force, left(base, found, other), motion).in_all_band(found)
     assert kept is (other if taken else found)

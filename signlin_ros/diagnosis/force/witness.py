@@ -9,12 +9,13 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.piece import Piece, best_cutoff, piece
+from signlin_ros.comparison.piece import Piece, best_cutoff, effort_gain, piece
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, structured
 from signlin_ros.diagnosis.force.laws import grid, laws
-from signlin_ros.diagnosis.force.regression import TINY, Fit, Regression, Side, base_of
+from signlin_ros.diagnosis.force.regression import APART, TINY, Fit, Regression, Side, base_of
 from signlin_ros.diagnosis.force.search import Search
+from signlin_ros.diagnosis.motion.trials import free_key
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.scale import Scale
@@ -26,7 +27,7 @@ LATE = 0.5
 imposed motion is measured beside its force: lateness of that is what presliding looks like, and no guess."""
 WIDEST = 0.12
 """Part of the rate at which laws are driven above which no band is tried."""
-APART = 1.2
+BROADER = 1.2
 """Times the quiet band that a wider one must be to be tried."""
 
 
@@ -54,6 +55,28 @@ class Testimony:
         """Return the force left of unseen data in per cent of the effort."""
         return self.search.r.percent(fit or self.fit)
 
+    def written_left(self, model: Model) -> Array:
+        """Return the mean squared force (blocks,) that a model leaves of unseen data, with the values that are written
+        in it, in the size of the effort as given. Effort and motion may be stamped apart by half a sample.
+        """
+        r = self.search.r
+        left = r.unseen.missing(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
+        late = r.unseen.X[:, -1]
+        left = left - late * np.clip(float(late @ left) / max(float(late @ late), TINY), -APART, APART)
+        return r.unseen.by_block(left)
+
+    def values(self, fit: Fit, name: str) -> dict[str, float]:
+        """Return the parameters of a law as a fit has them."""
+        return self.search.r.laws[name].parameters(dict(fit.members)[name], fit.theta[fit.spans[name]])
+
+    def with_laws(self, fit: Fit) -> Model:
+        """Return the model with the laws of a fit, all values as found there."""
+        r, model = self.search.r, self.search.r.model
+        for name, _ in fit.members:
+            model = model.with_effect(name, free_key(model, name), **self.values(fit, name))
+        moved = zip(r.names[:-1], fit.theta, strict=False)
+        return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
+
 
 def hear(
     model: Model,
@@ -75,7 +98,7 @@ def hear(
     cutoff = best_cutoff(model, known, criteria.noise)
     first = below(cutoff)
     wide = min(criteria.wider * cutoff, WIDEST / first.search.r.known.pieces[0].step)
-    if (first.effects and not first.flexible.visible) or wide < APART * cutoff:
+    if (first.effects and not first.flexible.visible) or wide < BROADER * cutoff:
         return first
     second = below(wide)
     return (
