@@ -15,7 +15,7 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain
+from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain, of_windows
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import SignlinError
@@ -153,8 +153,9 @@ class Judgement:
     @cached_property
     def lost(self) -> list[str]:
         """The channels that the model follows neither where it was fitted nor on unseen data."""
-        row = self.witnesses.row(self.final, None)
-        known, unseen = (unfollowed(side.channels) for side in (row.estimation, row.validation))
+        motion, final = self.motion, self.final
+        sides = ((motion.problem, final.known_squares), (motion.unseen, final.unseen_squares))
+        known, unseen = (unfollowed(of_windows(p, squares, p.noise)) for p, squares in sides)
         return [name for name in known if name in unseen]
 
     @cached_property

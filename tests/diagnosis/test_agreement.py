@@ -66,6 +66,10 @@ class Fit:
         return np.column_stack([around(r, 7 * len(self.effects) + k) for k, r in enumerate(self.rms)])
 
     @property
+    def errors(self) -> np.ndarray:
+        return np.sqrt(self.unseen_squares.mean(axis=0))
+
+    @property
     def noise(self) -> np.ndarray:
         return np.full(len(self.rms), self.sensors)
 

@@ -45,6 +45,10 @@ def test_where_a_value_came_from(name, found, text):
     assert _origin(name, found, AXIS) == text
 
 
+def judged(rotary=False):
+    return SimpleNamespace(case=SimpleNamespace(problem=SimpleNamespace(turns=rotary)))
+
+
 def told(effect, rotary=False, **found):
     """Return what is said of an effect of a fitted model; values and standard errors (None: not known)."""
     plain = {n: value for n, (value, _) in found.items()}
@@ -54,7 +58,7 @@ def told(effect, rotary=False, **found):
         f"{effect}.{n}": Estimate(value, std, units[f"effects.{effect}.{n}"]) for n, (value, std) in found.items()
     }
     f = SimpleNamespace(model=model, parameters=parameters)
-    return shown(SimpleNamespace(case=SimpleNamespace(rotary=rotary)), f, effect)
+    return shown(judged(rotary), f, effect)
 
 
 def test_doubtful_numbers_are_told_with_their_errors():
@@ -69,7 +73,9 @@ def test_what_has_no_error_is_told_as_it_is():
 def test_a_doubtful_fault_of_a_sensor_is_told_with_its_error():
     parameters = {"sensor_offset.displacement": Estimate(0.012, 0.013, "m")}
     f = SimpleNamespace(model=AXIS, parameters=parameters)
-    assert "0.012 ± 0.013 m too much" in shown(SimpleNamespace(case=SimpleNamespace(rotary=False)), f, "sensor_offset")
+    assert "0.012 ± 0.013 m too much" in shown(
+        SimpleNamespace(case=SimpleNamespace(problem=SimpleNamespace(turns=False))), f, "sensor_offset"
+    )
 
 
 @pytest.mark.parametrize(
