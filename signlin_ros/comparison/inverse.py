@@ -43,10 +43,7 @@ class Inverse:
 
 @dataclass(frozen=True)
 class Efforts:
-    """The effort of records, as measured and as any model computes it from their motion; arrays (K,) over all pieces.
-
-    ``name``: of the input, output or state that tells the effort; samples are ``step`` s apart.
-    """
+    """The effort ``name`` of records, ``step`` s from sample to sample, measured and computed: (K,) over all pieces."""
 
     name: str
     step: float

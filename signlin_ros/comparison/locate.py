@@ -1,9 +1,8 @@
 """Where a model fails: situations that hold more of its error than of the time.
 
-The error is what the equations lack (`signlin_ros.comparison.missing`), squared, so that a fault is found where it
-acts and not where its consequences drift to. Every family of situations (speed, position, load, branch of a loop, ...)
-is split where that divides the error best, thresholds taken from the data; what is kept must stand out of the
-correlated scatter of the error, must matter, and must not be the shadow of a situation that explains more.
+The error is what the equations lack, squared: a fault is found where it acts, not where its consequences drift to. Each
+family of situations is split where that divides the error best; what is kept must stand out of the error's correlated
+scatter, must matter, and must not be the shadow of a situation that explains more.
 """
 
 from __future__ import annotations
@@ -104,19 +103,10 @@ def _explained(error: Array, kept: Sequence[Split]) -> Array:
 
 
 def _region(scene: Scene, split: Split) -> Region:
-    mean, std = block_mean(scene.value, split.mask, scene.block)
-    return Region(
-        name=split.name,
-        kind=split.kind,
-        share_of_error=100 * float(scene.error[split.mask].sum() / scene.error.sum()),
-        share_of_time=100 * float(split.mask.mean()),
-        what=scene.missing.name,
-        mean=mean,
-        mean_std=std,
-        unit=scene.missing.unit,
-        mask=tuple(scene.by_stretch(split.mask)),
-        period=split.period,
-    )
+    m, time = scene.missing, float(split.mask.mean())
+    shares, mask = (100 * (time + split.gain), 100 * time), tuple(scene.by_stretch(split.mask))
+    mean = block_mean(scene.value, split.mask, scene.block)
+    return Region(split.name, split.kind, *shares, m.name, *mean, m.unit, mask, split.period)
 
 
 def block_mean(values: Array, mask: Mask, block: int) -> tuple[float, float]:
@@ -127,10 +117,7 @@ def block_mean(values: Array, mask: Mask, block: int) -> tuple[float, float]:
 
 
 def by_direction(observer: Observer, lacking: Missing, units: Mapping[str, str]) -> dict[str, dict[str, float]]:
-    """Return mean and standard error of what is missing while moving forward and while moving backward.
-
-    Around reversals both are blurred: what is closer to one than the resolution is left out.
-    """
+    """Return means and standard errors of what is missing, forward and backward; not what is blurred by a reversal."""
     scene = Scene(observer, [lacking], units)
     v, turns = scene.velocity, scene.turns
     clear = time_to(scene, turns) > scene.resolution

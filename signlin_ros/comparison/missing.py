@@ -72,11 +72,8 @@ class _Equation:
 
 
 def missing(observer: Observer, units: Mapping[str, str]) -> tuple[Missing, ...]:
-    """Return what each equation of the plant lacks, with the finest resolution at which it stands out of the noise.
-
-    ``units`` of the record, by name. An equation that stands out keeps its freedom while the model is trusted more in
-    the others, so that its fault is not laid at their door. Where the motion is imposed, it is what the measured
-    force lacks.
+    """Return what each equation of the plant lacks; ``units`` of the record. One that stands out keeps its freedom
+    while the model is trusted more in the others. Where the motion is imposed, it is what the measured force lacks.
     """
     plant = observer.model.plant
     if plant.velocity not in observer.model.states:

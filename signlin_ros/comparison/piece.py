@@ -1,9 +1,7 @@
 """A record without gaps and the force that a model lacks along it: motion and effort through the same low-pass.
 
-The band is the widest in which the noise of the inertial force stays a small share of the effort. A position and a
-velocity that are both measured serve each where it is quieter. At rest, where the sign of the velocity is noise, dry
-friction is what drives: its sign is that of the net force, up to breakaway. Where something was not measured for longer
-than the samples that are compared are apart, nothing is compared.
+The band is the widest in which the noise of the inertial force stays a small share of the effort. At rest, where the
+sign of the velocity is noise, dry friction has that of the net force. In holes of a channel nothing is compared.
 """
 
 from __future__ import annotations
@@ -126,10 +124,7 @@ class Piece:
         return [slice(at, at + width) for at in range(0, columns, width)]
 
     def states(self, model: Model, p: Array | None = None) -> Array:
-        """Return the states (T, n) of a model: what is measured, and what the model carries along with it.
-
-        ``p``: values of the model's parameters in the trace's order, by default its own.
-        """
+        """Return the states (T, n) of a model, measured or carried along; ``p``: its parameters, by default its own."""
         known = {n: v for n, v in self.values.items() if n in model.states}
         follows = any("." not in n and n not in known for n in model.states)  # the input, as a plant's current does
         return driven(model, self.t, self.u, known, 0.5 * self.step if follows else 0.0, p=p)

@@ -131,10 +131,7 @@ def _pattern(scene: Scene) -> Splits:
 
 
 def _period(scene: Scene, q: Array) -> tuple[float, float] | None:
-    """Return N and phi of the pattern cos(N q + phi) that explains most of what is missing; None if none does.
-
-    Fast passages are blurred by the resolution and weigh less.
-    """
+    """Return N and phi of the pattern cos(N q + phi) that explains most, if one does; fast passages weigh less."""
     every = max(1, q.size // PATTERN_SAMPLES)
     q, v, value = q[::every], scene.velocity[::every], scene.value[::every]
     span, speed = float(np.ptp(q)), float(np.quantile(np.abs(v), SLOW_PASSAGES))

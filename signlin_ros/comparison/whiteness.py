@@ -22,8 +22,7 @@ Array = NDArray[np.float64]
 LAGS, FURTHEST = 12, 200
 """Lags that are looked at, and how many at most where samples may go together for long."""
 SPAN, NEAR, ALIKE, MEMORY = 12, 5, 0.1, 50
-"""Lags either way at which two series are compared, how many are averaged, the least common correlation, and the lags
-at which each goes with itself."""
+"""Lags either way at which two series are compared, how many are averaged, least correlation, lags of their own."""
 TOLERATED, LIKELY, EXCESS = 0.05, 0.9999, 1.5
 """Correlations that never matter; quantile of chi squared below so many times of which a residual is white."""
 SURER, SUREST = 4.0, 5.0

@@ -23,10 +23,7 @@ from signlin_ros.effects import EFFECTS
 def agree(w: Witnesses) -> tuple[Fitted, str]:
     """Return the model that both witnesses can stand for, and in words why they differ, empty where they agree.
 
-    What the force witness proposes is fitted by simulation. Unless that leaves noise, the motion witness looks for what
-    no force shows, beside it and instead of it; if nothing is proposed or confirmed, among all that the force does not
-    rule out. Of what is as good, the fewest effects are stood for; and before more than noise is left, the one that
-    leaves but noise by itself.
+    Of what is as good, the fewest effects are stood for; before more than noise is left, what leaves it by itself.
     """
     if w.force:
         w.motion.heard = {n: w.force.values(f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])}

@@ -78,10 +78,7 @@ class Case:
 
 
 def case(model: Model, data: Records, validation: Records | None = None) -> Case:
-    """Return a case; without validation the last third of every record is held out.
-
-    Raises `RecordError` where records are too short, nothing is measured or nothing moves.
-    """
+    """Return a case, without validation of parts that are held out; raises `RecordError` where they tell too little."""
     load_entry_points()
     known = as_list(data)
     known, unseen = held_out(known) if validation is None else (known, as_list(validation))

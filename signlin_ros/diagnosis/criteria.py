@@ -11,8 +11,7 @@ class Criteria:
 
     # ------------------------------------------------------------ what is named
     certainty: float = 3.5
-    """Standard errors by which an effect lowers the unseen error: one in some twenty effects lowers it by 2 by chance,
-    and each step chooses the best of them."""
+    """Standard errors by which an effect lowers the unseen error: the best of twenty lowers it by 2 by chance."""
     least: float = 2.0
     """Standard errors by which it lowers it on unseen data by themselves, where known and unseen data together tell."""
     each: float = 0.02
@@ -68,8 +67,7 @@ class Criteria:
     flexible_visible: float = 0.004
     """and of the effort (RMS)."""
     part: float = 0.25
-    """Part of the squared force beyond the sensors' noise that a proposal may leave, where the motion shows structure:
-    more is no explanation."""
+    """Part of the squared force beyond the noise that a proposal may leave, where the motion shows structure."""
     large: float = 0.05
     """Part of the effort (RMS) from which on a force that is left, and is no noise, is missing something; so of what a
     channel varies by (RMS), where the force is not seen."""

@@ -1,8 +1,7 @@
 """Both witnesses of a case together: what they measure of a model on unseen data, and what was fitted so far.
 
-The tables of `compare`, `diagnose`, `add` and `refine` show a row of each model: errors of the motion over the horizon,
-missing force in per cent of the effort, over noise that is the sensors' alone. The first rows are the same in all four
-for the same files: the model as given, and its base parameters moved within their tolerances.
+The tables of all verbs show a row of each model: errors of the motion over the horizon, missing force in per cent of
+the effort, over the sensors' noise. The first rows are the same in all for the same files.
 """
 
 from __future__ import annotations

@@ -185,10 +185,7 @@ def _sensor_coordinate(problem: Problem, name: str) -> Coordinate:
 def candidate(
     problem: Problem, model: Model, added: tuple[str, ...], sensors: Mapping[str, float] | None = None
 ) -> Candidate:
-    """Return a model as a candidate: base parameters, the effects ``added`` and the ``sensors`` are free.
-
-    ``sensors``: names such as ``sensor_offset.speed`` with their starting values.
-    """
+    """Return a candidate: base parameters, effects ``added`` and ``sensors`` (``sensor_gain.speed``: start) free."""
     sensors = sensors or {}
     coordinates = _base_coordinates(problem, model)
     for key in added:

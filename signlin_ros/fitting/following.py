@@ -21,8 +21,7 @@ Followed = tuple[list[Array], list[Array], list[Array]]
 """Innovations, their derivatives and states of every record."""
 
 APART, WANDER = 0.3, 0.05
-"""How uncertain the start of a load is that floats, and how far it may wander in a second, as parts of an excursion and
-of the velocity (RMS)."""
+"""How uncertain the start of a floating load is, and how far it wanders in a second: parts of excursion, velocity."""
 
 
 @np.errstate(over="ignore", invalid="ignore")

@@ -53,10 +53,7 @@ def held_out(data: Sequence[ModelData]) -> tuple[list[ModelData], list[ModelData
 
 
 def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelData]) -> tuple[Problem, Problem]:
-    """Return the problem of the records that are fitted to and that of unseen ones; they share channels and gains.
-
-    Raises `RecordError` where nothing is measured or moves, or where records are too short.
-    """
+    """Return the problems of known records and of unseen ones; raises `RecordError` where they tell too little."""
     data = [*first, *second]
     model = with_measured_position(model, data)
     channels = measured_channels(model, data)
@@ -96,12 +93,10 @@ def stretched(problem: Problem) -> Problem:
 
 
 def reversed_signal(problem: Problem, base: Fit, final: Fit) -> str:
-    """Return the input or channel with whose sign reversed the model as given, not fitted, leaves at most half as much,
-    and less than what was found for it; empty if there is none. An input goes before a channel: of one input and one
-    channel nothing tells which it is.
+    """Return the input or channel, an input first, with whose sign reversed the model as given, not fitted, leaves at
+    most half as much, and less than what was found for it; empty if there is none.
 
-    A plug the wrong way round is the commonest fault of a rig, and no effect: what is fitted to it (a delay of half a
-    period, parameters far from their values) only imitates it. A damper of the wrong sign imitates a load in turn.
+    A plug the wrong way round is the commonest fault of a rig, and no effect: what is fitted to it only imitates it.
     """
     given, as_given = base.candidate, base.candidate.start()
     tried = ((_left(problem, given, as_given, segments), name) for name, segments in _with_one_reversed(problem))

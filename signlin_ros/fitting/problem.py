@@ -64,10 +64,7 @@ class Problem:
 
     @functools.cached_property
     def short(self) -> Problem:
-        """The problem on some stretches of its records, spread evenly, where it has many samples.
-
-        What effects remember is forgotten at the start of each: good enough to see which way is down.
-        """
+        """The problem on some stretches of its records, evenly; what effects remember is forgotten where they start."""
         return replace(self, segments=tuple(replace(s, before=None) for s in self.led.segments))
 
     @functools.cached_property
@@ -134,10 +131,7 @@ def _part(problem: Problem, s: Segment, first: int, last: int) -> Segment:
 
 
 def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
-    """Return the position, which is not measured itself, to which an imposed or measured velocity has led at a sample.
-
-    What acts at some positions only is elsewhere in every stretch if each starts from the same.
-    """
+    """Return the position, not measured itself, to which an imposed or measured velocity has led at a sample."""
     plant, t = problem.base.plant, s.t[: at + 1]
     early: Early = 0.0
     if plant.motion_is_imposed():
@@ -164,10 +158,7 @@ def looks(
 
 
 def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] | None = None) -> Problem:
-    """Prepare records (at least one) for fitting; raises `RecordError` where nothing is measured.
-
-    ``channels``: what is compared, by default all that every record measures.
-    """
+    """Prepare records for fitting, by default in all channels that they measure; raises `RecordError` without one."""
     model = with_measured_position(model, data)
     channels = measured_channels(model, data) if channels is None else channels
     segments = tuple(_of_known_direction(model, segment(model, channels, d)) for d in data)

@@ -33,10 +33,7 @@ BROADER = 1.2
 
 @dataclass(frozen=True, eq=False)
 class Testimony:
-    """What the force witness found: ``search`` with every set of laws that it fitted, and the least that suffices.
-
-    ``flexible``: what a flexible curve makes of what that leaves.
-    """
+    """What was found: ``search``, all sets of laws that were fitted, and what a ``flexible`` curve makes of the rest."""
 
     search: Search
     flexible: Curve
