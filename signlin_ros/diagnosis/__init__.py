@@ -26,7 +26,7 @@ _EXPORTS = {
     "load_records": "signlin_ros.follow.data",
     "refine": "verbs",
     "noise_level": "signlin_ros.noise",
-    "residual_test": "signlin_ros.comparison.whiteness",
+    "residual_test": "signlin_ros.comparison.residuals",
 }
 
 __getattr__, __dir__ = exports(__name__, _EXPORTS)

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.inverse import Efforts, Inverse
 from signlin_ros.comparison.locate import Region, by_direction, locate
 from signlin_ros.comparison.missing import Missing, missing
+from signlin_ros.comparison.residuals import ResidualTest, residual_test
 from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
-from signlin_ros.comparison.whiteness import ResidualTest, residual_test
 from signlin_ros.diagnosis.case import Case, Records, case
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.results import FirstRows

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from signlin_ros.comparison.whiteness import white
+from signlin_ros.comparison.residuals import Colour, colours, white
 from signlin_ros.diagnosis.motion.score import beyond_noise, gain
-from signlin_ros.fitting.colour import Colour, colours
 
 T = 4000
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from signlin_ros.comparison.whiteness import residual_test
+from signlin_ros.comparison.residuals import residual_test
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model

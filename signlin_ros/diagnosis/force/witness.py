@@ -33,7 +33,7 @@ BROADER = 1.2
 
 @dataclass(frozen=True, eq=False)
 class Testimony:
-    """What was found: ``search``, all sets of laws that were fitted, and what a ``flexible`` curve makes of the rest."""
+    """What was found: ``search``, all sets of laws that were fitted, and a ``flexible`` curve beside the best."""
 
     search: Search
     flexible: Curve

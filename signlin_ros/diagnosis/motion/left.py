@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
+from signlin_ros.comparison.residuals import colours
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.fitting.colour import colours
 from signlin_ros.fitting.fit import Fit, fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains
