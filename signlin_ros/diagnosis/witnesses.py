@@ -38,7 +38,7 @@ def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None = N
     tell("missing force")
     if not tells_force(c.model, recorded(c.model, [*c.problem.parts, *c.unseen.parts])):
         return None
-    found = hear(c.model, c.problem.parts, c.unseen.parts, c.problem.turns, c.problem.scale, criteria)
+    found = hear(c.problem, c.unseen, criteria)
     if seen is not None:
         seen(found)
     return found
@@ -281,11 +281,8 @@ def _floats(f: Fitted) -> bool:
 
 def _orders(f: Fitted) -> list[float]:
     """Return the orders of the waves of a model."""
-    found: list[float] = []
-    for use in f.model.effects.values():
-        for name in find_effect(use.type, "effects").periodic[:1]:
-            found += np.atleast_1d(use.parameters[name]).tolist()
-    return found
+    uses = [(use, find_effect(use.type, "effects").periodic[:1]) for use in f.model.effects.values()]
+    return [N for use, names in uses for name in names for N in np.atleast_1d(use.parameters[name]).tolist()]
 
 
 __all__ = ["HALF", "Seen", "Tell", "Witnesses", "changes_effort", "force_witness", "refitted"]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,7 +22,6 @@ from signlin_ros.diagnosis.force import witness
 from signlin_ros.diagnosis.force.flexible import changing
 from signlin_ros.diagnosis.force.laws import Ripple, Shape, laws
 from signlin_ros.diagnosis.force.regression import Side
-from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -62,10 +62,9 @@ def record(
     return ModelData(t, effort[:, None], shown, None, ("force",), ("displacement", "velocity"), units)
 
 
-def heard(law: Force, model: Model | None = None, rotary: bool = True, **options: float) -> witness.Testimony:
-    known, unseen = record(1, law, **options), record(2, law, **options)
-    model = model or Model.from_dict(DRIVE)
-    return witness.hear(model, [known], [unseen], rotary, prepare(model, [known]).scale)
+def heard(law: Force, model: Model | None = None, **options: Any) -> witness.Testimony:
+    made = case(model or Model.from_dict(DRIVE), record(1, law, **options), record(2, law, **options))
+    return witness.hear(made.problem, made.unseen)
 
 
 # ---------------------------------------------------------------- columns
@@ -280,7 +279,8 @@ def test_forces_of_a_free_motion_are_told_beside_the_inertial_force():
     shown = {"displacement": q, "velocity": v + 1e-6 * np.random.default_rng(4).normal(size=t.size)}
     units = {"force": "N", "displacement": "m", "velocity": "m/s"}
     data = ModelData(t, np.zeros((t.size, 1)), shown, None, ("force",), ("displacement", "velocity"), units)
-    found = witness.hear(model, [data], [data], False, prepare(model, [data]).scale)
+    made = case(model, data, data)
+    found = witness.hear(made.problem, made.unseen)
     assert found.search.r.unseen.free
     assert found.search.r.percent(found.search.base) < 1.0
 
@@ -304,7 +304,7 @@ def test_orders_on_a_rotary_axis_are_whole():
     assert found.effects == ("cogging_torque",)
     assert named(found)["cogging_torque"]["N"] == 7.0
     assert named(found)["cogging_torque"]["A"] == pytest.approx(0.8, rel=0.03)
-    slide = heard(lambda q, v: -0.8 * np.sin(7.2 * q + 0.4), rotary=False, turns=3.0, unit="m")
+    slide = heard(lambda q, v: -0.8 * np.sin(7.2 * q + 0.4), turns=3.0, unit="m")
     assert named(slide)["cogging_torque"]["N"] == pytest.approx(7.2, abs=0.03)
 
 

@@ -22,7 +22,7 @@ WEIGHT, CABLE, FRICTION = 20.0, 3.0, 4.0
 @cache
 def search() -> Search:
     """Return the sets fitted to a lift: a weight and dry friction, each of which explains little by itself."""
-    return heard(lambda q, v: -WEIGHT - CABLE * q - FRICTION * np.tanh(1e4 * v), rotary=False).search
+    return heard(lambda q, v: -WEIGHT - CABLE * q - FRICTION * np.tanh(1e4 * v), unit="m").search
 
 
 def test_what_is_left_is_what_least_squares_leaves():
@@ -44,7 +44,7 @@ def test_what_is_left_is_what_least_squares_leaves():
 
 def test_no_coefficient_has_a_sign_that_it_cannot_have():
     """Friction that drives is no friction."""
-    against = heard(lambda q, v: 2.0 * np.tanh(1e4 * v), rotary=False).search
+    against = heard(lambda q, v: 2.0 * np.tanh(1e4 * v), unit="m").search
     found = Subsets(against.r, {"coulomb_friction": against.shapes["coulomb_friction"]})
     assert found.members
     assert np.isinf(found.left(np.array([[0]]), 1e-6)).all()

@@ -16,9 +16,8 @@ from signlin_ros.diagnosis.force.laws import grid, laws
 from signlin_ros.diagnosis.force.regression import APART, TINY, Fit, Regression, Side, base_of
 from signlin_ros.diagnosis.force.search import Search
 from signlin_ros.diagnosis.motion.trials import free_key
+from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
-from signlin_ros.records import ModelData
-from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
 
@@ -75,34 +74,25 @@ class Testimony:
         return model.with_parameters({n: model.value(n) * (1 + theta) for n, theta in moved if n in model.parameters})
 
 
-def hear(
-    model: Model,
-    known: Sequence[ModelData],
-    unseen: Sequence[ModelData],
-    rotary: bool,
-    scale: Scale,
-    criteria: Criteria = DEFAULT,
-) -> Testimony:
-    """Ask the force witness; records without gaps. The quiet band first, a wider one where nothing is found in it."""
+def hear(known: Problem, unseen: Problem, criteria: Criteria = DEFAULT) -> Testimony:
+    """Ask the force witness. The quiet band first, a wider one where nothing is found in it."""
+    model = known.base
 
     def below(cutoff: float) -> Testimony:
-        first, second = ([piece(model, data, cutoff) for data in records] for records in (known, unseen))
-        r = _regression(model, first, second, rotary, criteria)
-        search = Search(r, rotary, {n: grid(law, scale) for n, law in r.laws.items()})
+        first, second = ([piece(model, part, cutoff) for part in side.parts] for side in (known, unseen))
+        r = _regression(model, first, second, known.turns, criteria)
+        search = Search(r, known.turns, {n: grid(law, known.scale) for n, law in r.laws.items()})
         search.run()
         return Testimony(search, structured(search, search.chosen))
 
-    cutoff = best_cutoff(model, known, criteria.noise)
+    cutoff = best_cutoff(model, known.parts, criteria.noise)
     first = below(cutoff)
     wide = min(criteria.wider * cutoff, WIDEST / first.search.r.known.pieces[0].step)
     if (first.effects and not first.flexible.visible) or wide < BROADER * cutoff:
         return first
     second = below(wide)
-    return (
-        second
-        if second.effects and not (second.flexible.visible and (first.effects or first.flexible.visible))
-        else first
-    )
+    more = second.flexible.visible and (first.effects or first.flexible.visible)
+    return second if second.effects and not more else first
 
 
 def _regression(
@@ -112,18 +102,12 @@ def _regression(
     current = "current" in model.states and "current" in known[0].values
     base = {**base_of(model, current), "timing": TINY if model.plant.motion_is_imposed() else LATE}
     first, second = (Side.of(model, pieces, list(base)[:-1]) for pieces in (known, unseen))
+    found = laws(model, rotary or first.travel >= criteria.once * 2 * np.pi, known[0].position_measured)
     tells = np.any(first.X != 0.0, axis=0)
     tells[-1] = True
-    return Regression(
-        model,
-        laws(model, rotary or first.travel >= criteria.once * 2 * np.pi, known[0].position_measured),
-        replace(first, X=first.X.compress(tells, axis=1)),
-        replace(second, X=second.X.compress(tells, axis=1)),
-        tuple(compress(base, tells)),
-        np.array([*base.values()])[tells],
-        criteria,
-        current,
-    )
+    first, second = (replace(side, X=side.X.compress(tells, axis=1)) for side in (first, second))
+    names, spread = tuple(compress(base, tells)), np.array([*base.values()])[tells]
+    return Regression(model, found, first, second, names, spread, criteria, current)
 
 
 __all__ = ["Testimony", "hear"]
