@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from signlin_ros.diagnosis import agreement, fewest, judgement, words
+from signlin_ros.diagnosis import agreement, judgement, words
 from signlin_ros.diagnosis.agreement import agree
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import DEFAULT
@@ -523,8 +523,7 @@ def with_limit(together: float, limit: float) -> Refusing:
 
 @pytest.fixture
 def any_effect(monkeypatch):
-    for module in (agreement, fewest):
-        monkeypatch.setattr(module, "tryable", lambda problem, name: name == "input_saturation")
+    monkeypatch.setattr(agreement, "tryable", lambda problem, name: name == "input_saturation")
 
 
 @pytest.mark.usefixtures("any_effect")
@@ -546,8 +545,7 @@ def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
 
 @pytest.fixture
 def everything_applies(monkeypatch):
-    for module in (agreement, fewest):
-        monkeypatch.setattr(module, "tryable", lambda problem, name: True)
+    monkeypatch.setattr(agreement, "tryable", lambda problem, name: True)
 
 
 def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
@@ -556,7 +554,7 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     monkeypatch.setattr(Refusing, "as_good", lambda self, best, f: f.rms[0] <= 1.01 * best.rms[0], raising=False)
     monkeypatch.setattr(Fit, "size", property(lambda f: 1), raising=False)
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
-    return fewest.alone(both(motion, None), final)
+    return agreement.alone(both(motion, None), final)
 
 
 @pytest.mark.usefixtures("any_effect")
