@@ -71,6 +71,13 @@ def surfaces_tape(structure: Structure) -> Tape:
     return tape_of(t, ca.vertcat(*(s.g for s in t.surfaces)))
 
 
+def bare(model: Model) -> Model:
+    """Return the plant without any effect."""
+    for key in list(model.effects):
+        model = model.without_effect(key)
+    return model
+
+
 def mass(model: Model) -> float:
     """Return the moving mass or inertia; -1 where a force is the output."""
     if model.plant.motion_is_imposed():
@@ -85,6 +92,7 @@ def inertia(model: Model) -> float:
 
 __all__ = [
     "arriving_tape",
+    "bare",
     "by_effort",
     "depends_on_place",
     "inertia",

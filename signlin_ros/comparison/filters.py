@@ -68,10 +68,8 @@ def slope(values: Array, step: float) -> Array:
 
 
 def sensor_noise(values: Array) -> float:
-    """Return the standard deviation of white noise that leaves as much at low frequencies as a sensor's noise does.
-
-    Fourth differences of all samples, and of means of three, in which coloured noise shows too; at least that of the
-    steps in which the values come.
+    """Return the standard deviation of white noise that leaves as much at low frequencies as a sensor's noise: of
+    fourth differences, and those of means of three, in which coloured noise shows; at least that of a sensor's steps.
     """
     means = values[: values.size // THREE * THREE].reshape(-1, THREE).mean(axis=1)
     fine, coarse = _fourth(values), np.sqrt(THREE) * _fourth(means)

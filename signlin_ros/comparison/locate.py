@@ -39,11 +39,10 @@ BAND_ERROR, BAND_MOTION = 0.6, 0.1
 
 @dataclass(frozen=True)
 class Region:
-    """A situation, with its share of the error (of its square) and its share of the time, both in per cent.
+    """A situation with its shares of the squared error and of the time (of a band: of the acceleration), in per cent.
 
     ``mean`` of what is missing in it, with its standard error, in ``unit``; ``kind``: the family; ``period`` of the
-    position in which what is missing repeats, 0 for none. Of a frequency band the share of the time is that of the
-    acceleration's power.
+    position in which what is missing repeats, 0 for none.
     """
 
     name: str

@@ -11,16 +11,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.equations import mass
+from signlin_ros.checks.linear import linear_base
+from signlin_ros.comparison.equations import bare, mass
 from signlin_ros.engine.compiling import compiled
-from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import InputError
 from signlin_ros.follow.observer import TRUSTS, Design, Observer
-from signlin_ros.recording.trace import Trace
 
 Array = NDArray[np.float64]
 
@@ -103,12 +101,12 @@ def _beside_motion(observer: Observer, units: Mapping[str, str]) -> tuple[Missin
 
 def _equations(observer: Observer, force_unit: str) -> list[_Equation]:
     model, plant = observer.model, observer.model.plant
-    inputs, found = _slopes(model.trace, model.p), []
+    linear, found = linear_base(bare(model)), []
     for i in observer.disturbed:
         if model.states[i] == plant.velocity:
             found.append(_Equation("force" if force_unit == "N" else "torque", force_unit, i, 1.0 / mass(model)))
-        elif inputs[i] != 0:
-            found.append(_Equation(model.inputs[0], plant.input_unit, i, float(inputs[i])))
+        elif linear and (per_unit := float(linear.B[linear.states.index(model.states[i]), 0])):
+            found.append(_Equation(model.inputs[0], plant.input_unit, i, per_unit))
     return found
 
 
@@ -164,15 +162,6 @@ def _backwards(back, weigh, e, out):  # type: ignore[no-untyped-def]
                 total += weigh[i, c] * e[k, c]
             new[i] = total
         r[:] = new
-
-
-@symbolic
-def _slopes(t: Trace, p: Array) -> Array:
-    """Return dF (n,) per unit of the first input, at rest with every sign positive."""
-    slope = ca.densify(ca.jacobian(t.f, t.u[0]))
-    symbols = [t.x, t.u, t.p, *(s.symbol for s in t.surfaces)]
-    values = [np.zeros(t.x.numel()), np.zeros(t.u.numel()), p, *([1.0] * len(t.surfaces))]
-    return np.asarray(ca.Function("slope", symbols, [slope])(*values)).ravel()
 
 
 __all__ = ["Missing", "missing"]

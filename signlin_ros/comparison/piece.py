@@ -182,8 +182,7 @@ class _Raw:
 
     def motion(self, wide: float) -> tuple[Array, Array, float, float]:
         """Return position and velocity (T,) below ``wide`` Hz, the velocity's noise, and the seconds lost at the ends.
-
-        Of both, each serves where it is quieter: across a frequency where the noise of one is that of the other.
+        Of both, each serves where it is quieter: across the frequency where their noises are the same.
         """
         position, velocity = self.plant.position, self.plant.velocity
         sq, sv = (self.noise.get(n, np.inf) for n in (position, velocity))

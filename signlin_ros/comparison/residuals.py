@@ -29,11 +29,9 @@ TOLERATED, LIKELY, EXCESS = 0.05, 0.9999, 1.5
 SURER, SUREST = 4.0, 5.0
 """Standard errors beyond which a residual is not white; and two channels have a common cause."""
 ACROSS, SMALL, LEVEL = 20, 0.01, 0.01
-"""Lags at which a residual may follow an input; correlations (RMS over them) that are let pass; and the probability of
-saying that it does where they are just that."""
+"""Lags at which a residual may follow an input; correlations (RMS) that are let pass, and how rarely they are told."""
 ORDER, RIDGE = 10, 1e-3
-"""Order of the autoregression that whitens the input before; what is added to the variance of the whitened residual, as
-a part of it: two channels may be one."""
+"""Order of the autoregression that whitens the input; what is added to a variance: two channels may be one."""
 LONGEST, UNSURE, SURE = 0.9, 0.02, 3.0
 """Largest correlation from sample to sample of what counts as noise that has a white part; how well a share of the
 variance, or a correlation, is known at best; standard errors beyond which a residual is slow."""
@@ -72,9 +70,7 @@ def _centred(values: Array) -> Array:
 
 
 def _follows(e: Sequence[Array], u: Sequence[Array]) -> bool:
-    """Whether residuals follow an input, in means over as long as they remember themselves: both are filtered by what
-    whitens the input, so that the correlations at all lags have the covariance of the filtered residual over n.
-    """
+    """Whether residuals follow an input, in means over their memory: both are filtered by what whitens the input."""
     r = correlations(e, max(1, min(x.size for x in e) // 200))[0]
     every = 1 + int(np.argmax(np.append(r[:-1] <= 0.5, True)))
     e, u = ([x[: x.size // every * every].reshape(-1, every).mean(axis=1) for x in series] for series in (e, u))

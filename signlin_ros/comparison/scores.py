@@ -20,11 +20,9 @@ SURELY = 2.0
 
 @dataclass(frozen=True)
 class Score:
-    """Error of a prediction.
-
-    ``rmse`` in the unit of the channel; ``fit_percent`` = 100 (1 - |y - yhat| / |y - mean y|), None where the
-    measurement does not move; ``rmse_over_noise``, None where the noise is not known, and where it would be small
-    though the fit is so low (`FLOOR`) that what looks like noise may be all that the model misses.
+    """Error of a prediction: ``rmse`` in the unit of the channel; ``fit_percent`` = 100 (1 - |y - yhat| / |y - mean
+    y|), None where nothing moves; ``rmse_over_noise``, None where the noise is not known, or a small one is doubtful
+    since the fit is so low (`FLOOR`).
     """
 
     rmse: float

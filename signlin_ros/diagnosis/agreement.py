@@ -56,10 +56,9 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
 
 
 def _searched(w: Witnesses) -> list[str] | None:
-    """Return the effects among which the motion witness searches, None for all of them.
-
-    Where the force witness sees what is left: what it cannot see, waves, of which its band holds but the slower ones,
-    and the laws that take away a visible part; neither of both if it finds no law in as little as any machine lacks.
+    """Return the effects among which the motion witness searches, None for all of them. Where the force is seen: what
+    the force witness cannot see, waves, and the laws that take away a visible part; of little force without a law, the
+    first.
     """
     force, share = w.force, w.percent(w.left(w.base))
     if force is None or not w.sees(w.base):
@@ -141,9 +140,7 @@ def _beyond(w: Witnesses, now: Fitted, other: Fitted) -> bool:
 
 
 def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
-    """Return the model that the force witness proposes, fitted by simulation, or with the values of the force, where
-    it alone knows them and the motion is surely better for it; None where the motion refuses it.
-    """
+    """Return what the force witness proposes, with the values of the motion or the force; None where it is refused."""
     c, motion, choice = w.criteria, w.motion, Choice(w, force)
     found = choice.simulated(force.fit)
     if found is None:

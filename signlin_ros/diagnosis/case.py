@@ -53,9 +53,7 @@ class Case:
 
     @cached_property
     def _swings(self) -> list[Array]:
-        """Stroke and largest speed (n, 2) of every whole swing, from one turning point to the next, by record; nothing
-        where the motion is not imposed: what follows of it there depends on the force.
-        """
+        """Stroke and largest speed (n, 2) of every swing between turning points, by record, of an imposed motion."""
         plant, found = self.model.plant, list[Array]()
         for record in self.records if plant.motion_is_imposed() else ():
             v = record.u[:, self.model.inputs.index(plant.velocity)]

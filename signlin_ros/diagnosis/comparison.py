@@ -1,8 +1,7 @@
 """How good a model is on measurements: three scores kept apart, what is left in the residual, and where it fails.
 
-``free_run``   the exact simulation from an initial state that is estimated, held against all samples
-``windowed``   non-overlapping windows of the horizon, each from a state estimated from the samples before it
-``inverse``    the effort that the measured motion should have taken (`signlin_ros.comparison.inverse`)
+``free_run``: the exact simulation from an estimated start, ``windowed``: windows of the horizon, each from a state
+estimated before it, ``inverse``: the effort that the measured motion should have taken.
 """
 
 from __future__ import annotations
@@ -50,10 +49,8 @@ NOWHERE = "no situation that was looked at holds significantly more of the error
 
 @dataclass(frozen=True)
 class Channel:
-    """A measured channel: unit, noise, and what the model's predictions of it are worth (None: see the notes).
-
-    ``sigma``: standard deviation of its sensor's noise, by which errors are told in every verb. ``noise``: what what
-    the model leaves tells of it, colour included; observers are designed with that.
+    """A measured channel: unit, ``sigma`` of its sensor's noise, by which all verbs tell errors, ``noise`` with the
+    colour that what the model leaves tells of it, and what its predictions are worth (None: see the notes).
     """
 
     unit: str

@@ -137,9 +137,7 @@ class Judgement:
 
     @cached_property
     def no_better(self) -> bool:
-        """Whether unseen data do not surely show the proposal to be better than the model as given, in force or motion:
-        what is gained beside a base that was refitted, and does not carry over, is nothing gained.
-        """
+        """Whether unseen data do not surely show a gain beside the model as given: a refit may not carry over."""
         if self.beside_given.certainty > self.criteria.least:
             return False
         given, final = (self.witnesses.as_written(f) for f in (self.motion.given, self.final))

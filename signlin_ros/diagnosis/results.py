@@ -89,10 +89,8 @@ class Entry:
 
 @dataclass(frozen=True)
 class Rung:
-    """One step of the ladder from the base model to the proposal.
-
-    ``force``: what is left of it on unseen data, ``force_noise``: what the sensors' noise makes of one, both in per
-    cent of the effort (RMS); None where forces do not tell.
+    """One step of the ladder; ``force``: what is left of it on unseen data, ``force_noise``: what the sensors' noise
+    makes of one, both in per cent of the effort (RMS); None where forces do not tell.
     """
 
     effects: tuple[str, ...]

@@ -19,8 +19,7 @@ from signlin_ros.records import ModelData
 Array = NDArray[np.float64]
 
 REACH, OWN, ENOUGH = 8, 2, 10
-"""Differences of the position before and after a sample that its velocity may be a combination of; velocities before
-it that a recursive filter may use; and samples for each coefficient, at least."""
+"""Differences and past velocities that a velocity may be a combination of; samples for each coefficient."""
 FORETOLD = 0.1
 """Part of the velocity's noise, and of what its neighbours foretell, beneath which it is foretold by the position."""
 WIDE, MOST = 60, 20_000

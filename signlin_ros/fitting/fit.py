@@ -22,8 +22,7 @@ from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 ENOUGH, FAR = 0.02, 1e-3
-"""A fit ends where a step lowers -2 log likelihood by less than this, or by less than this share of its distance from
-that of pure noise: a wrong model need not be fitted to the end."""
+"""A fit ends where -2 log likelihood falls by less than this, or this share of its distance from pure noise's."""
 STUCK, ENDLESS = 1e9, 1e100
 """Damping from which on a step is none; curvature of a model that diverges: its sensitivities have run away."""
 

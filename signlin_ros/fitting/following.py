@@ -79,10 +79,8 @@ def _fill(E: Array, what: NDArray[np.bool_], noise: Array) -> None:
 
 
 def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, float]) -> Array:
-    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not.
-
-    What a sensor shows larger than it is (``shown``: its gain, by channel) moves less than it seems to: else a gain
-    would fit the filter, not the motion.
+    """Return what `follow` takes for an extended Kalman filter where motion is sensitive; (3, 0) where it is not. What
+    a sensor shows larger than it is (``shown``: its gain) moves less than it seems to: a gain must not fit the filter.
     """
     names, floating, scale = c.model.states, c.floating, problem.scale
     if not c.filtered:

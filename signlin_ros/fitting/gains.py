@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from signlin_ros.comparison.equations import bare
 from signlin_ros.follow.kalman import kalman_gains
 from signlin_ros.follow.segments import twin
 from signlin_ros.follow.tracking import Tracker
@@ -47,13 +48,6 @@ class Gains:
         return result
 
 
-def bare(model: Model) -> Model:
-    """Return the plant without any effect."""
-    for key in list(model.effects):
-        model = model.without_effect(key)
-    return model
-
-
 def linear_base(model: Model, channels: tuple[str, ...]) -> tuple[tuple[str, ...], Array, Array]:
     """Return (states, A, C) of the bare plant at rest: what the observer is designed for."""
     plain = bare(model)
@@ -81,9 +75,7 @@ def _process_noise(model: Model, states: tuple[str, ...], noise: Sizes, speed: f
 
 
 def design(model: Model, noise: Sizes, sizes: Sizes, dt: float, tau: float, known: Sizes) -> Gains:
-    """Return the gains of an observer with time constant tau (s): those of the Kalman filter of the base model, from
-    the first sample on. It starts uncertain of all states, of those ``known`` by no more than so much.
-    """
+    """Return the Kalman gains of the base model for a time constant tau (s); ``known``: how well states begin known."""
     states, A, C = linear_base(model, tuple(noise))
     added = _process_noise(model, states, noise, sizes.get(model.plant.velocity, 1.0), dt, tau)
     first = {s: SETTLED * noise[s] ** 2 if s in noise else sizes.get(s, 1.0) ** 2 for s in states}
@@ -95,13 +87,10 @@ def design(model: Model, noise: Sizes, sizes: Sizes, dt: float, tau: float, know
 
 
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:
-    """Return the observer's time constants from high to low gain in s; ``horizon``: over which the model is used.
-
-    The first is for searching only; models are compared at the others, which are not shorter than the horizon.
-    """
+    """Return the observer's time constants in s from high to low gain, the first for searching only."""
     high, low = 8 * dt, max(min(2.0, duration / 8), 16 * dt)
     middle = float(np.clip(max(np.sqrt(high * low), horizon), high, low))
     return (high, middle, float(np.sqrt(middle * low)), low)
 
 
-__all__ = ["Gains", "bare", "design", "linear_base", "time_constants"]
+__all__ = ["Gains", "design", "linear_base", "time_constants"]

@@ -32,11 +32,9 @@ from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
 FASTEST, LOST = 4.0, 3.0
-"""Largest N v dt of a wave, v being the RMS velocity: of faster ones hardly anything is left in a sample; standard
-deviations of the noise below which a velocity is not known."""
+"""Largest N v dt of a wave that samples show, v being the RMS velocity; noises below which a velocity is lost."""
 FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
-"""Starts are searched on half of the samples, but on no fewer and no more than that, in so many stretches; and how many
-samples before each tell what an effect remembers at its start."""
+"""Starts are searched on half of the samples within these, in so many stretches; samples that lead to each."""
 
 
 @dataclass(frozen=True)

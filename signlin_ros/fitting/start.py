@@ -23,8 +23,7 @@ RESTING, MEMORY, REMEMBERED = 0.02, 400, 3.0
 """A record is at rest below this share of the RMS velocity; else what is remembered is fitted to so many samples, all
 that is unknown together to so many time constants of the observer."""
 SECANTS, SWEEPS, SETTLED, NEARBY = 8, 4, 1e-3, 0.1
-"""Most secants of one unknown, and of all together; the share of the squared errors below which another one gains
-nothing; and the part of its reach by which slopes are found."""
+"""Most secants of one unknown, and of all; share of the squares that is no gain; part of the reach for slopes."""
 LOST = 1e100
 """Errors from which on a start leads nowhere: it is sought anew."""
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from signlin_ros.comparison.equations import bare
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.diagnosis.results import Diagnosis
-from signlin_ros.fitting.gains import bare
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
