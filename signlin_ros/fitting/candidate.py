@@ -62,7 +62,7 @@ class Coordinate:
 class Candidate:
     """A model to be fitted: its free parameters as coordinates, its values elsewhere. ``label``: what was added to it;
     ``alert``: whether an extended Kalman filter follows it where its motion is sensitive; ``starts``: where its records
-    were found to start, see `signlin_ros.fitting.start`.
+    were found to start, see `signlin_ros.fitting.following`.
     """
 
     model: Model
