@@ -77,18 +77,16 @@ def locate(observer: Observer, lacking: Sequence[Missing], units: Mapping[str, s
     kept: list[Split] = []
     error = scene.error
     for split in sorted(best, key=lambda s: -s.gain):
-        if _matters(split) and _significant(scene, split) and scene.excess(split.mask, error) > SHADOW:
+        if _significant(scene, split) and scene.excess(split.mask, error) > SHADOW:
             kept.append(split)
             error = _explained(scene.error, kept)
     return (*(_region(scene, s) for s in kept), *_band(scene))
 
 
-def _matters(split: Split) -> bool:
-    return split.gain >= max(MATTERS / 100, (LIFT - 1) * float(split.mask.mean()))
-
-
 def _significant(scene: Scene, split: Split) -> bool:
-    """Whether the excess stands out of its scatter; a large one also if it is lost when it is shifted in time."""
+    """Whether the excess matters and is beyond its scatter, or a large one is lost when it is shifted in time."""
+    if split.gain < max(MATTERS / 100, (LIFT - 1) * float(split.mask.mean())):
+        return False
     errors = scene.excess(split.mask, scene.error)
     by_place = split.gain > LARGE and errors > FEW and scene.as_large_elsewhere(split.mask) < RARE
     return errors > SIGNIFICANT or by_place

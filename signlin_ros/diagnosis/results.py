@@ -20,8 +20,15 @@ def listed(names: Iterable[str]) -> str:
     return joined([n.replace("_", " ") for n in names])
 
 
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
+def _json(value: Any) -> Any:
+    """Return a value as JSON holds it: results as they tell themselves, what is not finite as None."""
+    if hasattr(value, "to_json"):
+        return value.to_json()
+    if isinstance(value, Mapping):
+        return {name: _json(one) for name, one in value.items()}
+    if isinstance(value, tuple):
+        return [_json(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @dataclass(frozen=True)
@@ -35,7 +42,7 @@ class Estimate:
 
     def to_json(self) -> dict[str, Any]:
         """Return what the contract calls one of PARAMETERS."""
-        found: dict[str, Any] = {"value": self.value, "std": _finite(self.std), "unit": self.unit}
+        found: dict[str, Any] = {"value": self.value, "std": _json(self.std), "unit": self.unit}
         return {**found, "note": self.note} if self.note else found
 
     def __str__(self) -> str:
@@ -51,8 +58,7 @@ class Scores:
 
     def to_json(self) -> dict[str, Any]:
         """Return what the contract calls SCORES, with the key ``score``."""
-        channels = {name: {k: _finite(v) for k, v in s.to_json().items()} for name, s in self.channels.items()}
-        return {**channels, "score": "windowed"}
+        return {**{name: _json(s.to_json()) for name, s in self.channels.items()}, "score": "windowed"}
 
     @property
     def over_noise(self) -> float:
@@ -73,14 +79,7 @@ class Entry:
 
     def to_json(self) -> dict[str, Any]:
         """Return one entry of ``ranking``."""
-        return {
-            "effect": self.effect,
-            "status": self.status,
-            "parameters": {n: p.to_json() for n, p in self.parameters.items()},
-            "validation": self.validation.to_json() if self.validation else None,
-            "indistinguishable_from": list(self.indistinguishable_from),
-            "why": self.why,
-        }
+        return {name: _json(value) for name, value in vars(self).items()}
 
     def _repr_html_(self) -> str:
         values = ", ".join(f"{name} = {estimate}" for name, estimate in self.parameters.items())
@@ -108,7 +107,7 @@ class Rung:
         """Return one entry of ``ladder``."""
         both = {"validation": self.validation.to_json(), "estimation": self.estimation.to_json()}
         force = {"missing_force_percent": self.force, "missing_force_over_noise": self.force_over_noise}
-        return {"effects": list(self.effects), **both, **{name: _finite(x) for name, x in force.items()}}
+        return {"effects": list(self.effects), **both, **_json(force)}
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ class FirstRows:
 
     def to_json(self) -> dict[str, Any]:
         """Return what `signlin compare --json` prints of them."""
-        return {"given": self.given.to_json(), "refitted": self.refitted.to_json(), "horizon": self.horizon}
+        return {name: _json(value) for name, value in vars(self).items()}
 
 
 @dataclass(frozen=True)
@@ -158,22 +157,9 @@ class Diagnosis:
 
     def to_json(self) -> dict[str, Any]:
         """Return the object of ``signlin diagnose --json``."""
-        base = {n: p.to_json() for n, p in self.base.items()}
-        return {
-            "verdict": self.verdict,
-            "sentence": self.sentence,
-            "given": self.given.to_json() if self.given else None,
-            "base": {"parameters": base, "validation": self.ladder[0].validation.to_json()},
-            "ranking": [e.to_json() for e in self.ranking],
-            "ladder": [r.to_json() for r in self.ladder],
-            "parameters": {n: p.to_json() for n, p in self.parameters.items()},
-            "model": self.yaml,
-            "range": {n: list(v) for n, v in self.range.items()},
-            "noise": dict(self.noise),
-            "experiments": list(self.experiments),
-            "notes": list(self.notes),
-            "horizon": self.horizon,
-        }
+        told = {name: _json(value) for name, value in vars(self).items() if name not in ("model", "yaml", "findings")}
+        base = {"parameters": told["base"], "validation": self.ladder[0].validation.to_json()}
+        return {**told, "base": base, "model": self.yaml}
 
     def _repr_html_(self) -> str:
         from signlin_ros.console import ERRORS, ladder_rows
