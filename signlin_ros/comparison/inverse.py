@@ -23,10 +23,8 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Inverse:
-    """How far the computed effort is off, behind the low-pass.
-
-    ``name`` and ``unit`` of the effort; ``rmse`` in that unit; ``relative_error_percent``: 100 |tau - tauhat| / |tau|,
-    None where there was no effort; ``cutoff_hz``; ``decimation``: every so many samples are compared.
+    """How far the computed effort is off, behind the low-pass: ``name`` and ``unit`` of the effort, ``rmse`` in that
+    unit, 100 |tau - tauhat| / |tau| (None without effort), ``cutoff_hz``; every ``decimation``-th sample is compared.
     """
 
     name: str

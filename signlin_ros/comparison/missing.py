@@ -1,8 +1,7 @@
 """What the equations lack: the force, or the voltage, that would make the model follow the measurements.
 
 The innovations of an observer, smoothed backwards, give the disturbance at each time [Koopman, Biometrika 80 (1993)
-117]: no derivative of a measurement is taken, and no measured channel is needed but what makes the states observable.
-How far the model is trusted decides how much of it is noise: here as little as a third.
+117]: no derivative of a measurement is taken, and any channels will do that make the states observable.
 """
 
 from __future__ import annotations
@@ -123,11 +122,9 @@ def _missing(observer: Observer, equation: _Equation, design: Design) -> Missing
 
 
 def _response(observer: Observer, equation: _Equation, d: Design) -> tuple[float, float, float]:
-    """Return the standard deviation that the measurement noise gives to what is missing, the share of a constant
-    that is seen, and the resolution in s.
-
-    All from frequency responses: e = [I - C (zI - A (I - K C))^-1 A K] noise + C (zI - A (I - K C))^-1 disturbance,
-    missing = spread (I/z - back)^-1 weigh e.
+    """Return the standard deviation that the measurement noise gives to what is missing, the share of a constant that
+    is seen, and the resolution in s, from frequency responses: e = [I - C (zI - A (I - K C))^-1 A K] noise + C (zI - A
+    (I - K C))^-1 disturbance, missing = spread (I/z - back)^-1 weigh e.
     """
     omega = np.pi * (np.arange(FREQUENCIES) + 0.5) / FREQUENCIES
     z = np.exp(1j * omega)[:, None, None]

@@ -42,10 +42,8 @@ beside no more than a share of that; and the record must be so many times as lon
 
 @dataclass(frozen=True)
 class ResidualTest:
-    """What is left in the residual of a channel.
-
-    ``lag1``: correlation of neighbouring samples, after the noise's own colour is taken out; ``white``: portmanteau
-    test passed; ``input_correlated``: the residual follows an input.
+    """What is left in the residual of a channel: ``lag1``, correlation of neighbouring samples without the noise's own
+    colour; ``white``: portmanteau test passed; ``input_correlated``: it follows an input.
     """
 
     lag1: float

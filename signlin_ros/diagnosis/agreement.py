@@ -126,9 +126,7 @@ def _both(w: Witnesses, force: Testimony, second: Fitted) -> str:
 
 
 def _beyond(w: Witnesses, now: Fitted, other: Fitted) -> bool:
-    """Tell whether another model is to be stood for instead: no channel and no force is worse for it, and it leaves
-    noise where this one does not, or surely less of the motion; what the force witness can see, it must see.
-    """
+    """Tell whether another model is to be stood for: nothing is worse for it, and it leaves noise, or surely less."""
     c, g = w.criteria, w.motion.gain(now, other)
     if g.worsens(c.worse, c.alike) or w.rising(now, other) or w.raises(now, other):
         return False

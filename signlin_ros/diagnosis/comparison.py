@@ -92,11 +92,9 @@ class Traces:
 class Comparison:
     """A model held against measurements; ``to_json`` is what `signlin compare --json` prints.
 
-    ``channels`` by name; ``inverse`` by the name of the effort, at most one; ``where``: regions in which the error is
-    concentrated, the worst first; ``residual_tests`` by channel; ``horizon`` s; ``directions``: means of what is
-    missing by name and by direction of motion; ``units`` of the record by name. The arrays behind it: ``traces`` for
-    each stretch of the records without a gap, ``missing``: what the equations lack, over the same stretches.
-    ``refit`` finds the first rows.
+    By name: ``channels``, ``inverse`` (at most one), ``residual_tests``, ``directions`` (means of what is missing by
+    direction of motion), ``units``. ``where``: regions in which the error is concentrated, the worst first; ``horizon``
+    s; ``traces`` and ``missing`` (what the equations lack) of each stretch without a gap. ``refit`` finds first rows.
     """
 
     model: Model
@@ -171,14 +169,13 @@ def compare(
     progress: Callable[[str], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> Comparison:
-    """Hold a model against one record or several.
+    """Hold a model against one record or several, ``data``.
 
-    The first rows are those of `diagnose` with the same ``data`` and ``validation`` (without it the last third of every
-    record is held out); they are found when they are asked for, which takes seconds: ``progress`` is told of it,
-    ``cancelled`` asked whether to stop. All else is told of ``data``.
-    ``horizon`` of the windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse
-    model's low-pass in Hz, by default that of `diagnose`. Raises `RecordError` where nothing that
-    the model predicts is measured, `InputError` for a horizon or a cut-off that the sampling cannot serve.
+    The first rows are those of `diagnose` with the same ``data`` and ``validation``; they are found when they are asked
+    for, which takes seconds: ``progress`` is told of it, ``cancelled`` asked whether to stop. ``horizon`` of the
+    windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse in Hz, by default that of
+    `diagnose`. Raises `RecordError` where nothing that the model predicts is measured, `InputError` for a horizon or a
+    cut-off that the sampling cannot serve.
     """
     records = as_list(data)
     observer, notes = _observed(model, records)

@@ -18,8 +18,7 @@ class Criteria:
     """Least part of the squared force left without it that a law takes away for each of its parameters, and of all that
     is missing where a simpler law of its family stands in its place."""
     small: float = 0.002
-    """Least part of the missing squared force that a law takes away where what is left is not told from noise;
-    elsewhere it is `each`: beside a remainder a smaller part has no name."""
+    """Least part of the missing squared force that a law takes away where only noise is left; elsewhere `each`."""
     coefficient: float = 4.0
     """Standard errors by which an added level differs from nothing; it may belong to a richer law."""
     known: float = 0.5

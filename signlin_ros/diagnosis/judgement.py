@@ -205,9 +205,7 @@ class Judgement:
 
     @property
     def within_noise(self) -> bool:
-        """Whether no effect is named, and force and motion, as shown, are within the sensors' noise: the one of them,
-        and the other about so. Half of a sensor's own step is its noise, and no white one.
-        """
+        """Whether no effect is named, and force and motion are within about the noise, or half a sensor's step."""
         if self.names or self.percent is None:
             return False
         w = self.witnesses

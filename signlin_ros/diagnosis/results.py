@@ -127,11 +127,10 @@ class FirstRows:
 class Diagnosis:
     """What a model lacks.
 
-    ``verdict``: adequate, missing or unexplained; ``sentence`` says it in words. ``base``, ``parameters``: estimates
-    of the base model alone and of the proposal. ``model``: the proposal. ``range``: what the records visited.
-    ``noise``: standard deviation by channel. ``experiments``: what would decide what this record cannot.
-    ``given``: the model as given, before anything was fitted; ``horizon`` in s over which motion is predicted.
-    ``findings``: the judgement behind it, for pictures.
+    ``verdict``: adequate, missing or unexplained, in words the ``sentence``. ``base``, ``parameters``: estimates of the
+    base model alone and of the proposal, ``model``. ``range``: what the records visited. ``noise``: standard deviation
+    by channel. ``experiments``: what would decide. ``given``: the model before anything was fitted; ``horizon`` in s
+    over which motion is predicted. ``findings``: the judgement behind it, for pictures.
     """
 
     verdict: str

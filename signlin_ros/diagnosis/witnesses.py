@@ -92,10 +92,9 @@ class Witnesses:
         return frozenset(n for n in f.effects if not (current and only_input(find_effect(n, "effects"))))
 
     def comparable(self, f: Fitted) -> bool:
-        """Tell whether the force that a model leaves can be compared with the base model's.
-
-        Not where the effort itself or what is measured was changed, a load floats, or a position matters that was not
-        measured; nor waves that the band does not hold, nor where what no force shows leaves but noise of the motion.
+        """Tell whether the force that a model leaves can be compared with the base model's: not where the effort or a
+        sensor was changed, a load floats, an unmeasured position matters, waves are beyond the band, nor where what no
+        force shows leaves but noise of the motion.
         """
         if self.force is None:
             return False
@@ -181,9 +180,8 @@ class Witnesses:
         return float(np.mean(b)) > max(alike, self.noise) and mean_certainty(a, b) < -self.criteria.tie
 
     def valued(self, f: Fitted) -> Fitted:
-        """Return the best model with some effects, with the values of the motion or those of the force.
-
-        The latter where they leave less force beyond doubt, and less of both; near the noise the motion's are right.
+        """Return the best model with some effects, with the motion's values, right near the noise, or those of the
+        force, where these leave less force beyond doubt, and less of both.
         """
         motion, force, best = self.motion, self.force, self.motion.best(f)
         if force is None or self.near_noise(best) or not (f.effects and self.comparable(f)):

@@ -32,8 +32,7 @@ APART, WANDER = 0.3, 0.05
 TURN, FASTER = 0.8, 1.5
 """Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
 RESTING, MEMORY, REMEMBERED = 0.02, 400, 3.0
-"""A record is at rest below this share of the RMS velocity; else what is remembered is fitted to so many samples, all
-that is unknown together to so many time constants of the observer."""
+"""Share of the RMS velocity of a record at rest; samples, and time constants, to which what is unknown is fitted."""
 SECANTS, SWEEPS, SETTLED, NEARBY = 8, 4, 1e-3, 0.1
 """Most secants of one unknown, and of all; share of the squares that is no gain; part of the reach for slopes."""
 LOST = 1e100
@@ -45,10 +44,8 @@ def follow_records(
     problem: Problem, c: Candidate, theta: Array, gains: Gains, with_s: bool, segments: Sequence[Segment] | None = None
 ) -> Followed | None:
     """Return innovations (T, ny), their derivatives to the free parameters (T, ny, np and more columns of 0) and states
-    (T, n) for every record; None if it diverges.
-
-    While a delayed input is still that from before the record, which nobody knows, the observer stays wide awake, and
-    what it leaves counts as much as the rest, of which a fit gains nothing.
+    (T, n) for every record; None if it diverges. While a delayed input is still that from before the record, the
+    observer stays wide awake, and what it leaves counts as much as the rest: a fit gains nothing of it.
     """
     p, eq, states, plant, imposed = c.p(theta), c.equations, c.model.states, c.model.plant, problem.scale.imposed
     ny, flags = eq.sizes[2], eq.flags(with_s, _turns(problem, c, p))
@@ -138,9 +135,7 @@ def _seen_late(problem: Problem, c: Candidate, p: Array) -> Array:
 
 @dataclass(frozen=True)
 class Start:
-    """Where a ``record`` was found to start: the state x (n,), the steps ``near`` (k, n) by which slopes were
-    found, and by what these changed the errors: ``changes`` (k, size), None where not kept.
-    """
+    """Where a ``record`` starts: x (n,), steps ``near`` (k, n) for slopes, ``changes`` (k, size) of the errors."""
 
     x: Array
     near: Array
@@ -158,10 +153,10 @@ def _turns(problem: Problem, c: Candidate, p: Array) -> int:
 def _record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[Any, ...]) -> Array:
     """Return the state (n,) that a record starts from.
 
-    Where it starts in motion, what an effect remembers (a bristle's bend, by how much a load lags) is fitted to the
-    first samples by secants: it is no parameter, since its derivative vanishes where it is best. Where nobody saw the
-    position, all that is unknown is then fitted together, to as many samples as an observer of time constant ``tau`` in
-    s remembers it; a wrong model would bend a seen one. The next time it is sought from where it was found.
+    Where it starts in motion, what an effect remembers is fitted to the first samples by secants: its derivative
+    vanishes where it is best. Where nobody saw the position, all that is unknown is then fitted together, to as many
+    samples as an observer of time constant ``tau`` in s remembers it. The next time it is sought from where it was
+    found.
     """
     twins = [n if n in s.start else twin(n, tuple(s.start)) for n in c.model.states]
     x0, (rows, *others) = np.array([s.start.get(n, 0.0) for n in twins]), rest
@@ -200,10 +195,8 @@ def _record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: 
 
 
 def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int, float]]:
-    """Return the states whose start is fitted: (what each moves with or -1, by how much it may be off).
-
-    0: as far as it ever gets from what it moves with. A velocity is among them where it was not measured, but other
-    channels than the position tell of it, and what bends with it.
+    """Return the states whose start is fitted: what each moves with or -1, by how much it may be off (0: as far as it
+    gets from what it moves with). A velocity only where other channels than the position tell of it.
     """
     names, plant = c.model.states, problem.base.plant
     unknown: dict[int, tuple[int, float]] = {}

@@ -26,10 +26,9 @@ MOST = 20_000
 
 @dataclass(frozen=True)
 class Gains:
-    """Kalman gains (G, n, ny) for the states ``names``; ``tau`` is the observer's time constant in s.
-
-    ``weights`` (G, ny): what the first innovations count, made uncertain as they are by the unknown initial state.
-    ``spread`` (2, n): variances that a step adds to the states, and those that they start with.
+    """Kalman gains (G, n, ny) for the states ``names`` and a time constant ``tau`` in s; ``weights`` (G, ny) of the
+    first innovations, uncertain by the initial state; ``spread`` (2, n): variances that a step adds, and those at the
+    start.
     """
 
     tau: float
@@ -57,10 +56,8 @@ def linear_base(model: Model, channels: tuple[str, ...]) -> tuple[tuple[str, ...
 
 
 def _process_noise(model: Model, states: tuple[str, ...], noise: Sizes, speed: float, dt: float, tau: float) -> Array:
-    """Return the variances (n,) that a step adds to the states, for an observer with time constant tau.
-
-    A measured state wanders by its noise in tau; a velocity whose position is measured by noise / tau in tau; one of
-    which nothing is measured by a share of its size, ``speed``.
+    """Return the variances (n,) that a step adds to the states for a time constant tau: a measured state wanders by its
+    noise in tau, a velocity by its position's noise / tau, or else by a share of its size, ``speed``.
     """
     velocity, position = model.plant.velocity, model.plant.position
     wander = np.zeros(len(states))

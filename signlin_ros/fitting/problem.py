@@ -41,10 +41,10 @@ FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 class Problem:
     """Everything that is the same for every candidate.
 
-    ``base``: the model as given (a motor whose position is measured has it as a state). ``noise`` (ny): standard
-    deviation of white noise on each channel, from fourth differences. ``levels``: gains from high to low.
-    ``x_scale``: size of every state by name. ``units``: of what is measured, as the records have them. ``quanta``
-    (ny): the steps in which it is shown, 0 for none. ``parts``: the records without gaps, as they are given.
+    ``base``: the model as given, with a measured position as a state. ``noise`` (ny): standard deviation of white
+    noise. ``levels``: gains from high to low. ``x_scale``: size of every state. ``units`` as the records have them.
+    ``quanta`` (ny): steps in which a channel is shown, 0 for none. ``parts``: the records without gaps, as they are
+    given.
     """
 
     base: Model

@@ -55,8 +55,8 @@ class Subsets:
         self._free = np.array([r.laws[name].free(shape) for name, shape in self.members], dtype=float)
 
     def left(self, sets: Sets, size: float) -> Array:
-        """Return the squared error (S,) that sets (S, k) of members leave, about, inf where a coefficient has a sign
-        that it cannot have; ``size``: mean square of what is left, by which tolerances weigh.
+        """Return about the squared error (S,) that sets (S, k) leave, inf beside a wrong sign; ``size``: mean square
+        left.
         """
         base, r = np.arange(self.r.b), self.r
         known = precision(r.spread, self._scale[: r.b], np.sqrt(size), self._size)
