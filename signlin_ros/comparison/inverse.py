@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.piece import Piece, best_cutoff, missing_force, piece, recorded, tells_force
+from signlin_ros.comparison.piece import Piece, best_cutoff, missing_force, piece, recorded, stamped, tells_force
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -72,7 +72,8 @@ class Efforts:
         if name == "current":
             name, unit = "torque", model.plant.force_unit
         first, size = self.pieces[0], float(np.sqrt(np.mean(self.measured**2)))
-        rmse = float(np.sqrt(np.mean(self.missing(model) ** 2)))
+        left = stamped(self.missing(model), self._seen(lambda p: p.late))
+        rmse = float(np.sqrt(np.mean(left**2)))
         every = round(first.step * float(np.diff(first.kept).min()) / self.step)
         return Inverse(name, unit, rmse, 100.0 * rmse / size if size > 0 else None, first.cutoff, every)
 

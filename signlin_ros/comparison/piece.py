@@ -56,6 +56,8 @@ BLOCK, FEWEST_BLOCKS, BLOCKS = 0.3, 10, 60
 """Length in s of a block for standard errors, and how many a record has, if each holds two periods."""
 AT_ONCE, FEWEST = 2_000_000, 20
 """Most values that pass the low-pass at once; samples that a channel must have."""
+APART = 0.5
+"""Most samples by which effort and motion may be stamped apart: more is a delay, and has a name."""
 LEAST_PART = 0.01
 """Part of the effort that drives at least: a drive that holds itself has none."""
 
@@ -104,6 +106,11 @@ class Piece:
     def effort_nearby(self) -> Array:
         """The effort (T,) through a low-pass as wide as that of the motion: less noise than its samples have."""
         return low_pass(self.effort, min(WIDER * self.cutoff, HIGHEST / self.step), self.step)
+
+    @property
+    def late(self) -> Array:
+        """What the effort (T,) changes by if it is stamped a sample late."""
+        return slope(self.effort_nearby, self.step) * self.step
 
     def once(self, key: object, make: Callable[[], Array]) -> Array:
         """Return what ``make`` says of the piece, made when a key is first asked for."""
@@ -325,12 +332,19 @@ def asked_effort(model: Model, piece: Piece) -> Array:
     return left / np.maximum(piece.seen(slopes * mass(model) / effort_unit(model)), LEAST_PART)
 
 
+def stamped(left: Array, late: Array) -> Array:
+    """Return the force (K,) that is left where effort and motion are stamped as fits best; ``late`` (K,): `Piece`."""
+    apart = np.clip(float(late @ left) / max(float(late @ late), 1e-300), -APART, APART)
+    return np.asarray(left - late * apart)
+
+
 def effort_unit(model: Model) -> float:
     """Return the force for a unit of what `by_effort` takes as the effort."""
     return effort_gain(model, (model.plant.effort or "current") in model.states)
 
 
 __all__ = [
+    "APART",
     "LEAST_PART",
     "Piece",
     "asked_effort",
@@ -340,5 +354,6 @@ __all__ = [
     "missing_force",
     "piece",
     "recorded",
+    "stamped",
     "tells_force",
 ]

@@ -61,8 +61,9 @@ class Choice:
                 rest = tuple(n if n != name else other for n in found.effects)
                 one = self._fitted(rest, partial(self._started, found, name, other), least)
                 options += [one] if one else []
-            better = self.of_one_force(found, options) if self.imposed else self._asked_for(found, options)
-            found = better[0] if better else found
+            better = self.of_one_force(found, options) if self.imposed else w.motion.alike(found, options)
+            shown = [one for one in better if self.imposed or not w.sees(found) or self._shows(found, one)]
+            found = shown[0] if shown else found
         return found
 
     def worth_it(self, found: Fitted, name: str, richer: Sequence[str]) -> list[str]:
@@ -76,10 +77,6 @@ class Choice:
         most = models[names].error - self._shown
         best = min(errors, key=lambda n: errors[n])
         return [n for n in richer if n == best or errors.get(n, 0.0) < most]
-
-    def _asked_for(self, found: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        better = self.witnesses.motion.alike(found, options)
-        return [one for one in better if self._shows(found, one)] if self.witnesses.sees(found) else better
 
     def _shows(self, before: Fitted, after: Fitted) -> bool:
         """Tell whether a richer law surely takes away force, and a visible part of all that is missing."""

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
-from signlin_ros.comparison.filters import slope
-from signlin_ros.comparison.piece import LEAST_PART, Piece, asked_effort, missing_force
+from signlin_ros.comparison.piece import APART, LEAST_PART, Piece, asked_effort, missing_force
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.laws import Law, Shape
 from signlin_ros.model import Model
@@ -28,8 +27,6 @@ KNOWN_EFFECT = 0.2
 """Relative tolerance of the parameters of effects that the model has already."""
 STEP = 1e-4
 """Relative step of the derivative with respect to a parameter."""
-APART = 0.5
-"""Most samples by which effort and motion may be stamped apart: more is a delay, and has a name."""
 SWEEPS = 9
 """Most rounds in which coefficients beyond their bounds are held there."""
 TINY = 1e-300
@@ -117,8 +114,7 @@ def _rows(model: Model, piece: Piece, moved: Iterable[str]) -> tuple[Array, Arra
     y = missing_force(model, piece)
     others = [model.with_parameters({name: model.value(name) * (1 + STEP)}) for name in moved]
     columns = [(y - missing_force(other, piece)) / STEP for other in others]
-    late = slope(piece.effort_nearby, piece.step) * piece.step
-    seen = piece.seen(np.column_stack([y, *columns, late, piece.effort]))
+    seen = piece.seen(np.column_stack([y, *columns, piece.late, piece.effort]))
     return seen[:, 0], seen[:, 1:-1], seen[:, -1]
 
 
@@ -299,4 +295,4 @@ def _covariance(side: Side, X: Array, spread: Array, held: NDArray[np.bool_], si
     return every
 
 
-__all__ = ["APART", "TINY", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "precision", "scaling"]
+__all__ = ["TINY", "Fit", "Member", "Regression", "Side", "base_of", "mean_certainty", "precision", "scaling"]

@@ -9,11 +9,11 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.comparison.piece import Piece, best_cutoff, effort_gain, piece
+from signlin_ros.comparison.piece import Piece, best_cutoff, effort_gain, piece, stamped
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, structured
 from signlin_ros.diagnosis.force.laws import grid, laws
-from signlin_ros.diagnosis.force.regression import APART, TINY, Fit, Regression, Side, base_of
+from signlin_ros.diagnosis.force.regression import TINY, Fit, Regression, Side, base_of
 from signlin_ros.diagnosis.force.search import Search
 from signlin_ros.diagnosis.motion.trials import free_key
 from signlin_ros.fitting.problem import Problem
@@ -57,9 +57,7 @@ class Testimony:
         """
         r = self.search.r
         left = r.unseen.missing(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
-        late = r.unseen.X[:, -1]
-        left = left - late * np.clip(float(late @ left) / max(float(late @ late), TINY), -APART, APART)
-        return r.unseen.by_block(left)
+        return r.unseen.by_block(stamped(left, r.unseen.X[:, -1]))
 
     def values(self, fit: Fit, name: str) -> dict[str, float]:
         """Return the parameters of a law as a fit has them."""
