@@ -50,9 +50,8 @@ class Efforts:
     @classmethod
     def of(cls, model: Model, parts: Sequence[ModelData], share: float, cutoff: float | None = None) -> Efforts | None:
         """Return the efforts of records without gaps; None where motion or effort is not known, or nothing moves.
-
-        ``cutoff`` in Hz; by default the widest at which noise is less than a ``share`` of the effort. Raises
-        `InputError` if it is not below half the sampling rate.
+        ``cutoff`` in Hz, below half the sampling rate (`InputError`); by default noise is a ``share`` of the effort
+        below it.
         """
         name, known = model.plant.effort or "current", recorded(model, parts)
         if name not in known or not tells_force(model, known):

@@ -1,8 +1,7 @@
 """Where a model fails: situations that hold more of its error than of the time.
 
-The error is what the equations lack, squared: a fault is found where it acts, not where its consequences drift to. Each
-family of situations is split where that divides the error best; what is kept must stand out of the error's correlated
-scatter, must matter, and must not be the shadow of a situation that explains more.
+The error is what the equations lack, squared: a fault is found where it acts. Each family of situations is split where
+that divides the error best; what is kept stands out of its scatter, matters, and is no shadow of a better one.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ FREQUENCIES = 512
 class Missing:
     """What one equation lacks: ``values`` (T,) for each stretch in ``unit``, positive where the state should speed up.
 
-    ``name``: force, torque or an input; ``noise``: its standard deviation where the model is right; ``resolution`` in
-    s: what is closer together is blurred. ``typical``: RMS of what the equation holds.
+    ``name``: force, torque or an input; ``noise``: standard deviation where the model is right; ``resolution`` in s,
+    within which it is blurred; ``typical``: RMS of what the equation holds.
     """
 
     name: str
@@ -112,13 +112,10 @@ def _equations(observer: Observer, force_unit: str) -> list[_Equation]:
 def _missing(observer: Observer, equation: _Equation, design: Design) -> Missing:
     row = design.spread[equation.state] / equation.per_unit
     noise, gain, resolution = _response(observer, equation, design)
-    values = []
-    for run in observer.runs(design):
-        r = np.zeros_like(run.state)
-        _backwards(design.back, design.weigh, np.nan_to_num(run.innovation), r)
-        values.append(r @ row / gain)
+    left = (np.nan_to_num(run.innovation) for run in observer.runs(design))
+    values = tuple(_backwards(design.back, design.weigh, e) @ row / gain for e in left)
     typical = float(observer.typical[equation.state] / abs(equation.per_unit))
-    return Missing(equation.name, equation.unit, tuple(values), noise / gain, resolution, typical)
+    return Missing(equation.name, equation.unit, values, noise / gain, resolution, typical)
 
 
 def _response(observer: Observer, equation: _Equation, d: Design) -> tuple[float, float, float]:
@@ -145,10 +142,10 @@ def _response(observer: Observer, equation: _Equation, d: Design) -> tuple[float
 
 
 @compiled
-def _backwards(back, weigh, e, out):  # type: ignore[no-untyped-def]
-    """Fill out (T, n) with r_k, from the last sample on: r_(k-1) = weigh e_k + back r_k."""
+def _backwards(back, weigh, e):  # type: ignore[no-untyped-def]
+    """Return r_k (T, n), from the last sample on: r_(k-1) = weigh e_k + back r_k."""
     n, ny = weigh.shape
-    r, new = np.zeros(n), np.zeros(n)
+    out, r, new = np.zeros((e.shape[0], n)), np.zeros(n), np.zeros(n)
     for k in range(e.shape[0] - 1, -1, -1):
         out[k] = r
         for i in range(n):
@@ -159,6 +156,7 @@ def _backwards(back, weigh, e, out):  # type: ignore[no-untyped-def]
                 total += weigh[i, c] * e[k, c]
             new[i] = total
         r[:] = new
+    return out
 
 
 __all__ = ["Missing", "missing"]

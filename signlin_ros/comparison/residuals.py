@@ -126,9 +126,8 @@ def _product(x: Array, y: Array, k: int) -> float:
 
 @dataclass(frozen=True)
 class Colour:
-    """Shares of a residual's ``variance``: ``slow``, ``coloured`` (of correlation ``rho``), the rest white. ``alone``:
-    first correlation of the coloured part if nothing is slow; ``pure``: it is noise of one pole. ``together``: how many
-    samples go together, 1 + 2 sum of correlations.
+    """Shares of a residual's ``variance``: ``slow``, ``coloured`` (of correlation ``rho``, ``pure``: of one pole), the
+    rest white. ``alone``: first correlation of the coloured part if nothing is slow; so many samples go ``together``.
     """
 
     variance: float

@@ -1,7 +1,6 @@
 """Two witnesses, one rule of agreement: which effects both of them can stand for.
 
-The force witness goes first where forces are seen; the motion witness confirms by simulation, tells richer laws of a
-family from simpler ones, and adds what no force shows.
+The force witness goes first; the motion witness confirms by simulation, and adds what no force shows.
 """
 
 from __future__ import annotations

@@ -61,21 +61,15 @@ class Channel:
 
     def to_json(self) -> dict[str, Any]:
         """Return the channel as the contract writes it, with the noise's colour and step."""
+        noise = {"noise": self.sigma, "noise_correlation": self.noise.rho, "quantum": self.noise.quantum}
         scores = {"free_run": self.free_run, "windowed": self.windowed}
-        return {
-            "unit": self.unit,
-            "noise": self.sigma,
-            "noise_correlation": self.noise.rho,
-            "quantum": self.noise.quantum,
-            **{name: s.to_json() if s else None for name, s in scores.items()},
-        }
+        return {"unit": self.unit, **noise, **{name: s.to_json() if s else None for name, s in scores.items()}}
 
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """A stretch as measured and as predicted, (T, channels) each, NaN where there is nothing; and how it moved.
-
-    ``states`` (T, n): causal estimates of an observer; ``residual``: innovations of one that trusts the model.
+    """A stretch as measured and as predicted, (T, channels) each, NaN where there is nothing; ``states`` (T, n): causal
+    estimates of an observer; ``residual``: innovations of one that trusts the model.
     """
 
     source: str

@@ -35,8 +35,8 @@ UNTOLD = {
 class Judgement:
     """What follows from what both witnesses stand for: the `verdict`, and every number that it rests on.
 
-    ``final``: that model; ``conflict``: why they differ, empty where they agree; ``asked``: what `add` was asked for;
-    ``untold``: why unseen data do not tell of what they proposed, where the model without it is stood for.
+    ``final``: that model; ``conflict``: why they differ; ``asked``: what `add` was asked for; ``untold``: why unseen
+    data do not tell of what they proposed, where the model without it is stood for.
     """
 
     witnesses: Witnesses

@@ -43,9 +43,7 @@ def yaml_of(model: Model, judgement: Judgement) -> str:
 
 
 def printed(result: Diagnosis, original: Model, output: str | None, records: Sequence[ModelData]) -> Diagnosis:
-    """Return a diagnosis with its model as a file of its own, and what the reader did to the records before its notes.
-    It names the position only if the model as given did or an effect needs it: `load_records` adds it.
-    """
+    """Return a diagnosis with its model as a file, the position only where needed; the reader's notes first."""
     model = result.model
     if model.with_position and not original.with_position:
         model = model.with_options(with_position=False)

@@ -77,10 +77,7 @@ def add(
     seen: Seen | None = None,
     criteria: Criteria = DEFAULT,
 ) -> Diagnosis:
-    """Add an effect and fit it, whatever it is worth: the ranking has it, the ladder before and after.
-
-    Arguments as in `diagnose`. Raises `ModelError` for an unknown effect, `InputError` where it cannot be added.
-    """
+    """Add an effect and fit it, whatever it is worth; as `diagnose`. Raises `InputError` where it cannot be added."""
     prepared, tell = case(model, data, validation), _stages(progress)
     trials(prepared.problem, [effect])  # raises what is told above, before anything is fitted
     motion = Motion(prepared.problem, prepared.unseen, criteria, jobs, tell, cancelled, seen)

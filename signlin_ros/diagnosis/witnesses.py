@@ -238,8 +238,8 @@ class Witnesses:
         return bool(np.all(f.errors < self.criteria.near * f.noise))
 
     def near_any_noise(self, f: Fitted) -> bool:
-        """Tell whether a model is near the sensors' noise, or leaves noise, coloured maybe, and over the horizon errs
-        by about as much, of known and of unseen data: what is missing gathers over the horizon, noise does not.
+        """Tell whether a model is near the sensors' noise, or leaves noise and errs by about as much over the horizon,
+        of known and of unseen data: what is missing gathers, noise does not.
         """
         if self.near_noise(f):
             return True

@@ -1,8 +1,6 @@
-"""Output error fit, corrected by an observer: base parameters with priors, effects from their starts.
-
--2 log likelihood of the innovations with an unknown variance for each channel, sum_c n_c ln(RSS_c / n_c), and the
-priors; Levenberg and Marquardt's method with analytic sensitivities [Ljung, System Identification, 1999, ch. 7 and 10;
-Nocedal and Wright, Numerical Optimization, 2006, ch. 10].
+"""Output error fit, corrected by an observer: -2 log likelihood of the innovations with an unknown variance for each
+channel, sum_c n_c ln(RSS_c / n_c), and priors; by Levenberg and Marquardt's method with analytic sensitivities [Ljung,
+System Identification, 1999, ch. 7 and 10; Nocedal and Wright, Numerical Optimization, 2006, ch. 10].
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Records followed by a candidate that an observer corrects: innovations, their derivatives, states.
-
-What nobody measured of the first state of a record is fitted to its first samples.
-"""
+"""Records followed by a candidate that an observer corrects, from a start that is fitted where nobody saw it."""
 
 from __future__ import annotations
 
@@ -79,16 +76,11 @@ def follow_records(
         D[: len(weights)] *= weights[: len(D), :, None]
         unseen = ((np.arange(len(E)) < unknown)[:, None] | (np.isnan(E) & late[:, 3:].any())) & np.isfinite(s.y)
         if unseen.any():
-            _fill(E, unseen, problem.noise)
+            usual = np.sqrt(mean_square(np.where(unseen, np.nan, E)))
+            E[unseen] = np.broadcast_to(np.where(np.isfinite(usual), usual, problem.noise), E.shape)[unseen]
         for kept, one in zip(found, (E, D, X), strict=True):
             kept.append(one)
     return found
-
-
-def _fill(E: Array, what: NDArray[np.bool_], noise: Array) -> None:
-    """Put the root mean square of the others in place of some innovations (T, ny); the noise where there are none."""
-    usual = np.sqrt(mean_square(np.where(what, np.nan, E)))
-    E[what] = np.broadcast_to(np.where(np.isfinite(usual), usual, noise), E.shape)[what]
 
 
 def _belief(problem: Problem, c: Candidate, gains: Gains, shown: Mapping[str, float]) -> Array:

@@ -1,7 +1,5 @@
-"""Every set of a few laws at once, from inner products alone: what one law hides, two may show together.
-
-All sets of up to two members are solved, then the best of them with every other member beside [Furnival and Wilson,
-Technometrics 16 (1974) 499, doi:10.1080/00401706.1974.10489231].
+"""Every set of a few laws at once, from inner products alone: what one law hides, two may show together. All pairs are
+solved, then the best of them with every other member beside [Furnival and Wilson, Technometrics 16 (1974) 499].
 """
 
 from __future__ import annotations

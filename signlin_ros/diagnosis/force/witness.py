@@ -52,8 +52,8 @@ class Testimony:
         return self.search.r.percent(fit or self.fit)
 
     def written_left(self, model: Model) -> Array:
-        """Return the mean squared force (blocks,) that a model leaves of unseen data, with the values that are written
-        in it, in the size of the effort as given. Effort and motion may be stamped apart by half a sample.
+        """Return the mean squared force (blocks,) that a model as it is written leaves of unseen data, in the size of
+        the effort as given.
         """
         r = self.search.r
         left = r.unseen.missing(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
