@@ -38,10 +38,8 @@ BAND_ERROR, BAND_MOTION = 0.6, 0.1
 
 @dataclass(frozen=True)
 class Region:
-    """A situation with its shares of the squared error and of the time (of a band: of the acceleration), in per cent.
-
-    ``mean`` of what is missing in it, with its standard error, in ``unit``; ``kind``: the family; ``period`` of the
-    position in which what is missing repeats, 0 for none.
+    """A situation with its shares of the squared error and of the time (of a band: of the acceleration), in per cent;
+    ``mean`` of what is missing in it, with its error, in ``unit``; ``kind``: the family; ``period`` of the position.
     """
 
     name: str

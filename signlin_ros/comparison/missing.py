@@ -1,7 +1,6 @@
-"""What the equations lack: the force, or the voltage, that would make the model follow the measurements.
-
-The innovations of an observer, smoothed backwards, give the disturbance at each time [Koopman, Biometrika 80 (1993)
-117]: no derivative of a measurement is taken, and any channels will do that make the states observable.
+"""What the equations lack: the force, or the voltage, that would make the model follow the measurements: innovations of
+an observer, smoothed backwards [Koopman, Biometrika 80 (1993) 117]. No derivative of a measurement is taken, and any
+channels will do that make the states observable.
 """
 
 from __future__ import annotations

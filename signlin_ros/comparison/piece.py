@@ -1,7 +1,6 @@
-"""A record without gaps and the force that a model lacks along it: motion and effort through the same low-pass.
-
-The band is the widest in which the noise of the inertial force stays a small share of the effort. At rest, where the
-sign of the velocity is noise, dry friction has that of the net force. In holes of a channel nothing is compared.
+"""A record without gaps and the force that a model lacks along it: motion and effort through the same low-pass, as wide
+as the noise of the inertial force allows. At rest, where the sign of the velocity is noise, dry friction has that of
+the net force. In holes of a channel nothing is compared.
 """
 
 from __future__ import annotations
@@ -66,10 +65,9 @@ LEAST_PART = 0.01
 class Piece:
     """A record without gaps, on an even grid of T samples; names as in the model.
 
-    ``values``: measured states (T,), position and velocity among them whatever was measured; ``u`` (T, m) as it acts at
-    the samples; ``acceleration``, ``effort`` (T,); ``sign`` (T,): direction of motion, between -1 and 1 where it is not
-    known; ``cutoff`` in Hz; ``kept``: samples that are compared; ``noise``: standard deviation of what remains of the
-    sensors' noise in the missing force.
+    ``values``: measured states (T,), with position and velocity in any case; ``u`` (T, m) as it acts at the samples;
+    ``acceleration``, ``effort``, ``sign`` (T,): direction of motion, between -1 and 1 where it is not known; ``cutoff``
+    in Hz; ``kept``: samples that are compared; ``noise``: standard deviation that the sensors give the missing force.
     """
 
     plant: type[Plant]

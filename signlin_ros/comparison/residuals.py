@@ -1,6 +1,5 @@
 """What is left in a residual: slow, coloured or white noise, and what it goes together with, an input or a channel.
-
-A long record makes any trace of structure significant. So small correlations never matter, however long it is.
+Small correlations never matter, however long a record is.
 
 [Ljung and Box 1978, doi:10.1093/biomet/65.2.297; correlated series: Bartlett 1946, doi:10.2307/2983611; prewhitening
 before cross-correlation: Box, Jenkins and Reinsel, Time Series Analysis, 1994, sec. 11.2]

@@ -20,9 +20,8 @@ SURELY = 2.0
 
 @dataclass(frozen=True)
 class Score:
-    """Error of a prediction: ``rmse`` in the unit of the channel; ``fit_percent`` = 100 (1 - |y - yhat| / |y - mean
-    y|), None where nothing moves; ``rmse_over_noise``, None where the noise is not known, or a small one is doubtful
-    since the fit is so low (`FLOOR`).
+    """Error of a prediction: ``rmse`` in the channel's unit; ``fit_percent`` = 100 (1 - |y - yhat| / |y - mean y|);
+    over noise, None where that is not known, or the fit is so low (`FLOOR`) that what looks like noise may be missed.
     """
 
     rmse: float

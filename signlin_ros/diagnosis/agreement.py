@@ -55,9 +55,8 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
 
 
 def _searched(w: Witnesses) -> list[str] | None:
-    """Return the effects among which the motion witness searches, None for all of them. Where the force is seen: what
-    the force witness cannot see, waves, and the laws that take away a visible part; of little force without a law, the
-    first.
+    """Return the effects among which the motion witness searches, None for all: what no force shows, waves, and laws
+    that take away a visible part of a force that is seen; of a little one without a law, the first.
     """
     force, share = w.force, w.percent(w.left(w.base))
     if force is None or not w.sees(w.base):

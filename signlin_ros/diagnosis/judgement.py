@@ -265,10 +265,12 @@ class Judgement:
 
 
 def freed(before: Fitted, after: Fitted) -> str:
-    """Return the base parameter that is bent most without what was added, by a tolerance more; empty if none is."""
+    """Return in words which base parameter is bent most without what was added, by a tolerance more; empty if none."""
     first, last = before.off, after.off
     most = max(first, key=lambda n: abs(first[n]) - abs(last.get(n, 0.0)), default="")
-    return most if most and abs(first[most]) > abs(last.get(most, 0.0)) + 1.0 else ""
+    if not most or abs(first[most]) <= abs(last.get(most, 0.0)) + 1.0:
+        return ""
+    return f", but without it {most} ends {abs(first[most]):.1f} tolerances from its nominal value"
 
 
 def judge(witnesses: Witnesses, final: Fitted, conflict: str = "") -> Judgement:

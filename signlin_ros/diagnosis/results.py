@@ -125,12 +125,10 @@ class FirstRows:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a model lacks.
-
-    ``verdict``: adequate, missing or unexplained, in words the ``sentence``. ``base``, ``parameters``: estimates of the
-    base model alone and of the proposal, ``model``. ``range``: what the records visited. ``noise``: standard deviation
-    by channel. ``experiments``: what would decide. ``given``: the model before anything was fitted; ``horizon`` in s
-    over which motion is predicted. ``findings``: the judgement behind it, for pictures.
+    """What a model lacks: the ``verdict`` (adequate, missing or unexplained) and its ``sentence``, estimates of the
+    ``base`` and of the proposal (``parameters``, ``model``), ``range`` that the records visited, ``noise`` by channel,
+    what ``experiments`` would decide, the model as ``given``, the ``horizon`` in s of its motion, ``findings`` for
+    pictures.
     """
 
     verdict: str

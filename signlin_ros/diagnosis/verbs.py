@@ -38,10 +38,10 @@ def diagnose(
 ) -> Diagnosis:
     """Name the physical effects that a model lacks, or say that none fits, none is missing, or what cannot be told.
 
-    data, validation: records in the model's terms (`signlin_ros.records.read_for_model`); without validation the last
-    third of every record is held out. ``jobs``: threads; ``progress``: told of what is done, and how much of all;
-    ``cancelled``: asked whether to stop, which raises `CancelledError`; ``seen``: told, from any thread, of every model
-    that was fitted, and of what the force witness found. Raises `RecordError` for records that cannot be used.
+    data, validation: records in the model's terms (`signlin_ros.records.read_for_model`). ``jobs``: threads;
+    ``progress``: told of what is done, and how much of all; ``cancelled``: asked whether to stop, which raises
+    `CancelledError`; ``seen``: told, from any thread, of every fit. Raises `RecordError` for records that cannot be
+    used.
     """
     prepared, tell = case(model, data, validation), _stages(progress)
     motion = Motion(prepared.problem, prepared.unseen, criteria, jobs, tell, cancelled, seen)

@@ -1,7 +1,5 @@
-"""Both witnesses of a case together: what they measure of a model on unseen data, and what was fitted so far.
-
-The tables of all verbs show a row of each model: errors of the motion over the horizon, missing force in per cent of
-the effort, over the sensors' noise. The first rows are the same in all for the same files.
+"""Both witnesses of a case: what they measure of a model on unseen data, and what was fitted so far. The tables of all
+verbs show a row of each model; the first rows are the same in all for the same files.
 """
 
 from __future__ import annotations

@@ -108,13 +108,7 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
             verb, unit = "" if parts else "falls ", problem.shown(problem.units.get(name, ""))
             what = f"the error of {name} over {j.case.horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
             parts.append(what.rstrip())
-    return f"on unseen data {joined(parts)}" if parts else f"unseen data hardly show it{_freed(before, after)}"
-
-
-def _freed(before: Fitted, after: Fitted) -> str:
-    """Return which base parameter is bent most without what was added, if it is less so with it."""
-    most = freed(before, after)
-    return f", but without it {most} ends {abs(before.off[most]):.1f} tolerances from its nominal value" if most else ""
+    return f"on unseen data {joined(parts)}" if parts else f"unseen data hardly show it{freed(before, after)}"
 
 
 def remainder(j: Judgement) -> str:

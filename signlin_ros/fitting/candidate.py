@@ -61,8 +61,7 @@ class Coordinate:
 @dataclass(frozen=True)
 class Candidate:
     """A model to be fitted: its free parameters as coordinates, its values elsewhere. ``label``: what was added to it;
-    ``alert``: whether an extended Kalman filter follows it where its motion is sensitive; ``starts``: where its records
-    were found to start, see `signlin_ros.fitting.following`.
+    ``alert``: whether an extended Kalman filter follows sensitive motion; ``starts``: where its records start.
     """
 
     model: Model

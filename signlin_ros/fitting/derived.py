@@ -1,8 +1,7 @@
 """Is a recorded velocity a measurement of its own, or was it computed from the recorded position?
 
-Most drives have an encoder only: the velocity is its difference, averaged or filtered, and its noise the position's.
-That of a sensor of its own cannot be foretold to better than its noise. What was filtered at a higher rate than it was
-logged at cannot be foretold so well, but what is wrong with it goes on from sample to sample.
+Most drives have an encoder only: the velocity is its difference, and its noise the position's. That of a sensor of its
+own cannot be foretold to better than its noise. What was filtered faster than it was logged, less well, but it errs on.
 """
 
 from __future__ import annotations

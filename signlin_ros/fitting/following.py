@@ -143,12 +143,9 @@ def _turns(problem: Problem, c: Candidate, p: Array) -> int:
 
 
 def _record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: tuple[Any, ...]) -> Array:
-    """Return the state (n,) that a record starts from.
-
-    Where it starts in motion, what an effect remembers is fitted to the first samples by secants: its derivative
-    vanishes where it is best. Where nobody saw the position, all that is unknown is then fitted together, to as many
-    samples as an observer of time constant ``tau`` in s remembers it. The next time it is sought from where it was
-    found.
+    """Return the state (n,) that a record starts from. Where it starts in motion, what an effect remembers is fitted to
+    the first samples by secants: its derivative vanishes where it is best. Where nobody saw the position, all that is
+    unknown is fitted together, to as many samples as an observer of time constant ``tau`` in s remembers it.
     """
     twins = [n if n in s.start else twin(n, tuple(s.start)) for n in c.model.states]
     x0, (rows, *others) = np.array([s.start.get(n, 0.0) for n in twins]), rest

@@ -27,8 +27,7 @@ MOST = 20_000
 @dataclass(frozen=True)
 class Gains:
     """Kalman gains (G, n, ny) for the states ``names`` and a time constant ``tau`` in s; ``weights`` (G, ny) of the
-    first innovations, uncertain by the initial state; ``spread`` (2, n): variances that a step adds, and those at the
-    start.
+    first innovations; ``spread`` (2, n): variances that a step adds, and those at the start.
     """
 
     tau: float

@@ -94,9 +94,8 @@ def stretched(problem: Problem) -> Problem:
 
 def reversed_signal(problem: Problem, base: Fit, final: Fit) -> str:
     """Return the input or channel, an input first, with whose sign reversed the model as given, not fitted, leaves at
-    most half as much, and less than what was found for it; empty if there is none.
-
-    A plug the wrong way round is the commonest fault of a rig, and no effect: what is fitted to it only imitates it.
+    most half as much, and less than what was found for it: a plug the wrong way round is no effect, which only imitates
+    it.
     """
     given, as_given = base.candidate, base.candidate.start()
     tried = ((_left(problem, given, as_given, segments), name) for name, segments in _with_one_reversed(problem))

@@ -39,11 +39,9 @@ FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 
 @dataclass(frozen=True)
 class Problem:
-    """Everything that is the same for every candidate.
-
-    ``base``: the model as given, with a measured position as a state. ``noise`` (ny): standard deviation of white
-    noise. ``levels``: gains from high to low. ``x_scale``: size of every state. ``units`` as the records have them.
-    ``quanta`` (ny): steps in which a channel is shown, 0 for none. ``parts``: the records without gaps, as they are
+    """Everything that is the same for every candidate: the model as given (``base``), with a measured position as a
+    state; ``noise`` (ny), white; ``levels``: gains from high to low; ``x_scale``: size of every state; ``units`` as the
+    records have them; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as
     given.
     """
 

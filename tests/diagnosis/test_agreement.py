@@ -374,8 +374,8 @@ def test_a_large_force_is_noise_only_if_that_was_tested(tested, verdict):
 def test_a_name_that_frees_a_base_parameter_alone_says_which():
     base = Fit((), (NOISE,), 0.005, white=True, away={"k": 4.6})
     final = Fit(("linear_stiffness",), (NOISE,), 0.005, white=True, away={"k": 0.2})
-    assert words._freed(base, final) == ", but without it k ends 4.6 tolerances from its nominal value"
-    assert words._freed(base, base) == ""
+    assert words.freed(base, final) == ", but without it k ends 4.6 tolerances from its nominal value"
+    assert words.freed(base, base) == ""
 
 
 def test_noise_has_a_size_of_its_own_in_every_record():
