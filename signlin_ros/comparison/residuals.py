@@ -32,8 +32,7 @@ ACROSS, SMALL, LEVEL = 20, 0.01, 0.01
 ORDER, RIDGE = 10, 1e-3
 """Order of the autoregression that whitens the input; what is added to a variance: two channels may be one."""
 LONGEST, UNSURE, SURE = 0.9, 0.02, 3.0
-"""Largest correlation from sample to sample of what counts as noise that has a white part; how well a share of the
-variance, or a correlation, is known at best; standard errors beyond which a residual is slow."""
+"""Largest first correlation of noise with a white part; how well shares are known; standard errors of slow ones."""
 PURE, TIMES, ROUGH = 0.998, 20.0, 0.05
 """Noise of one pole alone may last longer, up to this correlation: whitened by it, nothing but white noise is left
 beside no more than a share of that; and the record must be so many times as long as it lasts."""

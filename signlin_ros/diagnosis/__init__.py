@@ -1,12 +1,10 @@
 """How good a model is on measurements, where it fails, what it lacks.
 
-    from signlin_ros.diagnosis import compare, diagnose, load_records
+from signlin_ros.diagnosis import compare, diagnose, load_records
 
-    model, data = load_records(Model.load("my_motor.yaml"), ["run.csv"])
-    print(compare(model, data).to_json())
-    print(diagnose(model, data).sentence)
-
-Names below are loaded when first asked for.
+model, data = load_records(Model.load("my_motor.yaml"), ["run.csv"])
+print(compare(model, data).to_json())
+print(diagnose(model, data).sentence)
 """
 
 from __future__ import annotations

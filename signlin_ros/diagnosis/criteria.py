@@ -15,8 +15,7 @@ class Criteria:
     least: float = 2.0
     """Standard errors by which it lowers it on unseen data by themselves, where known and unseen data together tell."""
     each: float = 0.02
-    """Least part of the squared force left without it that a law takes away for each of its parameters, and of all that
-    is missing where a simpler law of its family stands in its place."""
+    """Least part of the squared force that a law takes away for each parameter, beside none or a simpler law."""
     small: float = 0.002
     """Least part of the missing squared force that a law takes away where only noise is left; elsewhere `each`."""
     coefficient: float = 4.0
@@ -68,8 +67,7 @@ class Criteria:
     part: float = 0.25
     """Part of the squared force beyond the noise that a proposal may leave, where the motion shows structure."""
     large: float = 0.05
-    """Part of the effort (RMS) from which on a force that is left, and is no noise, is missing something; so of what a
-    channel varies by (RMS), where the force is not seen."""
+    """Part of the effort, or of a channel where none is seen (RMS), from which on what is left is missing."""
 
 
 DEFAULT = Criteria()
