@@ -22,8 +22,7 @@ from signlin_ros.model import Model
 Array = NDArray[np.float64]
 
 LATE = 0.5
-"""Samples by which the effort may come early or late: when an input acts between its samples is rarely known. An
-imposed motion is measured beside its force: lateness of that is what presliding looks like, and no guess."""
+"""Samples by which the effort may be late; of an imposed motion lateness is what presliding looks like."""
 WIDEST = 0.12
 """Part of the rate at which laws are driven above which no band is tried."""
 BROADER = 1.2
