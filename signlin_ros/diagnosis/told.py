@@ -31,7 +31,7 @@ def told(j: Judgement) -> Diagnosis:
         range=dict(case.problem.ranges),
         noise=case.noise,
         experiments=_experiments(j, ranking),
-        notes=(*case.problem.notes, *case.unseen.notes, *([words.ONE_CYCLE] if j.names and case.one_cycle else [])),
+        notes=(*case.problem.notes, *case.unseen.notes, *words.remarks(j)),
         yaml=yaml_of(model, j),
         given=w.first_rows().given,
         horizon=case.horizon,

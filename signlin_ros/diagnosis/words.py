@@ -148,6 +148,17 @@ def _left_over(j: Judgement) -> str:
 # -------------------------------------------------------------------- of one effect
 
 
+def remarks(j: Judgement) -> list[str]:
+    """Return what the records cannot tell of the effects that are named."""
+    found = [ONE_CYCLE] if j.names and j.case.one_cycle else []
+    for key, waves in j.motion.few_waves(j.final).items():
+        found.append(
+            f"the records hold {waves:.1f} periods of {key}: that it goes on to repeat beyond where they have been is "
+            "assumed; a record over a longer way would show it"
+        )
+    return found
+
+
 def shown(j: Judgement, f: Fitted, effect: str) -> str:
     """Return what a record shows of an effect, as a sentence with the values of its fit."""
     cls, plant = find_effect(effect, "effects"), f.model.plant
@@ -193,4 +204,4 @@ def why_not(j: Judgement, f: Fitted) -> str:
     return UNTOLD.get(j.untold, "the witnesses differ on it")
 
 
-__all__ = ["falls", "own_parameters", "remainder", "sentence", "shown", "why_named", "why_not"]
+__all__ = ["falls", "own_parameters", "remainder", "remarks", "sentence", "shown", "why_named", "why_not"]
