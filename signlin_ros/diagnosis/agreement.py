@@ -60,14 +60,14 @@ def _searched(w: Witnesses) -> list[str] | None:
     """Return the effects among which the motion witness searches, None for all of them.
 
     Where the force witness sees what is left: what it cannot see, waves, of which its band holds but the slower ones,
-    and the laws that take away a visible part; neither of both if it finds no law in as little as any machine lacks.
+    and the laws that take away a visible part; not these if it finds no law in as little as any machine lacks.
     """
     force, share = w.force, w.percent(w.left(w.base))
     if force is None or not w.sees(w.base):
         return None
     small = share is not None and share < 100.0 * w.criteria.large
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
-    names = w.hidden | (set() if small and not force.effects else force.search.helpful | waves)
+    names = w.hidden | waves | (set() if small and not force.effects else force.search.helpful)
     return [n for n in sorted(names) if tryable(w.motion.problem, n)]
 
 

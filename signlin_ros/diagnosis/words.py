@@ -150,7 +150,14 @@ def _left_over(j: Judgement) -> str:
 
 def remarks(j: Judgement) -> list[str]:
     """Return what the records cannot tell of the effects that are named."""
-    found = [ONE_CYCLE] if j.names and j.case.one_cycle else []
+    found, w = [ONE_CYCLE] if j.names and j.case.one_cycle else [], j.witnesses
+    if w.contradicted is not None:
+        own = ", ".join(f"{n} {p.value:.3g} {p.unit}" for n, p in w.contradicted.parameters.items() if p.note != "held")
+        left = w.percent(w.as_written(w.contradicted)) or 0.0
+        found.append(
+            f"the motion alone would have base parameters that the forces contradict ({own}: {left:.3g} % of the "
+            "effort is left); they are held at what the force tells of them"
+        )
     for key, waves in j.motion.few_waves(j.final).items():
         found.append(
             f"the records hold {waves:.1f} periods of {key}: that it goes on to repeat beyond where they have been is "

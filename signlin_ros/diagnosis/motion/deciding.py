@@ -66,12 +66,12 @@ class Decisions:
 
     def _elsewhere(self, f: Fitted) -> str:
         """Return which force has no shape of its own where the records were: a limit that was always passed, a wave of
-        too few periods. Such a wave is believed where all that it leaves was tested, and is noise.
+        too few periods. Such a wave is believed where all that it leaves was tested, and is its sensors' noise.
         """
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.problem.stretch):
                 return f"the records lie all beyond {key}"
-        few = {} if f.clean else self.few_waves(f)
+        few = {} if f.clean and f.near(self.criteria.near) else self.few_waves(f)
         return next((f"{key} has {waves:.1f} waves in the record" for key, waves in few.items()), "")
 
     def few_waves(self, f: Fitted) -> dict[str, float]:
