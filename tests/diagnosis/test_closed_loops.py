@@ -111,4 +111,4 @@ def test_a_base_that_the_forces_contradict_is_no_reference():
     assert any("the forces contradict" in note for note in found.notes)
     base, final = found.ladder[0], found.ladder[-1]
     assert final.validation.over_noise < 0.5 * base.validation.over_noise
-    assert final.missing_force_percent < 20.0 < 70.0 < base.missing_force_percent
+    assert final.force < 20.0 < 70.0 < base.force
