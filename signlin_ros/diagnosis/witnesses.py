@@ -60,12 +60,15 @@ class Witnesses:
 
     def grounded(self) -> Witnesses:
         """Return the same witnesses, of a model whose base parameters are held at what the force tells of them, where
-        the motion's own leave more than all of the effort, and more than the model as given: what moves slowly in a
-        loop is followed best where forces hardly act (a joint with 300 times its inertia), and that is no reference.
+        the motion's own leave more than all of the effort, and surely more than the model as given: what moves slowly
+        in a loop is followed best where forces hardly act (a joint with 300 times its inertia), and that is no
+        reference. Where it is followed to about its sensors' noise by that, the motion tells nothing of forces.
         """
         force, motion = self.force, self.motion
-        given, own = (self.percent(self.as_written(f)) for f in (motion.given, motion.base))
-        if force is None or given is None or own is None or own <= max(given, ALL):
+        given, own = self.as_written(motion.given), self.as_written(motion.base)
+        if force is None or given is None or own is None or motion.base.near(self.criteria.sees):
+            return self
+        if (self.percent(own) or 0.0) <= ALL or mean_certainty(given, own) > -self.criteria.certainty:
             return self
         told = with_laws(force, force.fit)
         held = {n: told.value(n) for n in force.search.r.names if n in told.parameters}

@@ -83,10 +83,14 @@ def _unexplained(j: Judgement) -> str:
 
 
 def _unsure(j: Judgement) -> str:
-    """Return which effects alone take most of what is missing away from unseen data, but not surely; empty if none."""
-    motion, c, found = j.motion, j.criteria, dict[str, float]()
-    for f in sorted(j.witnesses.single, key=lambda f: f.size):
-        g, certainty = motion.gain(j.base, f), motion.certainty(j.base, f)
+    """Return which effects alone take most of what is missing away from unseen data, of the force too where it is seen,
+    but not surely; empty if none.
+    """
+    motion, w, c, found = j.motion, j.witnesses, j.criteria, dict[str, float]()
+    for f in sorted(w.single, key=lambda f: f.size):
+        g, certainty, part = motion.gain(j.base, f), motion.certainty(j.base, f), w.remaining(w.left(f))
+        if w.sees(j.base) and (part is None or part > HALF):
+            continue
         if g.share > HALF and c.least < certainty < c.certainty and not g.worsens(c.worse, c.alike):
             found[f.effects[0]] = certainty
     if not found:
