@@ -56,14 +56,14 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
 
 def _searched(w: Witnesses) -> list[str] | None:
     """Return the effects among which the motion witness searches, None for all: what no force shows, waves, and laws
-    that take away a visible part of a force that is seen; of a little one without a law, the first.
+    that take away a visible part of a force that is seen; of a little one without a law, the first two.
     """
     force, share = w.force, w.percent(w.left(w.base))
     if force is None or not w.sees(w.base):
         return None
     small = share is not None and share < 100.0 * w.criteria.large
     waves = {n for n, effect in EFFECTS.items() if effect.periodic}  # what passes its band is not all that there are
-    names = w.hidden | (set() if small and not force.effects else force.search.helpful | waves)
+    names = w.hidden | waves | (set() if small and not force.effects else force.search.helpful)
     return [n for n in sorted(names) if tryable(w.motion.problem, n)]
 
 

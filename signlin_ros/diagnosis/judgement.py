@@ -89,7 +89,7 @@ class Judgement:
     def same_at_nominal(self) -> bool:
         """Whether it is confirmed with what is far held at nominal, too: beside the base held so, and at its best."""
         try:
-            held = self.motion.holding(self.far)
+            held = self.motion.holding({name: self.motion.problem.base.value(name) for name in self.far})
             found = held.fitted(self.names)
         except SignlinError:
             return False
@@ -150,11 +150,13 @@ class Judgement:
 
     @cached_property
     def lost(self) -> list[str]:
-        """The channels that the model follows neither where it was fitted nor on unseen data."""
-        motion, final = self.motion, self.final
-        sides = ((motion.problem, final.known_squares), (motion.unseen, final.unseen_squares))
-        known, unseen = (unfollowed(of_windows(p, squares, p.noise)) for p, squares in sides)
-        return [name for name in known if name in unseen]
+        """The channels that none of the models that were fitted follows, neither where it was fitted nor elsewhere."""
+        motion, models = self.motion, (self.final, *self.witnesses.tried)
+        sides = [(motion.problem, f.known_squares) for f in models] + [
+            (motion.unseen, f.unseen_squares) for f in models
+        ]
+        missed = [set(unfollowed(of_windows(p, squares, p.noise))) for p, squares in sides]
+        return [name for name in motion.problem.channels if all(name in one for one in missed)]
 
     @cached_property
     def elsewhere(self) -> bool:

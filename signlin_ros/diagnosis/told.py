@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from signlin_ros.diagnosis import words
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.motion.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
-from signlin_ros.diagnosis.results import Diagnosis, Entry, listed
+from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, listed
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import SignlinError
 
@@ -22,20 +23,26 @@ def told(j: Judgement) -> Diagnosis:
     return Diagnosis(
         verdict=j.verdict,
         sentence=words.sentence(j),
-        base=j.base.parameters,
-        parameters=j.final.parameters,
+        base=_parameters(j, j.base),
+        parameters=_parameters(j, j.final),
         ranking=ranking,
         ladder=ladder,
         model=model,
         range=dict(case.problem.ranges),
         noise=case.noise,
         experiments=_experiments(j, ranking),
-        notes=(*case.problem.notes, *case.unseen.notes, *([words.ONE_CYCLE] if j.names and case.one_cycle else [])),
+        notes=(*case.problem.notes, *case.unseen.notes, *words.remarks(j)),
         yaml=yaml_of(model, j),
         given=w.first_rows().given,
         horizon=case.horizon,
         findings=j,
     )
+
+
+def _parameters(j: Judgement, f: Fitted) -> dict[str, Estimate]:
+    """Return the parameters of a fit; with those that are held at what the force tells."""
+    own = held(j.motion.problem, f.model, f.parameters) if j.witnesses.contradicted else {}
+    return {**own, **f.parameters}
 
 
 # -------------------------------------------------------------------- ranking
@@ -68,15 +75,19 @@ def _applies(j: Judgement, name: str) -> bool:
 
 
 def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
-    """Return what could as well stand in the place of an effect, by force or by motion, and is refused by neither."""
-    force, rest, found = j.witnesses.force, set(j.names) - {effect}, set[str]()
+    """Return what could as well stand in the place of an effect, by force or by motion, and is refused by neither: not
+    what leaves more force, nor in the place of what takes most of a missing force away what no force shows.
+    """
+    w, force, rest, found = j.witnesses, j.witnesses.force, set(j.names) - {effect}, set[str]()
     if force and set(force.effects) == set(j.names):
         found |= set(force.search.ties(force.fit, effect))
-    for f in j.witnesses.tried:
+    for f in w.tried:
         if not (rest < set(f.effects) and len(f.effects) == len(j.names) and effect not in f.effects):
             continue
         if j.motion.refused(j.base, f):
             found -= set(f.effects)
+        elif w.raises(j.final, f) or (w.left(f) is None and w.explains(j.final)):
+            continue
         elif j.motion.gain(f, j.final).certainty < j.criteria.tie:
             found |= set(f.effects) - rest
     return tuple(sorted(found - set(j.names)))

@@ -47,7 +47,7 @@ def diagnose(
     motion = Motion(prepared.problem, prepared.unseen, criteria, jobs, tell, cancelled, seen)
     force = force_witness(prepared, criteria, tell, seen)
     tell("motion with what the force shows" if force and force.effects else "motion")
-    both = Witnesses(prepared, motion, force)
+    both = Witnesses(prepared, motion, force).grounded()
     return told(judge(both, *agree(both)))
 
 
@@ -83,9 +83,9 @@ def add(
     motion = Motion(prepared.problem, prepared.unseen, criteria, jobs, tell, cancelled, seen)
     force = force_witness(prepared, criteria, tell, seen)
     tell(f"motion with {listed([effect])}")
-    both = Witnesses(prepared, motion, force)
+    both = Witnesses(prepared, motion, force).grounded()
     alone = both.laws.get(effect)
-    final = motion.fitted([effect], force.with_laws(alone) if force and alone else None)
+    final = both.motion.fitted([effect], force.with_laws(alone) if force and alone else None)
     both.keep(final)
     return told(Judgement(both, final, asked=effect))
 

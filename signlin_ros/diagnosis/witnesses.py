@@ -26,7 +26,8 @@ from signlin_ros.threads import one_thread
 Array = NDArray[np.float64]
 Tell = Callable[[str], None]
 Seen = Callable[[Fitted | Testimony], None]
-
+ALL = 100.0
+"""All of the effort, in per cent of it."""
 HALF = 0.5
 """Part of the squared error that a model must take away for a difference of the witnesses to matter."""
 
@@ -44,13 +45,32 @@ def force_witness(c: Case, criteria: Criteria, tell: Tell, seen: Seen | None = N
 
 @dataclass(eq=False)
 class Witnesses:
-    """``force``: None where forces do not tell; ``tried``: all models that were fitted out."""
+    """``force``: None where forces do not tell; ``tried``: all models that were fitted out; ``contradicted``: the base
+    as the motion alone would have it, where the forces contradict that (`grounded`).
+    """
 
     case: Case
     motion: Motion
     force: Testimony | None
     tried: list[Fitted] = field(default_factory=list)
     _written: dict[Fitted, Array] = field(default_factory=dict, repr=False)
+    contradicted: Fitted | None = None
+
+    def grounded(self) -> Witnesses:
+        """Return the same witnesses, of a model whose base parameters are held at what the force tells of them, where
+        the motion's own leave more than all of the effort, and surely more than the model as given: what moves slowly
+        in a loop is followed best where forces hardly act (a joint with 300 times its inertia), and that is no
+        reference. Where it is followed to about its sensors' noise by that, the motion tells nothing of forces.
+        """
+        force, motion = self.force, self.motion
+        given, own = self.as_written(motion.given), self.as_written(motion.base)
+        if force is None or given is None or own is None or motion.base.near(self.criteria.sees):
+            return self
+        if (self.percent(own) or 0.0) <= ALL or mean_certainty(given, own) > -self.criteria.certainty:
+            return self
+        told = force.with_laws(force.fit)
+        held = {n: told.value(n) for n in force.search.r.names if n in told.parameters}
+        return Witnesses(self.case, motion.holding(held), force, contradicted=motion.base)
 
     @property
     def criteria(self) -> Criteria:
@@ -233,7 +253,7 @@ class Witnesses:
 
     def near_noise(self, f: Fitted) -> bool:
         """Tell whether a model predicts every channel to about its sensor's noise: completeness can be tested there."""
-        return bool(np.all(f.errors < self.criteria.near * f.noise))
+        return f.near(self.criteria.near)
 
     def near_any_noise(self, f: Fitted) -> bool:
         """Tell whether a model is near the sensors' noise, or leaves noise and errs by about as much over the horizon,
@@ -253,7 +273,7 @@ def refitted(c: Case, tell: Tell | None = None, cancelled: Callable[[], bool] | 
     """Refit the base of a case and return what makes rows; ``tell`` of what is done, ``cancelled``: whether to stop."""
     tell = tell or (lambda what: None)
     motion = Motion(c.problem, c.unseen, DEFAULT, 1, tell, cancelled)
-    return Witnesses(c, motion, force_witness(c, DEFAULT, tell))
+    return Witnesses(c, motion, force_witness(c, DEFAULT, tell)).grounded()
 
 
 def changes_effort(effect: type[Effect]) -> bool:

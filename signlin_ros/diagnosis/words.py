@@ -81,10 +81,14 @@ def _unexplained(j: Judgement) -> str:
 
 
 def _unsure(j: Judgement) -> str:
-    """Return which effects alone take most of what is missing away from unseen data, but not surely; empty if none."""
-    motion, c, found = j.motion, j.criteria, dict[str, float]()
-    for f in sorted(j.witnesses.single, key=lambda f: f.size):
-        g, certainty = motion.gain(j.base, f), motion.certainty(j.base, f)
+    """Return which effects alone take most of what is missing away from unseen data, of the force too where it is seen,
+    but not surely; empty if none.
+    """
+    motion, w, c, found = j.motion, j.witnesses, j.criteria, dict[str, float]()
+    for f in sorted(w.single, key=lambda f: f.size):
+        g, certainty, part = motion.gain(j.base, f), motion.certainty(j.base, f), w.remaining(w.left(f))
+        if w.sees(j.base) and (part is None or part > HALF):
+            continue
         if g.share > HALF and c.least < certainty < c.certainty and not g.worsens(c.worse, c.alike):
             found[f.effects[0]] = certainty
     if not found:
@@ -140,6 +144,24 @@ def _left_over(j: Judgement) -> str:
 # -------------------------------------------------------------------- of one effect
 
 
+def remarks(j: Judgement) -> list[str]:
+    """Return what the records cannot tell of the effects that are named."""
+    found, w = [ONE_CYCLE] if j.names and j.case.one_cycle else [], j.witnesses
+    if w.contradicted is not None:
+        own = ", ".join(f"{n} {p.value:.3g} {p.unit}" for n, p in w.contradicted.parameters.items() if p.note != "held")
+        left = w.percent(w.as_written(w.contradicted)) or 0.0
+        found.append(
+            f"the motion alone would have base parameters that the forces contradict ({own}: {left:.3g} % of the "
+            "effort is left); they are held at what the force tells of them"
+        )
+    for key, waves in j.motion.few_waves(j.final).items():
+        found.append(
+            f"the records hold {waves:.1f} periods of {key}: that it goes on to repeat beyond where they have been is "
+            "assumed; a record over a longer way would show it"
+        )
+    return found
+
+
 def shown(j: Judgement, f: Fitted, effect: str) -> str:
     """Return what a record shows of an effect, as a sentence with the values of its fit."""
     cls, plant = find_effect(effect, "effects"), f.model.plant
@@ -185,4 +207,4 @@ def why_not(j: Judgement, f: Fitted) -> str:
     return UNTOLD.get(j.untold, "the witnesses differ on it")
 
 
-__all__ = ["falls", "own_parameters", "remainder", "sentence", "shown", "why_named", "why_not"]
+__all__ = ["falls", "own_parameters", "remainder", "remarks", "sentence", "shown", "why_named", "why_not"]

@@ -77,6 +77,7 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
     fits best. Positions are those of a high and of a lower gain: the ones are noisier, the others off by what the model
     lacks.
     """
+    lines = whole_orders(problem, highest)
     c, (high, lower) = candidate(problem, model, ()), problem.levels[:2]
     base = fit(problem, c, lower, None, 4)
     runs = [follow_records(problem, c, c.start() if base is None else base.theta, one, False) for one in (high, lower)]
@@ -88,7 +89,8 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
         places = [halfway(model, s.t, X) for X, s in zip(run[2], problem.segments, strict=True)]
         whole = [fftconvolve(e[1:], seen[::-1], axes=0).sum(axis=1)[len(seen) - 1 :][: len(e) - 1] for e in left]
         q, rest = np.concatenate(places), np.concatenate([e[1:].ravel() for e in left])
-        for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, SLOWEST / FASTEST * highest):
+        slowest = SLOWEST / FASTEST * highest
+        for order in _orders(q, np.gradient(q), np.concatenate(whole), highest, count, lines, slowest):
             waves = [np.exp(1j * order * one)[:, None] for one in places]
             trace = np.concatenate([fftconvolve(w, seen, axes=0)[: len(w)].ravel() for w in waves])
             basis = np.column_stack([trace.imag, trace.real])
@@ -138,17 +140,21 @@ def _corrections(problem: Problem, model: Model, gains: Gains) -> tuple[Array, A
 def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, float]]:
     """Return the most promising (N, A, phi) of a force -A sin(N q + phi)."""
     highest = min(problem.fastest, finest(problem))
+    lines = whole_orders(problem, highest)
     if model.plant.motion_is_imposed():
         q, v, force = _missing_force(problem, model)
-        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, highest, MOST)]
+        return [_start(q, force, order, 1.0) for order in _orders(q, v, force, highest, MOST, lines)]
     mass, starts = inertia(model), list[tuple[float, float, float]]()
     q, v, a = _missing_acceleration(problem, model)
-    for order in _orders(q, v, a, highest, MOST):
+    for order in _orders(q, v, a, highest, MOST, lines):
         near = (0.0,) if starts else (0.0, -1.5 / np.ptp(q), 1.5 / np.ptp(q))
-        starts += [_start(q, a, order + shift, mass) for shift in near]
+        tried = (order + shift for shift in near)
+        if lines.size:
+            tried = (float(lines[np.argmin(np.abs(lines - one))]) for one in tried)
+        starts += [_start(q, a, one, mass) for one in dict.fromkeys(tried)]
     for gains in problem.levels[:2]:
         q, v, a = _corrections(problem, model, gains)
-        for order in _orders(q, v, a, highest, MOST - 1):
+        for order in _orders(q, v, a, highest, MOST - 1, lines):
             N, A, phase = _start(q, a, order, mass)
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
     fast = _matched(problem, model, highest, MOST // 2)
@@ -162,8 +168,18 @@ def finest(problem: Problem) -> float:
     return 2 * np.pi / (STEPS * step) if step > 0.0 else np.inf
 
 
-def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lowest: float = 0.2) -> list[float]:
-    """Return the orders, from ``lowest`` to ``highest``, of the highest peaks of the spectrum of a (T,) over q (T,)."""
+def whole_orders(problem: Problem, highest: float) -> Array:
+    """Return the orders (k,) up to ``highest`` that a force on an axis that turns may have: whole numbers a turn, of
+    the joint or of the motor before its gear. Empty where the axis does not turn: any order then.
+    """
+    gear = problem.base.gear
+    return np.union1d(np.arange(1.0, highest), gear * np.arange(1.0, highest / gear)) if problem.turns else np.zeros(0)
+
+
+def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lines: Array, lowest: float = 0.2) -> list[float]:
+    """Return the orders, from ``lowest`` to ``highest``, of the highest peaks of the spectrum of a (T,) over q (T,); of
+    ``lines`` (k,), if there are any.
+    """
     span = float(np.ptp(q))
     if not span > 0:
         return []
@@ -175,7 +191,10 @@ def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lowest: fl
     size = 2 ** int(np.ceil(np.log2(4 * bins)))
     spectrum = np.fft.rfft(np.bincount(place, weights=a, minlength=bins), size)
     orders = 2 * np.pi * np.arange(spectrum.size) * bins / (span * size)
-    power = np.where((orders > LEAST / span) & (orders > lowest) & (orders <= highest), np.abs(spectrum) ** 2, 0.0)
+    power = np.abs(spectrum) ** 2
+    if lines.size:
+        orders, power = lines, np.interp(lines, orders, power)
+    power = np.where((orders > LEAST / span) & (orders > lowest) & (orders <= highest), power, 0.0)
     found: list[float] = []
     while len(found) < count and power.max() > 0:
         found.append(float(orders[int(np.argmax(power))]))

@@ -130,7 +130,8 @@ def driving(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], E
         return u, {}, model.early * step
     u, j = u.copy(), model.inputs.index(plant.velocity)
     apart = x - travelled(t, u[:, j])
-    features = np.column_stack([u[:, j], np.ones_like(t), t])
+    varying = u[:, j] - np.mean(u[:, j])  # a constant velocity tells nothing of it
+    features = np.column_stack([varying, np.ones_like(t), t])
     late = np.linalg.lstsq(features[there], apart[there], rcond=None)[0][0]
     slow = np.interp(t, t[there], (apart - late * u[:, j])[there])
     apart = savgol_filter(slow, DRIFT, 1)

@@ -18,6 +18,7 @@ from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.force.flexible import Curve
 from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.score import elsewhere, gain
 from signlin_ros.diagnosis.witnesses import Witnesses
 
@@ -84,6 +85,9 @@ class Fit:
     def far(self, criteria: Any) -> dict[str, float]:
         return {n: x for n, x in self.away.items() if abs(x) > criteria.far}
 
+    def near(self, times: float) -> bool:
+        return Fitted.near(self, times)
+
 
 class Motion:
     """A motion witness with a table of fits."""
@@ -110,6 +114,9 @@ class Motion:
 
     def best(self, f: Fit) -> Fit:
         return f
+
+    def few_waves(self, f: Fit) -> dict[str, float]:
+        return {}
 
     def as_it_is(self, model: Any) -> Fit:
         return self.given

@@ -75,3 +75,40 @@ def test_cogging_is_sought_in_what_gravity_leaves():
     assert found.verdict == "missing"
     assert proposed(found) == {"gravity_load", "cogging_torque"}
     assert found.parameters["cogging_torque.N"].value == pytest.approx(12.0, abs=0.1)
+
+
+def joint(seed: int) -> ModelData:
+    """Return torque and position of a joint that follows slowly in a loop: a weight, friction, and a load in time."""
+    rng, step, fine = np.random.default_rng(seed), 0.01, 10
+    t, h = np.arange(3000) * step, step / fine
+    tones, phases = 2 * np.pi * rng.uniform(0.03, 0.2, 4), rng.uniform(0, 6, 4)
+    sizes, slow = rng.uniform(0.15, 0.35, 4), 2 * np.pi * rng.uniform(0.3, 0.8, 2)
+    at = t[:, None] + h * np.arange(fine)
+    angles = (sizes * np.sin(tones * at[..., None] + phases)).sum(axis=-1)
+    loads = 0.25 * np.sin(slow[0] * at) * np.sign(np.sin(slow[1] * at))
+    q, v, torque, shown = angles[0, 0], 0.0, np.empty_like(t), np.empty_like(t)
+    for k in range(t.size):
+        shown[k] = q
+        for i in range(fine):
+            weight = 1.6 * np.sin(q + 1.2)
+            u = 60.0 * (angles[k, i] - q) - 6.0 * v + weight
+            torque[k] = u if i == 0 else torque[k]
+            v += h * (u - 2.7 * v - weight - 0.35 * np.tanh(v / 0.01) - loads[k, i]) / 0.25
+            q += h * v
+    measured = {"displacement": shown + rng.normal(0.0, 5e-5, t.size)}
+    units = {"displacement": "rad", "force": "N·m"}
+    return ModelData(t, torque[:, None], measured, None, ("force",), ("displacement", "velocity"), units)
+
+
+def test_a_base_that_the_forces_contradict_is_no_reference():
+    """What moves slowly in a loop is followed best with an inertia so large that forces hardly act."""
+    nominal = {"m": 1.0, "c": 1.5, "k": 0.0}
+    guess = {"plant": "mass_spring_damper", "parameters": nominal, "tolerance": {"m": 1.0, "c": 1.0}, "axis": "rotary"}
+    found = diagnose(Model.from_dict({**guess, "update_period": 0.02}), joint(1), joint(2))
+    assert (found.verdict, proposed(found)) == ("missing", {"gravity_load"})
+    assert found.parameters["gravity_load.A"].value == pytest.approx(1.6, rel=0.1)
+    assert found.parameters["m"].note == "held"
+    assert any("the forces contradict" in note for note in found.notes)
+    base, final = found.ladder[0], found.ladder[-1]
+    assert final.validation.over_noise < 0.5 * base.validation.over_noise
+    assert final.force < 20.0 < 70.0 < base.force

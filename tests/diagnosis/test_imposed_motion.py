@@ -336,3 +336,21 @@ def test_memory_is_not_told_from_time_by_a_single_reversal(strokes, seen):
     assert found.missing[0].status != "rejected"
     assert ("turns back only once" in found.sentence) is seen
     assert (found.verdict == "unexplained") is seen
+
+
+def turned(seed: int) -> ModelData:
+    """Return the torque of a motor that is turned once a second: a viscous load and 60 waves a turn."""
+    rng, t = np.random.default_rng(seed), np.arange(600) * 0.001
+    q, v = 25.0 + 2 * np.pi * (t + 0.5 * seed), np.full(t.size, 2 * np.pi)
+    torque = 1.6 * v + 1.5 * np.sin(60 * q + 0.4) + 0.13 * rng.normal(size=t.size)
+    units = {"velocity": "rad/s", "displacement": "rad", "force": "N·m"}
+    return ModelData(t, v[:, None], {"force": torque, "displacement": q}, None, ("velocity",), ("displacement",), units)
+
+
+def test_waves_of_a_motor_at_a_constant_speed_are_found_beside_its_load():
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 1.55, "k": 0.0}, "axis": "rotary"})
+    _, known, _ = driving(model, turned(1))
+    assert np.abs(known["displacement"] - turned(1).measured["displacement"]).max() < 1e-6
+    found = diagnose(model.with_options(update_period=0.002), turned(1), turned(2))
+    assert (found.verdict, found.ladder[-1].effects) == ("missing", ("cogging_torque",))
+    assert found.parameters["cogging_torque.A"].value == pytest.approx(1.5, rel=0.05)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.hidden.generator import draw, write
+from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion import CancelledError, Motion
 from signlin_ros.diagnosis.motion.score import gain
@@ -163,3 +164,28 @@ def test_records_of_an_independent_program(group, index, tmp_path):
     final = Motion(*prepared(model, [known], [unseen]), Criteria(), jobs=1).search(3)[-1][0]
     assert {*final.effects} == {*drawn.truth["hidden"]} - {"none"}
     assert final.white
+
+
+WAVE = {"type": "cogging_torque", "A": 3.0, "N": 12.0, "phi": 0.5}
+BOTH = ("displacement", "velocity")
+
+
+def test_a_wave_of_few_periods_is_believed_beside_noise_alone():
+    found = motion(Model.from_dict({**BASE, "effects": {"wave": WAVE}}), channels=BOTH)
+    fitted = found.fitted(["cogging_torque"])
+    periods = 12.0 * np.ptp(found.problem.stretch) / (2 * np.pi)
+    assert 1.0 < periods < 3.0
+    assert fitted.clean
+    assert not found.refused(found.base, fitted)
+    assert found.few_waves(fitted) == {"cogging_torque": pytest.approx(periods, rel=0.02)}
+
+    more = {"wave": WAVE, "coulomb_friction": {"mu": 2.0}}
+    found = motion(Model.from_dict({**BASE, "effects": more}), channels=BOTH)
+    assert "waves in the record" in found.refused(found.base, found.fitted(["cogging_torque"]))
+
+
+def test_it_is_told_that_a_wave_of_few_periods_need_not_go_on():
+    known, unseen = (record(Model.from_dict({**BASE, "effects": {"wave": WAVE}}), n, channels=BOTH) for n in (1, 2))
+    found = diagnose(Model.from_dict(BASE), known, unseen, jobs=1)
+    assert (found.verdict, found.ranking[0].effect) == ("missing", "cogging_torque")
+    assert any("periods of cogging_torque" in note for note in found.notes)

@@ -65,20 +65,21 @@ class Decisions:
         return after.vague(c) or self._elsewhere(after)
 
     def _elsewhere(self, f: Fitted) -> str:
-        """Return which force has no shape of its own where the records were: a wave of too few periods, a limit that
-        was always passed. Where the axis turns a wave's order is a whole number, which is as good if all that is left
-        was tested, and is noise.
+        """Return which force has no shape of its own where the records were: a limit that was always passed, a wave of
+        too few periods. Such a wave is believed where all that it leaves was tested, and is its sensors' noise.
         """
-        (low, high), whole = self.problem.stretch, f.clean and self.problem.turns
         for key, use in f.added.items():
-            effect = EFFECTS[use.type]
-            if not effect.is_met(use.parameters, low, high):
+            if not EFFECTS[use.type].is_met(use.parameters, *self.problem.stretch):
                 return f"the records lie all beyond {key}"
-            for name in () if whole else effect.periodic[:1]:
-                waves = use.parameters[name] * (high - low) / (2 * np.pi)
-                if waves < self.criteria.waves:
-                    return f"{key} has {waves:.1f} waves in the record"
-        return ""
+        few = {} if f.clean and f.near(self.criteria.near) else self.few_waves(f)
+        return next((f"{key} has {waves:.1f} waves in the record" for key, waves in few.items()), "")
+
+    def few_waves(self, f: Fitted) -> dict[str, float]:
+        """Return how many periods the records hold of each periodic force of a model, of those of too few."""
+        way = float(np.ptp(self.problem.stretch))
+        orders = {k: use.parameters[n] for k, use in f.added.items() for n in EFFECTS[use.type].periodic[:1]}
+        held = {key: order * way / (2 * np.pi) for key, order in orders.items()}
+        return {key: waves for key, waves in held.items() if waves < self.criteria.waves}
 
     def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
         """Return the options that are a step beyond a model and as good as the best of them, the simplest first; with

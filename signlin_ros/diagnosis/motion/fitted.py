@@ -117,6 +117,10 @@ class Fitted:
         """Whether nothing is left but the noise of the sensors."""
         return not any(one.structured for one in self.left)
 
+    def near(self, times: float) -> bool:
+        """Tell whether every channel of unseen data errs by less than so many times its sensor's noise."""
+        return bool(np.all(self.errors < times * self.noise))
+
     @property
     def clean(self) -> bool:
         """Whether nothing is left but noise, and samples are enough to tell: what cannot be tested is no proof."""

@@ -118,18 +118,8 @@ def _starts(problem: Problem, effect: type[Effect]) -> list[dict[str, float]]:
 
 
 def _waves(problem: Problem, effect: type[Effect], model: Model) -> list[dict[str, float]]:
-    """Return the waves that show in what a model lacks; where the axis turns, whole numbers of them a turn."""
-    found = [dict(zip(effect.periodic, one, strict=True)) for one in periodic_starts(problem, model)]
-    if not problem.turns:
-        return found
-    name = effect.periodic[0]
-    whole = [{**one, name: _whole(one[name], model.gear)} for one in found]
-    return [one for one in whole if one[name] > 0.0]
-
-
-def _whole(order: float, gear: float) -> float:
-    """Return the nearest whole number of periods a turn, of the joint or of the motor before its gear."""
-    return min((round(order), round(order / gear) * gear), key=lambda near: abs(near - order))
+    """Return the waves that show in what a model lacks."""
+    return [dict(zip(effect.periodic, one, strict=True)) for one in periodic_starts(problem, model)]
 
 
 def completed(problem: Problem, effect: type[Effect], values: Mapping[str, float]) -> dict[str, float]:

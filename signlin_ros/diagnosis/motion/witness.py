@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter
 
@@ -73,12 +73,14 @@ class Motion(Decisions, Running):
             raise SimulationError(f"{problem.base.source}: {apart}")
         self._keep(found)
 
-    def holding(self, names: Collection[str]) -> Motion:
-        """Return the same witness of the model with some of its parameters held at their values."""
-        base = self.problem.base
-        held = base.with_options(frozen=tuple(dict.fromkeys((*base.frozen, *names))))
+    def holding(self, values: Mapping[str, float]) -> Motion:
+        """Return the same witness with some of the model's parameters held at values; of the same model as given."""
+        base = self.problem.base.with_parameters(values)
+        held = base.with_options(frozen=tuple(dict.fromkeys((*base.frozen, *values))))
         known, unseen = (replace(side, base=held) for side in (self.problem, self.unseen))
-        return Motion(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled)
+        found = Motion(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled, self._seen)
+        found.given = self.given
+        return found
 
     # ------------------------------------------------------------ fits
 
