@@ -176,7 +176,7 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
     late, aware = lags.shape[0] > 0, belief.shape[1] > 0
     mode, s, active, floats = np.int64(1), 1.0, 0, False
     for i in range(n if aware else 0):
-        floats = floats or belief[2, i] > 1.0
+        floats = floats or (belief[2, i] > 1.0 and belief[1, i] > 0.0)
     for k in range(total):
         for i in range(n):
             z[i] = x[i]
