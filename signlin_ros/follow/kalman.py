@@ -12,9 +12,6 @@ from signlin_ros.engine.compiling import compiled, inlined, inner
 from signlin_ros.follow.slopes import differentiated
 from signlin_ros.follow.stretch import carry
 
-SURPRISE = 16.0
-"""Largest squared innovation that a filter of what makes and breaks contact believes in, in multiples of usual ones."""
-
 
 @inlined
 def fill_gains(out, at, e, noise, P, K, row):
@@ -43,32 +40,6 @@ def fill_gains(out, at, e, noise, P, K, row):
             K[i, c] = row[i] * there
             for j in range(n):
                 P[i, j] -= row[i] * there * row[j]
-
-
-@inlined
-def doubted(out, at, e, noise, P, usual, k):
-    """Enlarge the covariance P (n, n) where an innovation of sample k is larger than it allows: an impact that came too
-    early, or not at all, leaves a motion that the filter is sure of, and that is another one [strong tracking: Zhou and
-    Frank, Int. J. Control 65 (1996) 295].
-
-    ``usual`` (ny): mean squared innovations in multiples of what the filter takes them for, 1 at least: noise of a
-    sensor that is coloured is larger than its white part.
-    """
-    n, ny, times = P.shape[0], noise.size, 1.0
-    for c in range(ny):
-        own = 0.0
-        for i in range(n):
-            for j in range(n):
-                own += out[at + c * n + i] * P[i, j] * out[at + c * n + j]
-        if own > 0.0 and e[c] == e[c]:
-            most, square = SURPRISE * usual[c], e[c] * e[c]
-            times = max(times, (square / most - noise[c]) / own)
-            usual[c] += (min(square / (noise[c] + own), most) - usual[c]) / (k + 2)
-            usual[c] = max(usual[c], 1.0)
-    if times > 1.0:
-        for i in range(n):
-            for j in range(n):
-                P[i, j] *= times
 
 
 @inlined
@@ -156,4 +127,4 @@ def _one_more(A, H, Q, noise, P, AP, K, row, e, gains, variances, k):
     return moved
 
 
-__all__ = ["averaged", "doubted", "fill_gains", "kalman_gains", "spread"]
+__all__ = ["averaged", "fill_gains", "kalman_gains", "spread"]

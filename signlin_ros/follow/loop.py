@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.engine.compiling import call_among, compiled, copied, inner
-from signlin_ros.follow.kalman import averaged, doubted, fill_gains, spread
+from signlin_ros.follow.kalman import averaged, fill_gains, spread
 from signlin_ros.follow.slopes import differentiated, evaluated, keep, linearized, settle
 from signlin_ros.follow.steps import LANES
 from signlin_ros.follow.stretch import LOST, advance, fastest_rate, split_rates
@@ -158,7 +158,7 @@ def _allocated(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, 
     P = np.zeros((n, -(-n // LANES) * LANES))
     for i in range(n if belief.shape[1] else 0):
         P[i, i] = belief[1, i]
-    kalman = (P, np.zeros((n, ny)), np.zeros(n * n), np.zeros(n * n), np.ones(ny))
+    kalman = (P, np.zeros((n, ny)), np.zeros(n * n), np.zeros(n * n))
     memory = (z, np.zeros(n_out), x, np.zeros((n, width)), work, past, kalman, ratio, np.zeros((6, n)), np.zeros(2))
     return _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, noise, E, D, X, memory)
 
@@ -171,12 +171,10 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
     at = sizes[10]
     at_h = 2 * n + 3
     at_hx = at_h + ny
-    z, out, x, S, work, (past, past_s, row), (P, K, first, mean, usual), ratio, W, fastest = memory
+    z, out, x, S, work, (past, past_s, row), (P, K, first, mean), ratio, W, fastest = memory
     head, kept, before, step = code[0], work[0], work[2], work[3]
     late, aware = lags.shape[0] > 0, belief.shape[1] > 0
-    mode, s, active, floats = np.int64(1), 1.0, 0, False
-    for i in range(n if aware else 0):
-        floats = floats or (belief[2, i] > 1.0 and belief[1, i] > 0.0)
+    mode, s, active = np.int64(1), 1.0, 0
     for k in range(total):
         for i in range(n):
             z[i] = x[i]
@@ -222,8 +220,6 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                         D[k, c, j] += slope * (S[i_state, j] - row[j])
                     if i_lag >= 0:
                         D[k, c, i_lag] += slope * rate
-        if awake and floats:
-            doubted(out, at_hx, E[k], noise, P, usual, k)
         if awake:
             fill_gains(out, at_hx, E[k], noise, P, K, before)
             gain = K
