@@ -15,7 +15,7 @@ from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.motion.score import Gain, elsewhere, gain, of_windows
+from signlin_ros.diagnosis.motion.score import elsewhere, gain, of_windows
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import SignlinError
@@ -131,14 +131,14 @@ class Judgement:
         return w.rising(self.base, self.final) or ("the missing force" if risen else "")
 
     @cached_property
-    def beside_given(self) -> Gain:
-        """What the proposal explains of unseen data beyond the model as given."""
-        return gain(self.motion.given.unseen_squares, self.final.unseen_squares, self.motion.unseen.noise)
+    def beside_given(self) -> float:
+        """By how many standard errors the proposal lowers the error on unseen data beside the model as given."""
+        return self.motion.certainty(self.motion.given, self.final)
 
     @cached_property
     def no_better(self) -> bool:
         """Whether unseen data do not surely show a gain beside the model as given: a refit may not carry over."""
-        if self.beside_given.certainty > self.criteria.least:
+        if self.beside_given > self.criteria.least:
             return False
         given, final = (self.witnesses.as_written(f) for f in (self.motion.given, self.final))
         return given is None or final is None or mean_certainty(given, final) <= self.criteria.least

@@ -69,7 +69,7 @@ def _unexplained(j: Judgement) -> str:
     if why == "worse":
         return f"{known} of what is missing, but the error of {j.worse} rises on unseen data: nothing is confirmed."
     if why == "given":
-        surely = f"falls by {j.beside_given.certainty:.1f} standard errors beside the model as given"
+        surely = f"falls by {j.beside_given:.1f} standard errors beside the model as given"
         rest = f"but on unseen data the error {surely}, which is too little: nothing is confirmed"
         return f"{known} of what the refitted model leaves, {rest}."
     if j.names:

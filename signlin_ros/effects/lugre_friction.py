@@ -25,6 +25,7 @@ class LuGreFriction(Effect):
     experiment = "ramp the force slowly up to breakaway and back"
     family = "dry friction"
     states = {"z": "Q"}
+    telling = ("F_c", "sigma0")
 
     sigma0 = Par("F/Q", nominal=10.0, positive=True, doc="stiffness of the bristles")
     sigma1 = Par("F·s/Q", nominal=0.01, doc="damping of the bristles")
@@ -42,6 +43,14 @@ class LuGreFriction(Effect):
         if simple != "dahl_presliding":
             return []
         return [{"sigma0": p["sigma"], "sigma1": 0.0, "sigma2": 0.0, "F_c": 0.8 * p["F_c"], "F_s": 1.1 * p["F_c"]}]
+
+    @classmethod
+    def nearby(cls, p: Mapping[str, float]) -> list[dict[str, float]]:
+        """Return a breakaway level above the sliding one, where a curve that rises stands for viscous friction."""
+        if p["F_s"] >= p["F_c"]:
+            return []
+        viscous = p["sigma2"] + (p["F_c"] - p["F_s"]) / p["v_s"]
+        return [{**p, "sigma2": viscous, "F_c": p["F_s"], "F_s": 1.5 * p["F_s"], "v_s": 0.1 * p["v_s"]}]
 
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:

@@ -124,6 +124,9 @@ class Motion:
     def gain(self, before: Fit, after: Fit) -> Any:
         return gain(before.unseen_squares, after.unseen_squares, np.full(len(before.rms), NOISE))
 
+    def certainty(self, before: Fit, after: Fit) -> float:
+        return self.gain(before, after).certainty
+
 
 def force_witness(
     *laws: str,

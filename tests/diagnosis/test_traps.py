@@ -378,13 +378,6 @@ def test_viscous_and_coulomb_friction_are_found_together(tmp_path):
     assert found.parameters["viscous_friction.b"].value == pytest.approx(b, rel=0.1)
 
 
-def test_lugre_friction_is_found_from_dahls(tmp_path):
-    own = {"sigma0": 1.5e4, "sigma1": 20.0, "sigma2": 5.0, "F_c": 12.0, "F_s": 20.0, "v_s": 0.02}
-    found = diagnose(*recorded(tmp_path, AXIS, {"lugre_friction": own}, only=("displacement",), level=1e-3))
-    assert proposed(found) == {"lugre_friction"}
-    assert found.parameters["lugre_friction.F_c"].value == pytest.approx(12.0, rel=0.1)
-
-
 def test_the_driving_torque_of_a_motor_without_inductance():
     model = Model.from_dict({"plant": "dc_motor", "parameters": {**SMALL.true, "L_a": 0.0}})
     t = np.arange(2000) * 0.005

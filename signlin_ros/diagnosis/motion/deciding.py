@@ -35,7 +35,7 @@ class Decisions:
         Where it leaves nothing but noise, of unseen data as of known ones, these are of noise, and known data count
         too, if unseen data are beyond doubt by themselves: what acts for once is in few blocks.
         """
-        c, known, unseen, before = self.criteria, self.problem, self.unseen, self.best(before)
+        c, known, unseen = self.criteria, self.problem, self.unseen
         blocks = gain(before.unseen_squares, after.unseen_squares, unseen.noise).certainty
         if blocks > c.certainty or after.level > before.level or not after.clean:
             return blocks
@@ -52,8 +52,8 @@ class Decisions:
         Base parameters that were bent to imitate an effect, and are free with it, count as much as the error: both are
         squares of standard errors. Not where the error rises for it so that it shows.
         """
-        c, g, certainty = self.criteria, self.gain(before, after), self.certainty(before, after)
-        before = self.best(before)
+        c, before = self.criteria, self.best(before)
+        g, certainty = self.gain(before, after), self.certainty(before, after)
         was = before.far(c)
         further = any(abs(x) > abs(was.get(n, 0.0)) for n, x in after.far(c).items())
         rises = float(np.mean(np.log(g.ratios))) > c.alike
