@@ -147,18 +147,25 @@ def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
         return kept
     if _hidden(values, b, e).max() <= step:
         return kept
-    cut = ~_rests(values, begins, ends)
+    cut = ~_rests(values, begins, ends, step)
+    if not cut[inside].any():
+        return kept
     for begin, end in zip(begins[cut], ends[cut], strict=True):
         kept[begin:end] = True
     return kept
 
 
-def _rests(values: Array, begins: Index, ends: Index) -> Mask:
-    """Return which runs (k,) of samples at a limit values (T,) reach ever more slowly, and then last.
+def _rests(values: Array, begins: Index, ends: Index, step: float) -> Mask:
+    """Return which runs (k,) of samples at a limit values (T,) reach ever more slowly, and then last, if for a step of
+    the sensor beside it.
 
     A parabola beyond the limit has the pace v there and lasts 2 v / a: n / `NEAR` samples before it goes at v + a n /
     `NEAR`.
     """
+    near = np.abs(values - values[begins[0]]) <= step * (1.0 + WHOLE)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    of = np.searchsorted(edges[::2], begins, side="right") - 1
+    begins, ends = edges[::2][of], edges[1::2][of]
     earlier = (ends - begins) // NEAR
     told = (earlier >= RUN) & (begins - RUN - earlier >= 0)
     at = np.where(told, begins, RUN)

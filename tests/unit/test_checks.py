@@ -285,7 +285,8 @@ def test_an_axis_that_rests_at_its_target_is_not_clipped() -> None:
     way = [1.72, 1.71, 1.67, 1.6, 1.43, 1.35, 1.14, 0.98, 0.78, 0.62, 0.39, 0.23, 0.02, -0.15, -0.31, -0.54, -0.74]
     way += [-0.93, -1.12, -1.27, -1.38, -1.53, -1.61, -1.66, -1.72]
     back = [-1.75, -1.69, -1.62, -1.46, -1.37, -1.23, -1.1, -0.89, -0.75, -0.57, -0.36, -0.22, -0.02, 0.13, 0.3, 0.5]
-    rests = np.array([*[1.72] * 20, *way, *[-1.76] * 45, *back, *np.arange(0.7, 1.5, 0.19), 1.6, 1.66, *[1.7] * 15])
+    rests = np.array([*[1.72] * 20, *way, *[-1.76] * 45, *back, *np.arange(0.7, 1.5, 0.19), 1.6, 1.66, 1.7])
+    rests = np.concatenate([rests, [1.72] * 7, [1.71] * 6, [1.72] * 34, 1.72 - 0.1 * np.arange(9) ** 1.5])
     cut = np.clip(2.5 * np.cos(np.arange(rests.size) * 0.05), -1.76, 1.9)
     model = Model.load("mass_spring_damper")
     t = np.arange(rests.size) * 0.014
