@@ -105,7 +105,7 @@ def add_learned(
     first, last = w.first_rows(), w.row(after, w.as_written(after)).to_json()
     given, base = first.given.to_json(), first.refitted.to_json()
     unit = made.problem.shown(new.unit_of("F"))
-    entry = _entry(learned, unit, given["validation"], last["validation"])
+    entry = _entry(new, learned, unit, given["validation"], last["validation"])
     return new, {
         "verdict": "missing" if entry["status"] == "confirmed" else "unexplained",
         "sentence": f"Learned: {entry['why']}. Beyond what the records visited it goes straight on.",
@@ -123,7 +123,7 @@ def add_learned(
     }
 
 
-def _entry(learned: Learned, unit: str, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
+def _entry(new: Model, learned: Learned, unit: str, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
     """Return what there is to say of the effect; ``unit`` of the force; before and after: SCORES on unseen data."""
     better = learned.explained > 0 and all(_error(after[n]) < _error(before[n]) for n in before if n != "score")
     where = learned.over.replace(", ", " and the ")
