@@ -454,6 +454,7 @@ def test_a_sentence_names_what_falls_and_by_how_much():
 def test_by_how_much_an_error_rises_or_falls_and_what_is_asked():
     """ "Rejected: falls by 2.6 standard errors" read like praise, "falls by -14.1" like nothing."""
     assert told_change(2.6, 3.5) == "the error on unseen data falls by 2.6 standard errors, 3.5 are asked"
+    assert told_change(-0.01, 3.5).startswith("the error on unseen data falls by")
     assert told_change(-14.1, 3.5) == "the error on unseen data rises by 14.1 standard errors"
 
 

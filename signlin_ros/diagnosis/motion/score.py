@@ -93,7 +93,7 @@ def told_change(certainty: float, asked: float) -> str:
     """Return in words by how many standard errors the error on unseen data changes; ``asked``: by how many it must
     fall.
     """
-    if certainty < 0:
+    if round(certainty, 1) < 0:
         return f"the error on unseen data rises by {-certainty:.1f} standard errors"
     return f"the error on unseen data falls by {certainty:.1f} standard errors, {asked:g} are asked"
 
