@@ -143,7 +143,8 @@ def _pair(truth: set[str], answer: Mapping[str, Any], final: set[str], ties: lis
     exact = final == truth or (answer["verdict"] == "missing" and confirmed == truth)
     matched = len(ties) == 2 and all(len(t) <= MOST_TIED for t in ties)
     matched = matched and any(a in ties[0] and truth - {a} <= ties[1] for a in truth)
-    partial = bool(truth & (final | confirmed))
+    parts = {e["effect"] for e in answer["ranking"] if e["status"] == "partial"}
+    partial = bool(truth & (final | confirmed | parts))
     return {"right": exact or matched, "exact": exact, "partial": partial}
 
 

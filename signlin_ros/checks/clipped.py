@@ -31,6 +31,10 @@ STEPS, WHOLE = 3, 0.1
 PACE = 0.1
 """Pace at which a limit is reached, as a share of the usual one (RMS): a drive that comes to rest has none."""
 
+NEAR, FADES = 8, 2.0
+"""What turns smoothly is a quarter faster an eighth of the run before it is at the limit; so many times as fast, it
+comes to rest there."""
+
 
 class Clipped(Check):
     """A channel rests at its largest or smallest value, exactly, where it would have gone on.
@@ -38,7 +42,7 @@ class Clipped(Check):
     Test: runs of `RUN` equal values at an extreme of a signal that takes many values, entered at the pace that it has
     elsewhere, and so long that a smooth turn meanwhile goes on for more than a step of the sensor. With noise or digits
     beyond one step the chance of one such run is below 10^-6 a record; a drive that comes to rest at an extreme slows
-    down before.
+    down before: where that would end its way long before a smooth turn has lasted as long as the run, it rests there.
     Cure: of a measured channel, samples at the limit are taken for missing (``blank_NAME``); an input acted as it was
     logged, and is only noted.
     """
@@ -143,6 +147,28 @@ def _runs(values: Array, at: Mask, quantum: float, step: float) -> Mask:
         return kept
     if _hidden(values, b, e).max() <= step:
         return kept
-    for begin, end in zip(begins, ends, strict=True):
+    cut = ~_rests(values, begins, ends, step)
+    if not cut[inside].any():
+        return kept
+    for begin, end in zip(begins[cut], ends[cut], strict=True):
         kept[begin:end] = True
     return kept
+
+
+def _rests(values: Array, begins: Index, ends: Index, step: float) -> Mask:
+    """Return which runs (k,) of samples at a limit values (T,) reach ever more slowly, and then last, if for a step of
+    the sensor beside it.
+
+    A parabola beyond the limit has the pace v there and lasts 2 v / a: n / `NEAR` samples before it goes at v + a n /
+    `NEAR`.
+    """
+    near = np.abs(values - values[begins[0]]) <= step * (1.0 + WHOLE)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
+    of = np.searchsorted(edges[::2], begins, side="right") - 1
+    begins, ends = edges[::2][of], edges[1::2][of]
+    earlier = (ends - begins) // NEAR
+    told = (earlier >= RUN) & (begins - RUN - earlier >= 0)
+    at = np.where(told, begins, RUN)
+    before = np.where(told, begins - earlier, RUN)
+    last, pace = np.abs(values[at - 1] - values[at - RUN]), np.abs(values[before - 1] - values[before - RUN])
+    return np.asarray(told & (pace > FADES * last))

@@ -4,32 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
 from signlin_ros.checks.base import Check, without_samples
 from signlin_ros.checks.finding import Finding
-from signlin_ros.checks.look import LEAST, Look
-
-Array = NDArray[np.float64]
-
-REGULAR = 0.9
-"""Share of the runs of equal values that are of two neighbouring lengths."""
-LONGER = 1.4
-"""Least mean length of those."""
-SAME = 0.01
-"""Changes that are alike to this part of them, in nine of ten runs, are the steps of a sensor at a steady speed."""
-STEPS = 4.0
-"""Values of a slow sensor change by more than so many of their own steps (median)."""
+from signlin_ros.checks.look import Look
+from signlin_ros.held import held
 
 
 class RepeatedValues(Check):
     """A channel is logged faster than its sensor measures, each value repeated until the next.
 
-    Test: nine in ten runs of equal values have one of two neighbouring lengths, whatever the speed, and the channel
-    changes from run to run by many of its steps, and not always by the same. An encoder that rests on a count changes
-    by one step, in runs as long as the motion is slow; of 20 such runs nine in ten are alike by chance in less than one
-    record of 10^4.
+    Test: nine in ten runs of equal values, rests aside, have one of two neighbouring lengths, whatever the speed, more
+    than by chance (10^-4); or, where there is noise on what is held, nine tenths of the squared differences lie at
+    regular distances. The channel changes from run to run by many of its steps, and not always by the same: an encoder
+    that rests on a count changes by one step. Where an input changes in the same rhythm, what it drives may jump.
     Cure: repetitions are left out, so that the channel is taken at its own rate.
     """
 
@@ -39,41 +26,18 @@ class RepeatedValues(Check):
         """Yield the slower channels."""
         for name in look.channels:
             values = look.of(name)
-            begins = _begins(values)
-            regular = _regular(np.diff(begins))
-            if regular.size < LEAST or regular.mean() < LONGER:
+            found = held(values)
+            if found is None or (found.noise and any(found.follows(look.of(n)) for n in look.record.inputs)):
                 continue
-            changes = np.abs(np.diff(values[begins]))
-            usual = float(np.median(changes))
-            steady = np.mean(np.abs(changes - usual) < SAME * usual) > REGULAR
-            if steady or usual < STEPS * look.quantum(name):
-                continue
-            drop = np.ones(values.size, dtype=bool)
-            drop[begins] = False
-            rate = look.step * float(regular.mean())
+            noisy = ", with noise on it" if found.noise else ""
             yield Finding(
                 self.name,
                 name,
                 "note",
-                f"the {name} repeats each value for {regular.mean():.3g} samples: its sensor measures every {rate:.3g}"
-                f" s, the log every {look.step:.3g} s",
+                f"the {name} repeats each value for {found.length:.3g} samples{noisy}: its sensor measures every"
+                f" {look.step * found.length:.3g} s, the log every {look.step:.3g} s",
                 cure="own_rate",
                 remedy="repetitions are left out",
                 harmless=True,
-                action=without_samples((name,), drop),
+                action=without_samples((name,), found.repeated(values.size)),
             )
-
-
-def _begins(values: Array) -> NDArray[np.intp]:
-    """Return the samples at which runs of equal values (T,) begin; a missing sample repeats nothing."""
-    return np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
-
-
-def _regular(lengths: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the lengths of runs that are one of two neighbouring numbers; none where nine in ten are not. What rests
-    is a long run among others, and no sensor's rate.
-    """
-    counts = np.bincount(lengths, minlength=2)
-    short = int(np.argmax(counts[1:] + counts[:-1]))
-    alike = lengths[(lengths == short) | (lengths == short + 1)]
-    return np.asarray(alike if alike.size >= REGULAR * lengths.size else alike[:0])

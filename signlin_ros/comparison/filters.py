@@ -82,7 +82,8 @@ def _fourth(values: Array) -> float:
     if d.size < DIFFERENCES:
         return 0.0
     size = np.abs(d)
-    return float(np.sqrt(np.mean(d[size <= OUTLYING * np.median(size) + 1e-300] ** 2) / 70))
+    usual = np.median(size)  # none of what is held for long: all that changes tells of the noise then
+    return float(np.sqrt(np.mean(d[size <= OUTLYING * usual if usual > 0.0 else size >= usual] ** 2) / 70))
 
 
 __all__ = ["low_pass", "sensor_noise", "slope"]

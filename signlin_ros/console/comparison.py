@@ -69,8 +69,8 @@ def _first_rows(content: dict[str, Any]) -> str:
     return _errors(rows, content["first_rows"]["horizon"]) if rows else ""
 
 
-AT_BEST = "refitted: with the base parameters that leave least of it; of what is proposed: with the values told here"
-"""Which values the force is told for: those that follow the motion best may leave more of it."""
+AT_BEST = "of unseen data; refitted: with base parameters fitted to known data; what is proposed: with the values told"
+"""Which values the force is told for, and of which data: what is fitted to known data may leave more of unseen ones."""
 
 
 def _errors(rows: list[list[str]], horizon: float) -> str:
@@ -122,7 +122,7 @@ def _floor(rung: dict[str, Any]) -> dict[str, str]:
 
 
 def _named(content: dict[str, Any]) -> str:
-    shown = [e for e in content["ranking"] if e["status"] in ("confirmed", "ambiguous")]
+    shown = [e for e in content["ranking"] if e["status"] in ("confirmed", "partial", "ambiguous")]
     proposed = content["ladder"][-1]["effects"]
     shown += [e for e in content["ranking"] if e["effect"] in proposed and e not in shown]
     best = [e for e in content["ranking"] if e["status"] == "rejected" and e not in shown][:3]

@@ -94,13 +94,25 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
 
 
 def _named(j: Judgement, effect: str, ties: tuple[str, ...]) -> Entry:
-    plain = [t for t in ties if not _richer(t, effect)]
-    once = j.unexplained == "once" and effect in j.remembers
-    status = "ambiguous" if plain or once else "confirmed"
-    if j.unexplained in ("conflict", "worse", "given", "noise", "far", "reversed") or j.refused:
-        status = "rejected"
     own = words.own_parameters(j.final, effect)
-    return Entry(effect, status, own, j.witnesses.row(j.final, None).validation, ties, words.why_named(j, effect))
+    return Entry(
+        effect,
+        _status(j, effect, ties),
+        own,
+        j.witnesses.row(j.final, None).validation,
+        ties,
+        words.why_named(j, effect),
+    )
+
+
+def _status(j: Judgement, effect: str, ties: tuple[str, ...]) -> str:
+    """Return the status of an effect that is proposed: confirmed only where the verdict is."""
+    if j.unexplained in ("conflict", "worse", "given", "noise", "far", "reversed") or j.refused:
+        return "rejected"
+    once = j.unexplained == "once" and effect in j.remembers
+    if once or any(not _richer(t, effect) for t in ties):
+        return "ambiguous"
+    return "partial" if j.unexplained else "confirmed"
 
 
 def _richer(a: str, b: str) -> bool:

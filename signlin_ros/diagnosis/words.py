@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from signlin_ros.comparison.scores import follows_nothing
+from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.judgement import UNTOLD, Judgement, freed
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate, listed
@@ -10,6 +13,7 @@ from signlin_ros.diagnosis.witnesses import HALF
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
+from signlin_ros.fitting.problem import Problem
 from signlin_ros.par import gathered
 
 NOTHING = "Nothing is missing that this record could show"
@@ -64,20 +68,52 @@ def _unexplained(j: Judgement) -> str:
     if why == "lost":
         return follows_nothing(j.lost)
     if why == "elsewhere" and not j.names:
-        return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(j)}: what differs?"
+        differs = further(j.case) or "what differs?"
+        return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(j)}: {differs}"
     known = f"{listed(j.names).capitalize()} {'explains' if len(j.names) == 1 else 'explain'} a part"
     if why == "worse":
         return f"{known} of what is missing, but the error of {j.worse} rises on unseen data: nothing is confirmed."
     if why == "given":
-        surely = f"falls by {j.beside_given:.1f} standard errors beside the model as given"
+        c = j.beside_given
+        surely = f"{'rises' if c < 0 else 'falls'} by {abs(c):.1f} standard errors beside the model as given"
         rest = f"but on unseen data the error {surely}, which is too little: nothing is confirmed"
         return f"{known} of what the refitted model leaves, {rest}."
     if j.names:
         what = falls(j, j.base, j.final)
+        if why == "elsewhere" and further(j.case):
+            return f"{known} ({what}), but {OBJECTIONS[why]}: {further(j.case)}"
         return f"{known} ({what}), but {OBJECTIONS[why]}." if why in OBJECTIONS else f"{known}: {what}.{remainder(j)}"
     rest = remainder(j)
     none = f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}"
     return f"{_unsure(j) or none}.{rest}"
+
+
+def further(c: Case) -> str:
+    """Return which signal of the unseen data goes furthest beyond those that were fitted to, by half or more of their
+    amplitude; empty if none does.
+    """
+    known, unseen = (_reaches(problem) for problem in (c.problem, c.unseen))
+    found = {}
+    for name in known.keys() & unseen.keys():
+        (low, high), (least, most) = known[name], unseen[name]
+        if high > low:
+            found[name] = 2.0 * max(low - least, most - high) / (high - low)
+    name = max(sorted(found), key=lambda n: found[n], default="")
+    if not name or found[name] < HALF:
+        return ""
+    unit = c.problem.shown(c.problem.units.get(name, ""))
+    (least, most), (low, high) = unseen[name], known[name]
+    return f"there {name} goes from {least:.3g} to {most:.3g} {unit}, in those from {low:.3g} to {high:.3g} {unit}."
+
+
+def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
+    """Return the least and the largest value of every input and channel of the records of a problem."""
+    found: dict[str, tuple[float, float]] = {}
+    for part in problem.parts:
+        for name, values in (*part.measured.items(), *zip(part.inputs, part.u.T, strict=True)):
+            low, high = found.get(name, (np.inf, -np.inf))
+            found[name] = (float(np.nanmin(values, initial=low)), float(np.nanmax(values, initial=high)))
+    return found
 
 
 def _unsure(j: Judgement) -> str:
@@ -118,7 +154,7 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
 def remainder(j: Judgement) -> str:
     """Return what is left, and what would take it away."""
     noise = j.witnesses.noise_percent
-    if j.percent is None or not j.witnesses.sees(j.final) or not noise:
+    if j.percent is None or not j.witnesses.sees(j.final):
         return ""
     left, curve = f" What is left is {j.percent:.3g} % {j.witnesses.of_effort}", j.flexible
     if curve.visible and curve.percent < (1 - j.criteria.alike) * j.percent:
@@ -128,7 +164,7 @@ def remainder(j: Judgement) -> str:
         return f"{left}; a flexible curve would leave {curve.percent:.3g} %: {LEARN}."
     if j.changing:
         return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
-    return f"{left}, {j.percent / noise:.3g} times what the sensors' noise makes of it."
+    return f"{left}, {j.percent / noise:.3g} times what the sensors' noise makes of it." if noise else f"{left}."
 
 
 def _left_over(j: Judgement) -> str:

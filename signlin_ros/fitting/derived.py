@@ -27,6 +27,8 @@ NEARLY, FINE, SMOOTH, APART = 0.02, 0.05, 0.5, 2.5
 """A velocity was filtered if wide combinations of differences leave less than this share of it, if noise of the
 position makes less than that share of a single difference, if of what is left no more is white noise than that, and if
 it leads elsewhere than the position by more than so many times what noise in both would."""
+LATE = 2.0
+"""Samples beyond which it is told by how much a derived velocity lags."""
 
 
 def without_derived(model: Model, records: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[str, ...]:
@@ -37,6 +39,25 @@ def without_derived(model: Model, records: Sequence[ModelData], channels: tuple[
     if not signals or not (all(_is_derived(*s) for s in signals) or all(_is_filtered(*s) for s in signals)):
         return channels
     return tuple(name for name in channels if name != velocity)
+
+
+def lag(model: Model, records: Sequence[ModelData]) -> float:
+    """Return by how many seconds a velocity that was computed from the position lags behind it, in the median over the
+    records: which of its rates, some samples before, is most like it.
+    """
+    position, velocity = model.plant.position, model.plant.velocity
+    return float(np.median([_lag(r.t, r.measured[position], r.measured[velocity]) for r in records]))
+
+
+def _lag(t: Array, q: Array, v: Array) -> float:
+    there = np.isfinite(q) & np.isfinite(v)
+    t, q, v = t[there][:MOST], q[there][:MOST], v[there][:MOST]
+    step, middle, slopes = float(np.median(np.diff(t))), (t[1:] + t[:-1]) / 2, np.diff(q) / np.diff(t)
+    reach = min(WIDE, t.size // 4)
+    at, shown, tried = t[reach : t.size - reach], v[reach : t.size - reach], step * np.arange(reach)
+    rests = [_rest(np.interp(at - late, middle, slopes)[:, None], shown) for late in tried]
+    left = [float(np.mean(rest**2)) for rest in rests]
+    return float(tried[int(np.argmin(left))])
 
 
 def _is_derived(t: Array, q: Array, v: Array) -> bool:
@@ -76,4 +97,4 @@ def _rest(basis: Array, target: Array) -> Array:
     return np.asarray(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0])
 
 
-__all__ = ["without_derived"]
+__all__ = ["LATE", "lag", "without_derived"]

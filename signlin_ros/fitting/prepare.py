@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.errors import RecordError
 from signlin_ros.fitting.candidate import Candidate
-from signlin_ros.fitting.derived import without_derived
+from signlin_ros.fitting.derived import LATE, lag, without_derived
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.problem import Problem, looks, prepare, stretch_of
@@ -59,14 +59,21 @@ def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelDat
     channels = measured_channels(model, data)
     check_moving(data, channels)
     (known, notes), (unseen, more) = _cut(first, channels), _cut(second, channels)
-    own, position = without_derived(model, [*known, *unseen], channels), model.plant.position
-    notes += tuple(f"{c} was computed from {position}: it tells nothing more" for c in channels if c not in own)
+    own = without_derived(model, [*known, *unseen], channels)
+    notes += tuple(_derived(model, data, c) for c in channels if c not in own)
     notes += constant_inputs(model, data)
     problem = replace(prepare(model, known, own), notes=notes, parts=tuple(known))
     segments = tuple(segment(problem.base, problem.channels, part) for part in unseen)
     noise, other = (sensor_noise([(s.t, s.y) for s in one]) for one in (problem.segments, segments))
     rest = replace(problem, segments=segments, noise=other, notes=more, parts=tuple(unseen))
     return replace(problem, noise=noise), rest
+
+
+def _derived(model: Model, data: Sequence[ModelData], channel: str) -> str:
+    """Return what is said of a channel that was computed from the position, and how late it is."""
+    late, step = lag(model, data), float(np.median(np.diff(data[0].t)))
+    more = f", and lags {late:.2g} s behind it" if late > LATE * step else ""
+    return f"{channel} was computed from {model.plant.position}{more}: it tells nothing more"
 
 
 def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[ModelData], tuple[str, ...]]:

@@ -104,7 +104,8 @@ def add_learned(
     after = w.motion.as_it_is(new, ("learned_force",))
     first, last = w.first_rows(), w.row(after, w.as_written(after)).to_json()
     given, base = first.given.to_json(), first.refitted.to_json()
-    entry = _entry(new, learned, given["validation"], last["validation"])
+    unit = made.problem.shown(new.unit_of("F"))
+    entry = _entry(new, learned, unit, given["validation"], last["validation"])
     return new, {
         "verdict": "missing" if entry["status"] == "confirmed" else "unexplained",
         "sentence": f"Learned: {entry['why']}. Beyond what the records visited it goes straight on.",
@@ -122,10 +123,10 @@ def add_learned(
     }
 
 
-def _entry(new: Model, learned: Learned, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
-    """Return what there is to say of the effect; before and after: SCORES on unseen data."""
+def _entry(new: Model, learned: Learned, unit: str, before: dict[str, Any], after: dict[str, Any]) -> dict[str, Any]:
+    """Return what there is to say of the effect; ``unit`` of the force; before and after: SCORES on unseen data."""
     better = learned.explained > 0 and all(_error(after[n]) < _error(before[n]) for n in before if n != "score")
-    unit, where = new.plant.force_unit, learned.over.replace(", ", " and the ")
+    where = learned.over.replace(", ", " and the ")
     told = (
         f"a curve over the {where} takes {100 * max(learned.explained, 0.0):.0f} % of the square of the missing force"
         f" on blocks that it has not seen: {learned.before:.3g} {unit} become {learned.unseen:.3g} {unit} (RMS)"

@@ -23,7 +23,7 @@ from signlin_ros.model.reading import fields_of
 from signlin_ros.model.uses import EffectUse, effect_class, has_spring, is_sensor, nominal, own_name, slot
 from signlin_ros.par import Par, Pars, declared_name, gathered, place_of
 from signlin_ros.plants import Plant
-from signlin_ros.recording.trace import EffectSlot, Structure, Trace, delay_of, resolve_unit, trace
+from signlin_ros.recording.trace import EffectSlot, Structure, Trace, delay_of, resolve_unit, rotary_unit, trace
 from signlin_ros.sensors import Sensor
 
 
@@ -253,8 +253,9 @@ class Model:
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of every state, input and output."""
-        return self.trace.units
+        """Unit of every state, input and output; rotary ones where the axis is, whatever the plant's names say."""
+        units = self.trace.units
+        return {name: rotary_unit(unit) for name, unit in units.items()} if self.is_rotary else units
 
     @functools.cached_property
     def sensors(self) -> dict[str, Sensor]:
@@ -305,6 +306,10 @@ class Model:
         axis = self.axis or ("rotary" if self.plant.position_unit == "rad" else "")
         return axis == "rotary" if axis else None
 
+    def unit_of(self, declared: str) -> str:
+        """Return a declared unit as this model has it: of its plant, rotary where the axis is."""
+        return resolve_unit(declared, self.plant, self.axis == "rotary" and self.plant.position_unit == "m")
+
     def turns(self, units: Mapping[str, str]) -> bool:
         """Tell whether the axis turns: as the model, its plant or the units of a record's signals say."""
         unit = units.get(self.plant.position) or units.get(self.plant.velocity, "")
@@ -341,7 +346,7 @@ class Model:
         for key, use in self.effects.items():
             pars = self._pars_of(key)
             found |= {f"effects.{key}.{name}": pars[name] for name in use.parameters}
-        return {name: replace(par, unit=resolve_unit(par.unit, self.plant)) for name, par in found.items()}
+        return {name: replace(par, unit=self.unit_of(par.unit)) for name, par in found.items()}
 
     def _repr_html_(self) -> str:
         pars = {name.split(".", 1)[1]: par for name, par in self.par_declarations().items()}

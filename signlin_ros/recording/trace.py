@@ -91,6 +91,9 @@ TEMPERATURE = "temperature"
 ROTARY = {"N": "N·m", "m": "rad", "m/s": "rad/s", "kg": "kg·m²", "N·s/m": "N·m·s/rad", "N/m": "N·m/rad"}
 """Units of forces and displacements, and those of torques and angles in their place."""
 
+INERTIA = {"N·s²/m": "kg", "N·m·s²/rad": "kg·m²"}
+"""What an inertia is in, by what a force over an acceleration is."""
+
 
 def rotary_unit(unit: str) -> str:
     """Return a unit made of N, m, s and kg as its rotary one, e.g. ``N·s²/m²`` as ``N·m·s²/rad²``; others unchanged."""
@@ -110,7 +113,8 @@ def resolve_unit(unit: str, plant: type[Plant], rotary: bool = False) -> str:
         names = {letter: ROTARY.get(name, name) for letter, name in names.items()}
         unit = rotary_unit(unit)
     parts = (part.rstrip(POWERS) for part in re.split("[·/]", unit))
-    return "".join(names.get(letter, letter) for letter in unit) if {"F", "Q", "U"} & {*parts} else unit
+    resolved = "".join(names.get(letter, letter) for letter in unit) if {"F", "Q", "U"} & {*parts} else unit
+    return INERTIA.get(resolved, resolved)
 
 
 class _Tracer:

@@ -18,7 +18,7 @@ fewer than two rows          refused
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -125,7 +125,10 @@ def _record(table: Table, times: Times, t: Array, keep: Keep) -> Record:
         raise RecordError(f"{table.source}: only {t.size} row of data; at least 2 are needed")
     name = Rows.name
     notes = (*table.notes, *spacing(t, lambda i: name(table.rows, i)))
-    return sparse(Record(t, _signals(table, times.used), table.source, notes, table.rows))
+    found = _signals(table)
+    signals = {key: signal for key, signal in found.items() if signal.label not in times.used}
+    clocks = {key: signal for key, signal in found.items() if signal.label in times.used}
+    return sparse(Record(t, signals, table.source, notes, table.rows, clocks=clocks))
 
 
 def _check_stamps(table: Table, times: Times) -> None:
@@ -248,17 +251,16 @@ def _finite(table: Table, keep: Keep) -> Table:
     return replace(table, headings=headings, columns=columns, notes=(*table.notes, *notes))
 
 
-def _signals(table: Table, used: Collection[str]) -> dict[str, Signal]:
+def _signals(table: Table) -> dict[str, Signal]:
     """Signals keyed by their bare names, or by the whole labels where several share a name or where what ends the name
     may be a unit or none.
     """
     names = [head.name for head in table.headings]
     signals = {}
     for head, column in zip(table.headings, table.columns, strict=True):
-        if head.label not in used:
-            own = head.suffix and heading(head.label).name == head.name
-            key = head.label if own or names.count(head.name) > 1 else head.name
-            signals[key] = Signal(column, head.unit, head.label, head.number)
+        own = head.suffix and heading(head.label).name == head.name
+        key = head.label if own or names.count(head.name) > 1 else head.name
+        signals[key] = Signal(column, head.unit, head.label, head.number)
     return signals
 
 

@@ -91,19 +91,31 @@ def sole(record: Record, spec: str) -> str | None:
     key = record.find(spec) or (record.find(body) if unit else None)
     if key is not None or not is_formula(spec):
         return key
-    used = set(parse(body, _names(record), record.source).columns())
-    return used.pop() if len(used) == 1 else None
+    used = set(parse(body, _names(_with_time(record)), record.source).columns())
+    key = used.pop() if len(used) == 1 else None
+    return key if key in record.signals else None
+
+
+def _with_time(record: Record) -> Record:
+    """The record with what a formula may use beside its signals: the columns of the time, as they stand, and ``t`` in s
+    where nothing else is called so. A bag has no time of its own.
+    """
+    if record.series:
+        return record
+    clocks = {key: signal for key, signal in record.clocks.items() if signal.values.shape == record.t.shape}
+    return replace(record, signals={"t": Signal(record.t, "s", "t"), **clocks, **record.signals})
 
 
 def _formula(record: Record, name: str, spec: str, body: str, unit: str, wanted: str) -> tuple[Record, str]:
+    columns, record = record, _with_time(record)
     try:
         node = parse(body, _names(record), f"{record.source}: {name}")
     except RecordError as error:
-        raise RecordError(f"{error}{by_number(record, name, spec)}") from None
+        raise RecordError(f"{error}{by_number(columns, name, spec)}") from None
     used = list(dict.fromkeys(node.columns()))
     if not used:
         number = f", and a number that it is throughout has a decimal point, {body}.0" if _COUNT.fullmatch(body) else ""
-        raise RecordError(f"{record.source}: {name} = {spec}: names no column; {record.listing()}{number}")
+        raise RecordError(f"{record.source}: {name} = {spec}: names no column; {columns.listing()}{number}")
     units_of = {key: _unit(record, key) for key in used}
     stated = node.unit(units_of)
     if stated is None or units.conversion(stated, wanted) is None:
@@ -122,7 +134,7 @@ def _formula(record: Record, name: str, spec: str, body: str, unit: str, wanted:
         rows = f"{int(lost.sum())} rows, the first {record.where(int(np.argmax(lost)))}"
         said = f"{name} = {spec} has no value where it divides by zero, in {rows}"
         notes.append(Note(said, "undefined", name))
-    return _with(record, spec, values, unit, series, *notes)
+    return _with(columns, spec, values, unit, series, *notes)
 
 
 def _with(

@@ -7,6 +7,7 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros.held import held
 from signlin_ros.noise import noise_level
 
 Array = npt.NDArray[np.float64]
@@ -27,16 +28,18 @@ def slope(t: Array, values: Array) -> tuple[Array, float]:
 
     Cubic smoothing spline, smoothed until it misses the samples by as much as their noise (discrepancy principle;
     [Reinsch, Numer. Math. 10 (1967) 177]): a difference quotient has the noise of two samples over two steps in it,
-    10 um at 1 kHz become 7 mm/s. NaN is a missing sample, and stays one.
+    10 um at 1 kHz become 7 mm/s. NaN is a missing sample, and stays one. What is held counts where it is new.
     """
     from scipy.interpolate import make_smoothing_spline
 
     good = np.isfinite(values)
     if good.sum() < LEAST:
         return np.asarray(np.gradient(values, t)) if t.size > 1 else np.full(t.size, np.nan), 0.0
-    step, sigma = float(np.median(np.diff(t))), noise_level(t, values).sigma
+    slower = held(values)
+    new = good & ~slower.repeated(t.size) if slower else good
+    step, sigma = float(np.median(np.diff(t[new]))), noise_level(t[new], values[new]).sigma
     unit = sigma or float(np.ptp(values[good])) or 1.0
-    times, counts = (t[good] - t[0]) / step, values[good] / unit
+    times, counts = (t[new] - t[0]) / step, values[new] / unit
     smoothing = _smoothing(times, counts) if sigma else 0.0
     rate = make_smoothing_spline(times, counts, lam=smoothing).derivative()((t - t[0]) / step) * unit / step
     return np.where(good, rate, np.nan), sigma

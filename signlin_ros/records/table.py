@@ -117,7 +117,7 @@ class Record:
         record made in memory or read from a bag. series : the signals of a bag on their own stamps; `for_model`
         aligns them anew, knowing the inputs. alignment : those of `notes` that tell how the series were put on
         one time base. acts : (T,) s, from when the held ones of a bag's signals act; None: from their own
-        sample on.
+        sample on. clocks : the columns of which t was made, as they stand: no signals, but formulas may use them.
     """
 
     t: Array
@@ -128,6 +128,7 @@ class Record:
     series: dict[str, Series] = field(default_factory=dict, repr=False)
     alignment: tuple[str, ...] = field(default=(), repr=False)
     acts: Array | None = field(default=None, repr=False)
+    clocks: dict[str, Signal] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "t", frozen(self.t))

@@ -53,7 +53,7 @@ def _lines(kind: type[Effect], model: Model) -> Iterator[str]:
     if issubclass(kind, SensorEffect):
         return
     m, x, p = SympyMath(), _coordinates(kind, model), _parameters(kind, model)
-    force, effect = "T" if model.plant.force_unit == "N·m" else "F", kind()
+    force, effect = "T" if model.unit_of("F") == "N·m" else "F", kind()
     if kind.input is not Effect.input:
         yield rf"u \rightarrow {_tex(effect.input(m, sympy.Symbol('u', real=True), p))}"
     if kind.delay is not Effect.delay:

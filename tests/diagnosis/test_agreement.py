@@ -19,7 +19,8 @@ from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.force.flexible import Curve
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.motion import Fitted
-from signlin_ros.diagnosis.motion.score import elsewhere, gain
+from signlin_ros.diagnosis.motion.score import elsewhere, gain, told_change
+from signlin_ros.diagnosis.told import _status
 from signlin_ros.diagnosis.witnesses import Witnesses
 
 BLOCKS, NOISE, EFFORT, SPREAD = 40, 0.1, 10.0, 9.0
@@ -467,6 +468,55 @@ def test_a_sentence_names_what_falls_and_by_how_much():
     assert "the error of speed over 0.2 s from " in text
     a, b = numbers(text)[:2]
     assert b < a
+
+
+def test_by_how_much_an_error_rises_or_falls_and_what_is_asked():
+    """ "Rejected: falls by 2.6 standard errors" read like praise, "falls by -14.1" like nothing."""
+    assert told_change(2.6, 3.5) == "the error on unseen data falls by 2.6 standard errors, 3.5 are asked"
+    assert told_change(-0.01, 3.5).startswith("the error on unseen data falls by")
+    assert told_change(-14.1, 3.5) == "the error on unseen data rises by 14.1 standard errors"
+
+
+def test_what_explains_a_part_is_not_confirmed():
+    """ "UNEXPLAINED: backlash explains a part", and "backlash: confirmed" below it."""
+
+    def status(unexplained: str, ties: tuple[str, ...] = ()) -> str:
+        j = SimpleNamespace(unexplained=unexplained, refused="", remembers=())
+        return _status(j, "backlash", ties)
+
+    assert [status(why) for why in ("structure", "elsewhere", "", "worse")] == [
+        "partial",
+        "partial",
+        "confirmed",
+        "rejected",
+    ]
+    assert status("structure", ("compliant_load",)) == "ambiguous"
+
+
+def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
+    """A current that was held: "falls from 79.2 % to 25.3 %", and no word of the 25.3 %."""
+    seen = SimpleNamespace(noise_percent=0.0, sees=lambda f: True, of_effort="of the effort")
+    curve = SimpleNamespace(visible=False, percent=25.0, along="")
+    j = SimpleNamespace(percent=25.3, witnesses=seen, final=None, flexible=curve, changing="", criteria=DEFAULT)
+    assert words.remainder(j) == " What is left is 25.3 % of the effort."
+    seen.noise_percent = 10.0
+    assert words.remainder(j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")
+
+
+@pytest.mark.parametrize(("size", "differs"), [(2.0, True), (1.6, True), (1.3, False)])
+def test_unseen_data_that_reach_further_are_told(size, differs):
+    """A pier that was pushed 7.7 mm, and 15 in the record that was held back: "what differs?"."""
+    t = np.arange(50.0)
+    known, unseen = (
+        SimpleNamespace(measured={"displacement": a * 7.7e-3 * np.sin(t)}, inputs=("force",), u=np.cos(t)[:, None])
+        for a in (1.0, size)
+    )
+    problems = [SimpleNamespace(parts=(part,), units={"displacement": "m"}, shown=str) for part in (known, unseen)]
+    text = words.further(SimpleNamespace(problem=problems[0], unseen=problems[1]))
+    assert bool(text) is differs
+    if differs:
+        assert text.startswith("there displacement goes from -0.01")
+        assert text.endswith("m, in those from -0.0077 to 0.0077 m.")
 
 
 @pytest.mark.parametrize(("certainty", "told"), [(3.14, True), (1.9, False), (3.6, False)])

@@ -206,6 +206,12 @@ def test_the_noise_of_an_encoder_is_that_of_its_steps():
     assert sensor_noise(np.round(q / 2e-3) * 2e-3) == pytest.approx(2e-3 / np.sqrt(12), rel=0.2)
 
 
+def test_what_is_held_has_noise():
+    """A current of twelve equal samples a value: more than half of its differences vanish, and it had none."""
+    held = np.repeat(np.random.default_rng(2).normal(size=40), 12)
+    assert sensor_noise(held) > 0.1
+
+
 def test_coloured_noise_counts_for_more_than_neighbouring_samples_show():
     coloured = lfilter([0.6], [1.0, -0.8], np.random.default_rng(1).normal(size=20_000))
     between_samples = np.sqrt(np.mean(np.diff(coloured, 4) ** 2) / 70)

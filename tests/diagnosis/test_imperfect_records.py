@@ -8,7 +8,8 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
-from signlin_ros.fitting.derived import without_derived
+from signlin_ros.fitting.derived import lag, without_derived
+from signlin_ros.fitting.prepare import prepared
 from signlin_ros.follow.outliers import without_outliers
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -117,6 +118,20 @@ def test_a_velocity_that_was_computed_from_the_position_is_no_channel_of_its_own
     model, shown = Model.from_dict(AXIS), np.round(q / QUANTUM) * QUANTUM
     own = without_derived(model, [read(t, u, displacement=shown, velocity=law(shown))], ("displacement", "velocity"))
     assert own == ("displacement",)
+
+
+@pytest.mark.parametrize(("late", "told"), [(8, ", and lags 0.0"), (0, "displacement: it tells nothing more")])
+def test_how_late_a_velocity_is_that_was_computed_from_the_position_is_told(moved, late, told):
+    """Drives of an arm whose velocity came 0.2 s after the position: "it tells nothing more"."""
+    t, u, q, _ = moved
+    model, shown = Model.from_dict(AXIS), np.round(q / QUANTUM) * QUANTUM
+    v = np.roll(centred(shown, 4), late)
+    v[:late] = 0.0
+    data = read(t, u, displacement=shown, velocity=v)
+    assert lag(model, [data]) == pytest.approx(late / FS, abs=1.1 / FS)
+    problem, _ = prepared(model, [data], [data])
+    (note,) = [n for n in problem.notes if "was computed from" in n]
+    assert told in note
 
 
 def in_the_drive(q: np.ndarray, every: int, cutoff: float) -> np.ndarray:

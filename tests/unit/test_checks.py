@@ -202,6 +202,47 @@ def test_a_slow_sensor_is_taken_at_its_own_rate() -> None:
     np.testing.assert_array_equal(after.measured["current"][::4], data.measured["current"][::4])
 
 
+def test_a_slow_sensor_with_noise_on_what_it_holds_is_taken_at_its_own_rate() -> None:
+    rng = np.random.default_rng(2)
+
+    def holds(x: Array) -> Array:
+        """9.93 samples a value, each change within two samples, a little noise on all of it."""
+        at = np.arange(x.size)
+        change = np.floor(at / 9.93)
+        last, now = x[(change * 9.93).astype(int)], x[np.maximum((change - 1) * 9.93, 0).astype(int)]
+        share = np.clip(at - change * 9.93, 0.5, 1.0)
+        return share * last + (1 - share) * now + 1e-4 * np.std(x) * rng.normal(size=x.size)
+
+    model, data = changed("position", holds)
+    after, findings = found(model, data)
+    assert findings["repeated_values"].channel == "position"
+    assert "for 9.93 samples, with noise on it" in findings["repeated_values"].sentence
+    assert np.isfinite(after.measured["position"]).sum() == pytest.approx(SAMPLES / 9.93, abs=2)
+
+
+def test_a_slow_sensor_of_what_rests_now_and_then() -> None:
+    """Seven or eight rows a value, for a hundred rows the same one: a tenth of the runs was too long."""
+    rng = np.random.default_rng(3)
+    lengths = [32, 7, 7, 7, 44, 7, 8, 7, 7, 40]
+    current = np.repeat(np.round(rng.normal(size=10), 2), lengths)
+    other = np.repeat(np.round(rng.normal(size=10), 2), [32, 4, 11, 2, 44, 9, 17, 5, 2, 40])
+    t, model = np.arange(current.size) * 0.013, Model.load("mass_spring_damper")
+    for values, slow in ((current, True), (other, False)):
+        measured = {"displacement": values}
+        data = ModelData(t, np.sin(t)[:, None], measured, None, model.inputs, (), dict(model.units), "run.csv")
+        assert ("repeated_values" in found(model, data)[1]) == slow
+
+
+def test_what_a_held_input_drives_is_no_slow_sensor() -> None:
+    """A current that follows a voltage of a new level every ten samples, with noise on it."""
+    rng = np.random.default_rng(4)
+    base = motor()[0]
+    u = np.repeat(rng.normal(size=SAMPLES // 10 + 1), 10)[:SAMPLES]
+    data = record(base, u)
+    jumps = with_channel(data, "current", u + 1e-3 * rng.normal(size=SAMPLES))
+    assert "repeated_values" not in found(base, jumps)[1]
+
+
 def test_steps_of_a_sensor_at_a_steady_speed_are_no_slow_sensor() -> None:
     """Up and down on grids that lie apart: no common step would tell."""
     half, step = SAMPLES // 2, 0.05
@@ -237,6 +278,25 @@ def test_a_clipped_channel_is_offered_to_be_blanked(part: float) -> None:
     kept = np.isfinite(after.measured["speed"])
     assert np.abs(after.measured["speed"][kept]).max() <= limit
     assert not kept.all()
+
+
+def test_an_axis_that_rests_at_its_target_is_not_clipped() -> None:
+    """To and fro in steps of 0.01 mm, 70 rows a second: it slows down before, and rests for 45 rows."""
+    way = [1.72, 1.71, 1.67, 1.6, 1.43, 1.35, 1.14, 0.98, 0.78, 0.62, 0.39, 0.23, 0.02, -0.15, -0.31, -0.54, -0.74]
+    way += [-0.93, -1.12, -1.27, -1.38, -1.53, -1.61, -1.66, -1.72]
+    back = [-1.75, -1.69, -1.62, -1.46, -1.37, -1.23, -1.1, -0.89, -0.75, -0.57, -0.36, -0.22, -0.02, 0.13, 0.3, 0.5]
+    rests = np.array([*[1.72] * 20, *way, *[-1.76] * 45, *back, *np.arange(0.7, 1.5, 0.19), 1.6, 1.66, 1.7])
+    rests = np.concatenate([rests, [1.72] * 7, [1.71] * 6, [1.72] * 34, 1.72 - 0.1 * np.arange(9) ** 1.5])
+    cut = np.clip(2.5 * np.cos(np.arange(rests.size) * 0.05), -1.76, 1.9)
+    model = Model.load("mass_spring_damper")
+    t = np.arange(rests.size) * 0.014
+
+    def clipped(q: Array) -> set[str]:
+        data = ModelData(t, np.sin(t)[:, None], {"displacement": q}, None, model.inputs, (), dict(model.units), "run")
+        return {f.channel for f in check(model, [data])[1] if f.check == "clipped"}
+
+    assert clipped(cut) == {"displacement"}
+    assert not clipped(rests)
 
 
 def test_a_drive_that_friction_holds_where_it_turns_back_is_not_clipped() -> None:

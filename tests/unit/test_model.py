@@ -763,3 +763,14 @@ def test_the_temperature_is_an_input_where_an_effect_asks_for_it():
     assert model.inputs == ("voltage", "temperature")
     assert model.units["temperature"] == "K"
     assert Model.load("dc_motor").inputs == ("voltage",)
+
+
+def test_the_units_of_a_rotary_axis_are_rotary() -> None:
+    """ "m 81 kg", "c N·s/m", "the velocity is 6.283 m/s" where the file says `axis: rotary`."""
+    free = {"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 1.0, "k": 0.0}}
+    free["effects"] = {"gravity_load": {"A": 1.0, "q0": 0.1}}
+    linear, rotary = Model.from_dict(free), Model.from_dict({**free, "axis": "rotary"})
+    assert linear.units == {"displacement": "m", "velocity": "m/s", "force": "N"}
+    assert rotary.units == {"displacement": "rad", "velocity": "rad/s", "force": "N·m"}
+    units = {name.rpartition(".")[2]: par.unit for name, par in rotary.par_declarations().items()}
+    assert units == {"m": "kg·m²", "c": "N·m·s/rad", "k": "N·m/rad", "A": "N·m", "q0": "rad"}

@@ -226,3 +226,24 @@ def test_the_model_file_takes_formulas_and_a_step() -> None:
     data = found.for_model(model)
     assert data.u[0, 0] == 2.0
     assert data.measured["speed"][0] == pytest.approx(np.pi)
+
+
+@pytest.mark.parametrize(
+    ("spec", "expected"), [("2 * c1", 200.0), ("2 * #1", 200.0), ("2 * t", 0.2), ("c2 + 0.01 * c1", 1.0)]
+)
+def test_a_formula_may_use_the_time(tmp_path: Path, spec: str, expected: float) -> None:
+    """A drive at constant speed was recorded with its torque alone: its position is speed x time ("unknown: 'c1'")."""
+    file = tmp_path / "run.csv"
+    file.write_text("".join(f"{100 + 10 * i}\t{0.5 * i}\n" for i in range(30)))
+    model = Model.from_dict({"plant": "force_element", "parameters": {"c": 1.0, "k": 0.0}})
+    signals = {"t": "c1 [ms]", "displacement": spec, "velocity": "2.0", "force": "c2"}
+    data = read_for_model(file, model, signals)
+    assert data.measured["displacement"][0] == pytest.approx(expected)
+    assert data.t[0] == pytest.approx(0.1)
+    with pytest.raises(RecordError, match="no signal"):
+        read_for_model(file, model, {**signals, "displacement": "c1"})
+
+
+def test_a_column_called_t_is_taken_before_the_time() -> None:
+    found = record(t=Signal(np.full(3, 7.0)), force=Signal(np.ones(3)))
+    assert found.for_model(OSCILLATOR, {"displacement": "2 * t"}).measured["displacement"][0] == 14.0

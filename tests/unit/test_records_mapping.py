@@ -260,6 +260,16 @@ def test_rotary_records_of_translational_models() -> None:
         record(force=(1, "N"), displacement=(1, "deg")).for_model(oscillator())
 
 
+def test_where_the_model_says_that_its_axis_is_rotary_nothing_is_assumed() -> None:
+    model = Model.from_dict({**oscillator().to_dict(), "axis": "rotary"})
+    data = record(force=(1, "N·m"), displacement=([90, 0, 0, 0], "deg")).for_model(model)
+    assert data.measured["displacement"][0] == pytest.approx(np.pi / 2)
+    assert data.units == {"displacement": "rad", "velocity": "rad/s", "force": "N·m"}
+    assert not [note for note in data.notes if note.kind == "assumed"]
+    throughout = record(displacement=1, force=1).for_model(model, {"force": "0.5"})
+    assert "force is 0.5 N·m throughout, as said" in throughout.notes
+
+
 def test_what_is_assumed_of_a_rotary_record_is_rotary_and_a_formula_states_its_own_conversion() -> None:
     columns = {"force": (1, "N·m"), "displacement": (1, "deg"), "w": 1}
 

@@ -62,3 +62,13 @@ def test_what_hardly_is_a_record(values):
     assert rate.shape == values.shape
     if values.size == 50:
         np.testing.assert_allclose(rate, values[1] * 10, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_what_is_held_counts_where_it_is_new(noise):
+    """A laser at 1 kHz logged at 10 kHz: the rate was that of the stairs, and their noise that of the treads."""
+    t = np.arange(3000) * 1e-4
+    fresh = np.floor(t / 0.997e-3) * 0.997e-3
+    q = 0.01 * np.sin(30.0 * fresh) + np.random.default_rng(4).normal(0.0, noise, t.size)
+    rate, _ = slope(t, q)
+    assert error(rate, 0.3 * np.cos(30.0 * t)) < 0.03

@@ -37,6 +37,12 @@ def test_units_of_any_power_are_written_as_the_plant_has_them():
     assert resolve_unit("F·s²/Q²", DcMotor) == "N·m·s²/rad²"
 
 
+def test_an_inertia_is_in_the_unit_of_an_inertia():
+    """ "An inertia of 2.27 N·m·s²/rad" beside the plant's in kg·m²."""
+    assert resolve_unit("F·s²/Q", DcMotor) == resolve_unit("F·s²/Q", MassSpringDamper, rotary=True) == "kg·m²"
+    assert resolve_unit("F·s²/Q", MassSpringDamper) == "kg"
+
+
 def test_units_of_a_plant_that_stands_for_a_rotary_one_are_rotary_at_any_power():
     assert rotary_unit("N·s²/m²") == "N·m·s²/rad²"
     assert rotary_unit("N/m³") == resolve_unit("F/Q³", MassSpringDamper, rotary=True) == "N·m/rad³"

@@ -9,7 +9,7 @@ import numpy as np
 
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.fitted import Fitted
-from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain
+from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain, told_change
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.problem import Problem
 
@@ -59,7 +59,7 @@ class Decisions:
         rises = float(np.mean(np.log(g.ratios))) > c.alike
         freed = 0.0 if further or rises else max(before.strain - after.strain, 0.0)
         if certainty * abs(certainty) + freed < c.certainty**2:
-            return f"the error on unseen data falls by {certainty:.1f} standard errors"
+            return told_change(certainty, c.certainty)
         if g.worsens(c.worse, c.alike):
             return "the error of a channel rises"
         return after.vague(c) or self._elsewhere(after)

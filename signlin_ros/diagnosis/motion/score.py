@@ -89,6 +89,15 @@ def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -
     return float(np.sqrt(max(np.sum(samples / together * (first - second) / second) / 4, 0.0)))
 
 
+def told_change(certainty: float, asked: float) -> str:
+    """Return in words by how many standard errors the error on unseen data changes; ``asked``: by how many it must
+    fall.
+    """
+    if round(certainty, 1) < 0:
+        return f"the error on unseen data rises by {-certainty:.1f} standard errors"
+    return f"the error on unseen data falls by {certainty:.1f} standard errors, {asked:g} are asked"
+
+
 def elsewhere(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
     """Tell whether mean squared errors (blocks, channels) of unseen data are so many times those of known ones, both
     beside the noise of their sensors, ``there`` and ``here`` (channels): it has a size of its own in every record.
