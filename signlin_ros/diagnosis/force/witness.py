@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.comparison.equations import inertia
 from signlin_ros.comparison.piece import Piece, best_cutoff, effort_gain, piece, stamped
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, structured
@@ -18,6 +19,7 @@ from signlin_ros.diagnosis.force.search import Search
 from signlin_ros.diagnosis.motion.trials import free_key
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
+from signlin_ros.scale import Scale
 
 Array = NDArray[np.float64]
 
@@ -78,7 +80,8 @@ def hear(known: Problem, unseen: Problem, criteria: Criteria = DEFAULT) -> Testi
     def below(cutoff: float) -> Testimony:
         first, second = ([piece(model, part, cutoff) for part in side.parts] for side in (known, unseen))
         r = _regression(model, first, second, known.turns, criteria)
-        search = Search(r, known.turns, {n: grid(law, known.scale) for n, law in r.laws.items()})
+        scale = _scale_of(model, first)
+        search = Search(r, known.turns, {n: grid(law, scale) for n, law in r.laws.items()})
         search.run()
         return Testimony(search, structured(search, search.chosen))
 
@@ -105,6 +108,21 @@ def _regression(
     first, second = (replace(side, X=side.X.compress(tells, axis=1)) for side in (first, second))
     names, spread = tuple(compress(base, tells)), np.array([*base.values()])[tells]
     return Regression(model, found, first, second, names, spread, criteria, current)
+
+
+def _scale_of(model: Model, pieces: Sequence[Piece]) -> Scale:
+    """Return how large things are in the band of the force witness: its laws start from there."""
+
+    def rms(values: Iterable[Array]) -> float:
+        return float(np.sqrt(np.mean(np.concatenate([*values]) ** 2))) or 1.0
+
+    def most(values: Iterable[Array]) -> float:
+        return max(float(np.max(np.abs(one))) for one in values) or 1.0
+
+    moved = rms(p.v for p in pieces), rms(p.acceleration for p in pieces)
+    current = rms(p.values.get("current", np.ones(1)) for p in pieces)
+    sizes = (rms(p.effort for p in pieces), most(p.q for p in pieces), *moved, current, most(p.u[:, 0] for p in pieces))
+    return Scale(*sizes, pieces[0].step, max(float(p.t[-1]) for p in pieces), inertia(model))
 
 
 __all__ = ["Testimony", "hear"]
