@@ -151,12 +151,11 @@ class Judgement:
     @cached_property
     def lost(self) -> list[str]:
         """The channels that none of the models that were fitted follows, neither where it was fitted nor elsewhere."""
-        motion, models = self.motion, (self.final, *self.witnesses.tried)
-        sides = [(motion.problem, f.known_squares) for f in models] + [
-            (motion.unseen, f.unseen_squares) for f in models
-        ]
-        missed = [set(unfollowed(of_windows(p, squares, p.noise))) for p, squares in sides]
-        return [name for name in motion.problem.channels if all(name in one for one in missed)]
+        known, unseen, missed = self.motion.problem, self.motion.unseen, set(self.motion.problem.channels)
+        for f in (self.final, *self.witnesses.tried):
+            for side, squares in ((known, f.known_squares), (unseen, f.unseen_squares)):
+                missed &= set(unfollowed(of_windows(side, squares, side.noise)))
+        return [name for name in known.channels if name in missed]
 
     @cached_property
     def elsewhere(self) -> bool:

@@ -94,15 +94,8 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
 
 
 def _named(j: Judgement, effect: str, ties: tuple[str, ...]) -> Entry:
-    own = words.own_parameters(j.final, effect)
-    return Entry(
-        effect,
-        _status(j, effect, ties),
-        own,
-        j.witnesses.row(j.final, None).validation,
-        ties,
-        words.why_named(j, effect),
-    )
+    own, why = words.own_parameters(j.final, effect), words.why_named(j, effect)
+    return Entry(effect, _status(j, effect, ties), own, j.witnesses.row(j.final, None).validation, ties, why)
 
 
 def _status(j: Judgement, effect: str, ties: tuple[str, ...]) -> str:

@@ -108,12 +108,9 @@ def further(c: Case) -> str:
 
 def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
     """Return the least and the largest value of every input and channel of the records of a problem."""
-    found: dict[str, tuple[float, float]] = {}
-    for part in problem.parts:
-        for name, values in (*part.measured.items(), *zip(part.inputs, part.u.T, strict=True)):
-            low, high = found.get(name, (np.inf, -np.inf))
-            found[name] = (float(np.nanmin(values, initial=low)), float(np.nanmax(values, initial=high)))
-    return found
+    names = (*problem.channels, *problem.base.inputs)
+    columns = np.concatenate([np.column_stack([s.y, s.u]) for s in problem.segments]).T
+    return {n: (float(np.nanmin(x)), float(np.nanmax(x))) for n, x in zip(names, columns, strict=True)}
 
 
 def _unsure(j: Judgement) -> str:

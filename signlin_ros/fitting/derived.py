@@ -45,19 +45,20 @@ def lag(model: Model, records: Sequence[ModelData]) -> float:
     """Return by how many seconds a velocity that was computed from the position lags behind it, in the median over the
     records: which of its rates, some samples before, is most like it.
     """
-    position, velocity = model.plant.position, model.plant.velocity
-    return float(np.median([_lag(r.t, r.measured[position], r.measured[velocity]) for r in records]))
+    found = []
+    for r in records:
+        t, q, v = _shown(r.t, r.measured[model.plant.position], r.measured[model.plant.velocity])
+        middle, slopes, reach = (t[1:] + t[:-1]) / 2, np.diff(q) / np.diff(t), min(WIDE, t.size // 4)
+        used, tried = slice(reach, t.size - reach), float(np.median(np.diff(t))) * np.arange(reach)
+        rests = [_rest(np.interp(t[used] - late, middle, slopes)[:, None], v[used]) for late in tried]
+        found.append(float(tried[int(np.argmin([np.mean(rest**2) for rest in rests]))]))
+    return float(np.median(found))
 
 
-def _lag(t: Array, q: Array, v: Array) -> float:
-    there = np.isfinite(q) & np.isfinite(v)
-    t, q, v = t[there][:MOST], q[there][:MOST], v[there][:MOST]
-    step, middle, slopes = float(np.median(np.diff(t))), (t[1:] + t[:-1]) / 2, np.diff(q) / np.diff(t)
-    reach = min(WIDE, t.size // 4)
-    at, shown, tried = t[reach : t.size - reach], v[reach : t.size - reach], step * np.arange(reach)
-    rests = [_rest(np.interp(at - late, middle, slopes)[:, None], shown) for late in tried]
-    left = [float(np.mean(rest**2)) for rest in rests]
-    return float(tried[int(np.argmin(left))])
+def _shown(t: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
+    """Return times, positions and velocities (T,) where both were measured, no more than are looked at."""
+    there = np.flatnonzero(np.isfinite(q) & np.isfinite(v))[:MOST]
+    return t[there], q[there], v[there]
 
 
 def _is_derived(t: Array, q: Array, v: Array) -> bool:
@@ -74,8 +75,7 @@ def _is_derived(t: Array, q: Array, v: Array) -> bool:
 
 def _is_filtered(t: Array, q: Array, v: Array) -> bool:
     """Tell whether v (T,) is a wide filter of a fine position q (T,), but for a rest that leads elsewhere."""
-    there = np.isfinite(q) & np.isfinite(v)
-    t, q, v = t[there][:MOST], q[there][:MOST], v[there][:MOST]
+    t, q, v = _shown(t, q, v)
     reach = min(WIDE, t.size // 40)
     if reach < REACH:
         return False
