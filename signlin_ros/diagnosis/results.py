@@ -68,9 +68,7 @@ class Scores:
 
 @dataclass(frozen=True)
 class Entry:
-    """One effect in the ranking: confirmed, partial, ambiguous, not_excited, rejected or not_applicable,
-    and ``why``.
-    """
+    """One effect in the ranking: confirmed, partial, ambiguous, not_excited, rejected or not_applicable; ``why``."""
 
     effect: str
     status: str

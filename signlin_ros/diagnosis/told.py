@@ -75,8 +75,8 @@ def _applies(j: Judgement, name: str) -> bool:
 
 
 def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
-    """Return what could as well stand in the place of an effect, by force or by motion, and is refused by neither: not
-    what leaves more force, nor in the place of what takes most of a missing force away what no force shows.
+    """Return what could as well stand in the place of an effect, by force or motion, and is refused by neither; not
+    what leaves more force, nor what no force shows for what takes most of it away.
     """
     w, force, rest, found = j.witnesses, j.witnesses.force, set(j.names) - {effect}, set[str]()
     if force and set(force.effects) == set(j.names):

@@ -57,16 +57,16 @@ class Witnesses:
     contradicted: Fitted | None = None
 
     def grounded(self) -> Witnesses:
-        """Return the same witnesses, of a model whose base parameters are held at what the force tells of them, where
-        the motion's own leave more than all of the effort, and surely more than the model as given: what moves slowly
-        in a loop is followed best where forces hardly act (a joint with 300 times its inertia), and that is no
-        reference. Where it is followed to about its sensors' noise by that, the motion tells nothing of forces.
+        """Return the same of a model with base parameters held at what the force tells of them, where the motion's own
+        leave more than all of the effort, surely more than as given, far from noise of motion and force: what moves
+        slowly in a loop is followed best where forces hardly act (300 times its inertia), which is no reference.
         """
         force, motion = self.force, self.motion
         given, own = self.as_written(motion.given), self.as_written(motion.base)
-        if force is None or given is None or own is None or motion.base.near(self.criteria.sees):
+        if force is None or given is None or own is None or (self.percent(own) or 0.0) <= ALL:
             return self
-        if (self.percent(own) or 0.0) <= ALL or mean_certainty(given, own) > -self.criteria.certainty:
+        complete = force.fit.error <= self.criteria.sees**2 * self.noise or motion.base.near(self.criteria.sees)
+        if complete or mean_certainty(given, own) > -self.criteria.certainty:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.search.r.names if n in told.parameters}

@@ -89,9 +89,7 @@ def _unexplained(j: Judgement) -> str:
 
 
 def further(c: Case) -> str:
-    """Return which signal of the unseen data goes furthest beyond those that were fitted to, by half or more of their
-    amplitude; empty if none does.
-    """
+    """Return which signal of unseen data goes furthest beyond known ones, by half their amplitude or more, if any."""
     known, unseen = (_reaches(problem) for problem in (c.problem, c.unseen))
     found = {}
     for name in known.keys() & unseen.keys():
@@ -114,9 +112,7 @@ def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
 
 
 def _unsure(j: Judgement) -> str:
-    """Return which effects alone take most of what is missing away from unseen data, of the force too where it is seen,
-    but not surely; empty if none.
-    """
+    """Return which effects alone take most of what is missing away, of a force that is seen too, but not surely."""
     motion, w, c, found = j.motion, j.witnesses, j.criteria, dict[str, float]()
     for f in sorted(w.single, key=lambda f: f.size):
         g, certainty, part = motion.gain(j.base, f), motion.certainty(j.base, f), w.remaining(w.left(f))
@@ -180,7 +176,7 @@ def _left_over(j: Judgement) -> str:
 def remarks(j: Judgement) -> list[str]:
     """Return what the records cannot tell of the effects that are named."""
     found, w = [ONE_CYCLE] if j.names and j.case.one_cycle else [], j.witnesses
-    if w.contradicted is not None:
+    if w.contradicted:
         own = ", ".join(f"{n} {p.value:.3g} {p.unit}" for n, p in w.contradicted.parameters.items() if p.note != "held")
         left = w.percent(w.as_written(w.contradicted)) or 0.0
         found.append(

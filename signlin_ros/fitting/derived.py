@@ -42,9 +42,7 @@ def without_derived(model: Model, records: Sequence[ModelData], channels: tuple[
 
 
 def lag(model: Model, records: Sequence[ModelData]) -> float:
-    """Return by how many seconds a velocity that was computed from the position lags behind it, in the median over the
-    records: which of its rates, some samples before, is most like it.
-    """
+    """Return by how many s a velocity computed from the position lags behind the rate that is most like it (median)."""
     found = []
     for r in records:
         t, q, v = _shown(r.t, r.measured[model.plant.position], r.measured[model.plant.velocity])

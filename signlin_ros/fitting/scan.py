@@ -1,17 +1,12 @@
-"""Where a search for a periodic force starts: peaks of the spectrum of the missing force over position.
-
-The acceleration that the base model does not explain is taken from the measured velocity (or position) by a
-Savitzky-Golay derivative, and from what an observer corrects; it is binned over position, and its discrete Fourier
-transform shows the orders N of -A sin(N q + phi) [Savitzky and Golay 1964, doi:10.1021/ac60214a047].
+"""Where a search for a periodic force starts: peaks of the spectrum of the missing force over position, at the orders N
+of -A sin(N q + phi). What an observer corrects, and what it leaves, tells of the force; it is binned over position.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete, fftconvolve, savgol_filter
+from scipy.signal import cont2discrete, fftconvolve
 
 from signlin_ros.comparison.equations import inertia
 from signlin_ros.fitting.candidate import candidate
@@ -36,24 +31,6 @@ SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
 trace, and what that must take from the squares, in means of these: noise takes less at any of a thousand orders."""
 
 
-def _missing_acceleration(problem: Problem, model: Model) -> Motion:
-    """Return position, velocity and unexplained acceleration, each (T,), all records one after the other."""
-    plant, rows, at, dt = model.plant, [], model.states.index(model.plant.velocity), problem.scale.step
-    for tracker, run in looks(model, problem.segments, problem.channels, problem.levels[0]):
-        t, x, measured = tracker.t, run.state.copy(), dict(zip(problem.channels, tracker.y.T, strict=True))
-        shown = {c: filled(t, measured[c]) for c in (plant.position, plant.velocity) if c in measured}
-        v, a = x[:, at], np.gradient(x[:, at], t)
-        if plant.velocity in shown:
-            v, a = (savgol_filter(shown[plant.velocity], 5, 2, deriv=k, delta=dt) for k in (0, 1))
-        elif plant.position in shown:
-            v, a = (savgol_filter(shown[plant.position], 9, 3, deriv=k, delta=dt) for k in (1, 2))
-        places = {**dict(zip(model.states, run.state.T, strict=True)), **shown}
-        q = places[plant.position] if plant.position in places else travelled(t, v)
-        x[:, at] = v
-        rows.append((q, v, a - tracker.linearized(x)[0][:, at]))
-    return _joined(rows)
-
-
 def _missing_force(problem: Problem, model: Model) -> Motion:
     """Return position, velocity and the force that the model lacks, each (T,), where the motion is imposed."""
     plant, rows = model.plant, []
@@ -61,12 +38,8 @@ def _missing_force(problem: Problem, model: Model) -> Motion:
     for tracker, run in looks(model, problem.segments, problem.channels, problem.levels[0]):
         lacks = tracker.outputs(run.state)[:, output] - filled(tracker.t, tracker.y[:, output])
         rows.append((run.state[:, at], tracker.u[:, model.inputs.index(plant.velocity)], lacks))
-    return _joined(rows)
-
-
-def _joined(rows: Sequence[Motion]) -> Motion:
-    q, v, a = map(np.concatenate, zip(*rows, strict=True))
-    return q, v, a
+    q, v, force = map(np.concatenate, zip(*rows, strict=True))
+    return q, v, force
 
 
 def _matched(problem: Problem, model: Model, highest: float, count: int) -> list[tuple[float, float, float]]:
@@ -145,13 +118,6 @@ def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, 
         q, v, force = _missing_force(problem, model)
         return [_start(q, force, order, 1.0) for order in _orders(q, v, force, highest, MOST, lines)]
     mass, starts = inertia(model), list[tuple[float, float, float]]()
-    q, v, a = _missing_acceleration(problem, model)
-    for order in _orders(q, v, a, highest, MOST, lines):
-        near = (0.0,) if starts else (0.0, -1.5 / np.ptp(q), 1.5 / np.ptp(q))
-        tried = (order + shift for shift in near)
-        if lines.size:
-            tried = (float(lines[np.argmin(np.abs(lines - one))]) for one in tried)
-        starts += [_start(q, a, one, mass) for one in dict.fromkeys(tried)]
     for gains in problem.levels[:2]:
         q, v, a = _corrections(problem, model, gains)
         for order in _orders(q, v, a, highest, MOST - 1, lines):
@@ -169,9 +135,7 @@ def finest(problem: Problem) -> float:
 
 
 def whole_orders(problem: Problem, highest: float) -> Array:
-    """Return the orders (k,) up to ``highest`` that a force on an axis that turns may have: whole numbers a turn, of
-    the joint or of the motor before its gear. Empty where the axis does not turn: any order then.
-    """
+    """Return the whole orders (k,) up to ``highest``, of the joint or of the motor before its gear; none on a slide."""
     gear = problem.base.gear
     return np.union1d(np.arange(1.0, highest), gear * np.arange(1.0, highest / gear)) if problem.turns else np.zeros(0)
 

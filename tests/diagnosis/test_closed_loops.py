@@ -104,11 +104,11 @@ def test_a_base_that_the_forces_contradict_is_no_reference():
     """What moves slowly in a loop is followed best with an inertia so large that forces hardly act."""
     nominal = {"m": 1.0, "c": 1.5, "k": 0.0}
     guess = {"plant": "mass_spring_damper", "parameters": nominal, "tolerance": {"m": 1.0, "c": 1.0}, "axis": "rotary"}
-    found = diagnose(Model.from_dict({**guess, "update_period": 0.02}), joint(1), joint(2))
+    found = diagnose(Model.from_dict({**guess, "update_period": 0.02}), joint(3), joint(4))
     assert (found.verdict, proposed(found)) == ("missing", {"gravity_load"})
     assert found.parameters["gravity_load.A"].value == pytest.approx(1.6, rel=0.1)
     assert found.parameters["m"].note == "held"
     assert any("the forces contradict" in note for note in found.notes)
     base, final = found.ladder[0], found.ladder[-1]
     assert final.validation.over_noise < 0.5 * base.validation.over_noise
-    assert final.force < 20.0 < 70.0 < base.force
+    assert final.force < 20.0 < 60.0 < base.force

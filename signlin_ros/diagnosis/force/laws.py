@@ -225,10 +225,8 @@ class Ripple(Law):
 def laws(model: Model, angular: bool, placed: bool = True) -> dict[str, Law]:
     """Return the laws that act as a force along a measured motion, and that a model may lack, by their names.
 
-    ``placed``: whether the position was measured; if not, what depends on it cannot be told. ``angular``: whether
-    something may go with the sine of the position itself: the axis turns, or travels a whole period of it.
-
-    Left to the motion witness: what changes the input, an electrical state or a sensor, and hidden inertias.
+    ``placed``: whether the position was measured; ``angular``: whether something may go with its sine: the axis turns,
+    or travels a whole period. Left to the motion witness: what changes an input or a sensor, hidden inertias.
     """
     found = {}
     for name, effect in EFFECTS.items():

@@ -30,10 +30,8 @@ class Decisions:
         return gain(self.best(before).unseen_squares, after.unseen_squares, self.unseen.noise)
 
     def certainty(self, before: Fitted, after: Fitted) -> float:
-        """Return by how many standard errors a model lowers the error on unseen data.
-
-        Where it leaves nothing but noise, of unseen data as of known ones, these are of noise, and known data count
-        too, if unseen data are beyond doubt by themselves: what acts for once is in few blocks.
+        """Return by how many standard errors a model lowers the error on unseen data. Where it leaves but noise they
+        are of noise, and known data count too: what acts for once is in few blocks.
         """
         c, known, unseen = self.criteria, self.problem, self.unseen
         blocks = gain(before.unseen_squares, after.unseen_squares, unseen.noise).certainty
@@ -66,11 +64,13 @@ class Decisions:
 
     def _elsewhere(self, f: Fitted) -> str:
         """Return which force has no shape of its own where the records were: a limit that was always passed, a wave of
-        too few periods. Such a wave is believed where all that it leaves was tested, and is its sensors' noise.
+        too few periods, unless all that it leaves was tested, and is its sensors' noise.
         """
-        for key, use in f.added.items():
-            if not EFFECTS[use.type].is_met(use.parameters, *self.problem.stretch):
-                return f"the records lie all beyond {key}"
+        beyond = [
+            k for k, use in f.added.items() if not EFFECTS[use.type].is_met(use.parameters, *self.problem.stretch)
+        ]
+        if beyond:
+            return f"the records lie all beyond {beyond[0]}"
         few = {} if f.clean and f.near(self.criteria.near) else self.few_waves(f)
         return next((f"{key} has {waves:.1f} waves in the record" for key, waves in few.items()), "")
 
@@ -82,9 +82,8 @@ class Decisions:
         return {key: waves for key, waves in held.items() if waves < self.criteria.waves}
 
     def alike(self, before: Fitted, options: Sequence[Fitted]) -> list[Fitted]:
-        """Return the options that are a step beyond a model and as good as the best of them, the simplest first; with
-        these the simpler laws beyond which a richer one of their family is no step. What is as good only with a base
-        parameter far from nominal is not, if there is anything else.
+        """Return the options that are a step beyond a model and as good as the best, the simplest first; with simpler
+        laws beyond which a richer one of their family is no step; with a base far from nominal only if nothing else is.
         """
         good = [one for one in options if not self.refused(before, one)]
         best = min(good, key=attrgetter("level"), default=None)

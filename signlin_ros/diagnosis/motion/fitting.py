@@ -78,9 +78,8 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
 
 def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:
     """Return by how many standard errors coordinates of added effects differ from nothing, by how much the likelihood
-    of the best model falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360]: unlike their own
-    standard errors that does not depend on the units that they are fitted in. The scores' own variance allows for what
-    correlation the residual has.
+    falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360], which does not depend on their units. The
+    scores' own variance allows for the residual's correlation.
     """
     c, theta, held = f.candidate, f.theta.copy(), list(f.candidate.coordinates)
     for i in index:
@@ -115,11 +114,8 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit 
 
 
 def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
-    """Return the best fit of an effect with many local minima, in which a descent ends, as of what makes and breaks
-    contact: from the best of many starts, all positive, and of what they breed.
-
-    The cross-entropy method [Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 2] on -2 log likelihood without
-    its derivatives.
+    """Return the best fit of an effect with many local minima, as of what makes and breaks contact: from the best of
+    many positive starts, and of what they breed [Rubinstein and Kroese, The Cross-Entropy Method, 2004, ch. 2].
     """
     parts, middle = Parts.of(before), problem.levels[1]
     c = parts.extended(trial.name, trial.starts[0]).candidate(problem)

@@ -53,11 +53,7 @@ class Left:
 
 
 def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
-    """Return what a fit leaves in every channel of a problem, seen with the slowest observer.
-
-    What is no larger than the sensor's noise is noise; a model that only quicker observers keep on its track leaves
-    structure.
-    """
+    """Return what a fit leaves in every channel, seen with the slowest observer: what only quicker ones follow shows."""
     lowest = problem.levels[-1]
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
     f, lost, result = slow or f, slow is None, []
@@ -71,11 +67,9 @@ def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
 
 
 def dependence(problem: Problem, f: Fit) -> Array:
-    """Return which share (ny) of the squared residual of a fit follows from its own motion, on samples left out; 0 or
-    less: none; NaN where samples are too few to tell. Nothing is said (0) of a model that an extended Kalman filter
-    follows, whose gain changes.
-
-    Where an inertia is moved, with the slowest observer whose response is short beside the parts that are left out.
+    """Return which share (ny) of the squared residual of a fit follows from its own motion, on samples left out; NaN
+    where these are too few to tell, 0 of a model that an extended Kalman filter follows, whose gain changes. Where an
+    inertia is moved, with the slowest observer whose response is short beside the parts that are left out.
     """
     none, samples, c = np.zeros(len(problem.channels)), problem.samples, f.candidate
     if c.filtered:

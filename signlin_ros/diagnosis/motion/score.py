@@ -82,17 +82,15 @@ def _certainty(falls: Array) -> float:
 def beyond_noise(before: Array, after: Array, samples: Array, together: Array) -> float:
     """Return by how many standard errors of noise a model that leaves nothing else explains more than another.
 
-    Its errors e are noise, those of the other e + d: squares differ by d (2 e + d), of standard deviation 2 |e| |d|.
-    ``samples`` (channels) that were scored, of which so many go ``together`` (channels) in coloured noise.
+    Its errors e are noise, those of the other e + d: squares differ by d (2 e + d), of standard deviation 2 |e| |d|, of
+    ``samples`` (channels) of which so many go ``together`` (channels) in coloured noise.
     """
     first, second = np.nanmean(before, axis=0), np.maximum(np.nanmean(after, axis=0), 1e-300)
     return float(np.sqrt(max(np.sum(samples / together * (first - second) / second) / 4, 0.0)))
 
 
 def told_change(certainty: float, asked: float) -> str:
-    """Return in words by how many standard errors the error on unseen data changes; ``asked``: by how many it must
-    fall.
-    """
+    """Return by how many standard errors the error on unseen data changes, and by how many it must fall, in words."""
     if round(certainty, 1) < 0:
         return f"the error on unseen data rises by {-certainty:.1f} standard errors"
     return f"the error on unseen data falls by {certainty:.1f} standard errors, {asked:g} are asked"

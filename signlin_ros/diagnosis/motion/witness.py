@@ -142,10 +142,8 @@ class Motion(Decisions, Running):
         return level(squares, self.problem.noise)
 
     def fitted(self, effects: Sequence[str], start: Model | None = None) -> Fitted:
-        """Return the best fit of these effects beside the base parameters.
-
-        Started from the values that ``start`` has, if it has all of them; else from those that a scan finds, one effect
-        after the other, each from the values that ``start`` has of it.
+        """Return the best fit of these effects beside the base parameters: from the values of ``start``, if it has all
+        of them; else from those that a scan finds, one effect after the other, each from what ``start`` has of it.
         """
         asked = (tuple(effects), start)
         known = next((f for one, f in self._asked if one == asked), None)
@@ -199,9 +197,8 @@ class Motion(Decisions, Running):
         return c, c.start(numbers(start))
 
     def _held(self, c: Candidate, theta: Array, found: Found | None) -> Found | None:
-        """Return a candidate fitted from given values with the quickest observer, which keeps a motion to what was
-        measured: a slower one lets it slip from one wave to the next, and the fit walks away. None where what was
-        ``found`` without it is as good.
+        """Return a candidate fitted from given values with the quickest observer: a slower one lets a motion slip from
+        one wave to the next. None where what was ``found`` without it is as good.
         """
         tried = (fit(self.short, c, self.problem.levels[0], theta, steps) for steps in (0, NEXT))
         held = min((Found.of(self.short, f, f) for f in tried if f), key=attrgetter("level"), default=None)
@@ -272,9 +269,8 @@ class Motion(Decisions, Running):
     # ------------------------------------------------------------ one effect more
 
     def extensions(self, of: Fitted, names: Sequence[str] | None = None, rival: Fitted | None = None) -> list[Fitted]:
-        """Return what can be added to a fit, the promising ones fitted out, least error on unseen data first.
-
-        ``rival``: a model that is as good already; only what comes near it is fitted out.
+        """Return what can be added to a fit, the promising ones fitted out, least error on unseen data first; what
+        comes near a ``rival`` that is as good already.
         """
         options = [self._heard(t) for t in trials(self.problem, names) if t.name not in of.effects]
         self.searched.setdefault(of.effects, set()).update(t.name for t in options)
