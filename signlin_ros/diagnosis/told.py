@@ -41,8 +41,7 @@ def told(j: Judgement) -> Diagnosis:
 
 def _parameters(j: Judgement, f: Fitted) -> dict[str, Estimate]:
     """Return the parameters of a fit; with those that are held at what the force tells."""
-    own = held(j.motion.problem, f.model, f.parameters) if j.witnesses.contradicted else {}
-    return {**own, **f.parameters}
+    return (held(j.motion.problem, f.model, f.parameters) if j.witnesses.contradicted else {}) | f.parameters
 
 
 # -------------------------------------------------------------------- ranking
@@ -75,9 +74,7 @@ def _applies(j: Judgement, name: str) -> bool:
 
 
 def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
-    """Return what could as well stand in the place of an effect, by force or motion, and is refused by neither; not
-    what leaves more force, nor what no force shows for what takes most of it away.
-    """
+    """Return what is as good in the place of an effect, by force or motion, refused by neither, and leaves no more."""
     w, force, rest, found = j.witnesses, j.witnesses.force, set(j.names) - {effect}, set[str]()
     if force and set(force.effects) == set(j.names):
         found |= set(force.search.ties(force.fit, effect))

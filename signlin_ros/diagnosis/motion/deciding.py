@@ -66,11 +66,9 @@ class Decisions:
         """Return which force has no shape of its own where the records were: a limit that was always passed, a wave of
         too few periods, unless all that it leaves was tested, and is its sensors' noise.
         """
-        beyond = [
-            k for k, use in f.added.items() if not EFFECTS[use.type].is_met(use.parameters, *self.problem.stretch)
-        ]
-        if beyond:
-            return f"the records lie all beyond {beyond[0]}"
+        for key, use in f.added.items():
+            if not EFFECTS[use.type].is_met(use.parameters, *self.problem.stretch):
+                return f"the records lie all beyond {key}"
         few = {} if f.clean and f.near(self.criteria.near) else self.few_waves(f)
         return next((f"{key} has {waves:.1f} waves in the record" for key, waves in few.items()), "")
 

@@ -53,7 +53,7 @@ class Left:
 
 
 def left(problem: Problem, f: Fit, criteria: Criteria) -> tuple[Left, ...]:
-    """Return what a fit leaves in every channel, seen with the slowest observer: what only quicker ones follow shows."""
+    """Return what a fit leaves in every channel, seen with the slowest observer: others keep on its track."""
     lowest = problem.levels[-1]
     slow = f if f.gains is lowest else fit(problem, f.candidate, lowest, f.theta, 0)
     f, lost, result = slow or f, slow is None, []
