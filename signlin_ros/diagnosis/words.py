@@ -106,9 +106,9 @@ def further(c: Case) -> str:
 
 def _reaches(problem: Problem) -> dict[str, tuple[float, float]]:
     """Return the least and the largest value of every input and channel of the records of a problem."""
-    names = (*problem.channels, *problem.base.inputs)
-    columns = np.concatenate([np.column_stack([s.y, s.u]) for s in problem.segments]).T
-    return {n: (float(np.nanmin(x)), float(np.nanmax(x))) for n, x in zip(names, columns, strict=True)}
+    parts = [part.measured | dict(zip(part.inputs, part.u.T, strict=True)) for part in problem.parts]
+    columns = {n: np.concatenate([part[n] for part in parts]) for n in parts[0] if all(n in part for part in parts)}
+    return {n: (float(np.nanmin(x)), float(np.nanmax(x))) for n, x in columns.items()}
 
 
 def _unsure(j: Judgement) -> str:
