@@ -122,12 +122,13 @@ def _floor(rung: dict[str, Any]) -> dict[str, str]:
 
 
 def _named(content: dict[str, Any]) -> str:
-    shown = [e for e in content["ranking"] if e["status"] in ("confirmed", "partial", "ambiguous")]
+    shown = [e for e in content["ranking"] if e["status"] in ("confirmed", "ambiguous")]
     proposed = content["ladder"][-1]["effects"]
     shown += [e for e in content["ranking"] if e["effect"] in proposed and e not in shown]
     best = [e for e in content["ranking"] if e["status"] == "rejected" and e not in shown][:3]
     unseen = [e["effect"] for e in content["ranking"] if e["status"] == "not_excited"]
-    lines = [f"{e['effect']}: {e['status']}\n    {e['why']}" for e in (*shown, *best)]
+    words = {"confirmed": "explains a part"} if content["verdict"] == "unexplained" else {}
+    lines = [f"{e['effect']}: {words.get(e['status'], e['status'])}\n    {e['why']}" for e in (*shown, *best)]
     if unseen:
         lines.append(f"this record cannot tell: {', '.join(unseen)}")
     ties = [e["effect"].replace("_", " ") for e in content["ranking"] if e["status"] == "ambiguous"]

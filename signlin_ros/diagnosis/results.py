@@ -68,7 +68,7 @@ class Scores:
 
 @dataclass(frozen=True)
 class Entry:
-    """One effect in the ranking: confirmed, partial, ambiguous, not_excited, rejected or not_applicable; ``why``."""
+    """One effect in the ranking: confirmed, ambiguous, not_excited, rejected or not_applicable; ``why``."""
 
     effect: str
     status: str
@@ -161,7 +161,7 @@ class Diagnosis:
     def _repr_html_(self) -> str:
         from signlin_ros.console import ERRORS, ladder_rows
 
-        shown = [e for e in self.ranking if e.status in ("confirmed", "partial", "ambiguous", "not_excited")]
+        shown = [e for e in self.ranking if e.status in ("confirmed", "ambiguous", "not_excited")]
         table = html_table(["effect", "status", "why"], [[e.effect, e.status, e.why] for e in shown]) if shown else ""
         errors = html_table(ERRORS, ladder_rows(self.to_json()), f"Error over the next {self.horizon:g} s (RMS)")
         return f"<p><b>{html.escape(self.verdict)}</b>: {html.escape(self.sentence)}</p>{errors}{table}"

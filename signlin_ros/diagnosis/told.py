@@ -96,13 +96,13 @@ def _named(j: Judgement, effect: str, ties: tuple[str, ...]) -> Entry:
 
 
 def _status(j: Judgement, effect: str, ties: tuple[str, ...]) -> str:
-    """Return the status of an effect that is proposed: confirmed only where the verdict is."""
+    """Return the status of an effect that is proposed."""
     if j.unexplained in ("conflict", "worse", "given", "noise", "far", "reversed") or j.refused:
         return "rejected"
     once = j.unexplained == "once" and effect in j.remembers
     if once or any(not _richer(t, effect) for t in ties):
         return "ambiguous"
-    return "partial" if j.unexplained else "confirmed"
+    return "confirmed"
 
 
 def _richer(a: str, b: str) -> bool:

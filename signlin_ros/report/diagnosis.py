@@ -107,7 +107,7 @@ def _shown(d: Diagnosis) -> list[Block]:
     """Return what speaks for each named effect; where there is none, for the best of those that were tried."""
     blocks: list[Block] = []
     for entry in d.missing:
-        likeness = "" if entry.status in ("confirmed", "partial", "ambiguous") else ": a likeness, not the cause"
+        likeness = "" if entry.status in ("confirmed", "ambiguous") else ": a likeness, not the cause"
         name = entry.effect.replace("_", " ").capitalize()
         blocks += [Text(f"{name}{likeness}", "head"), formula(entry.effect, d.model)]
         blocks += [Text(f"{entry.why[:1].upper()}{entry.why[1:]}."), *_tie(entry), *_evidence(d, entry)]

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from signlin_ros.console.comparison import _named
 from signlin_ros.diagnosis import agreement, judgement, words
 from signlin_ros.diagnosis.agreement import agree
 from signlin_ros.diagnosis.case import Case
@@ -20,7 +21,6 @@ from signlin_ros.diagnosis.force.flexible import Curve
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.score import elsewhere, gain, told_change
-from signlin_ros.diagnosis.told import _status
 from signlin_ros.diagnosis.witnesses import Witnesses
 
 BLOCKS, NOISE, EFFORT, SPREAD = 40, 0.1, 10.0, 9.0
@@ -477,20 +477,12 @@ def test_by_how_much_an_error_rises_or_falls_and_what_is_asked():
     assert told_change(-14.1, 3.5) == "the error on unseen data rises by 14.1 standard errors"
 
 
-def test_what_explains_a_part_is_not_confirmed():
+@pytest.mark.parametrize(("verdict", "told"), [("unexplained", "explains a part"), ("missing", "confirmed")])
+def test_what_explains_a_part_is_not_called_confirmed(verdict, told):
     """ "UNEXPLAINED: backlash explains a part", and "backlash: confirmed" below it."""
-
-    def status(unexplained: str, ties: tuple[str, ...] = ()) -> str:
-        j = SimpleNamespace(unexplained=unexplained, refused="", remembers=())
-        return _status(j, "backlash", ties)
-
-    assert [status(why) for why in ("structure", "elsewhere", "", "worse")] == [
-        "partial",
-        "partial",
-        "confirmed",
-        "rejected",
-    ]
-    assert status("structure", ("compliant_load",)) == "ambiguous"
+    entry = {"effect": "backlash", "status": "confirmed", "why": "falls"}
+    content = {"verdict": verdict, "ranking": [entry], "ladder": [{"effects": ["backlash"]}], "experiments": []}
+    assert _named(content) == f"backlash: {told}\n    falls"
 
 
 def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():

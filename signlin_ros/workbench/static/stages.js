@@ -313,7 +313,7 @@ function tried(rows) {
       h("td", { class: "number" }, number(r.error)), h("td", { class: "number" }, number(r.force))))));
 }
 
-const STATUS = { confirmed: "✓ confirmed", partial: "◐ a part", ambiguous: "≈ a tie", not_excited: "… not to be seen here", rejected: "✕ rejected", not_applicable: "– does not apply" };
+const STATUS = { confirmed: "✓ confirmed", ambiguous: "≈ a tie", not_excited: "… not to be seen here", rejected: "✕ rejected", not_applicable: "– does not apply" };
 
 function ranking(entries) {
   const worst = (v) => v && Math.max(...Object.entries(v).filter(([k]) => k !== "score").map(([, s]) => s?.rmse_over_noise ?? 0));
