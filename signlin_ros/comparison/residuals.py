@@ -93,7 +93,7 @@ def correlations(parts: Sequence[Array], lags: int) -> tuple[Array, float, int]:
         e = np.where(np.isfinite(part), part, 0.0)
         total += float(e @ e)
         count += int(np.count_nonzero(e))
-        size = 1 << (2 * e.size - 1).bit_length()
+        size = 1 << (e.size + max(e.size - 1, lags)).bit_length()
         sums += np.fft.irfft(np.abs(np.fft.rfft(e, size)) ** 2, size)[1 : lags + 1]
     return sums / max(total, 1e-300), total / max(count, 1), count
 
@@ -119,7 +119,8 @@ def related(a: Sequence[Array], b: Sequence[Array]) -> bool:
 
 
 def _product(x: Array, y: Array, k: int) -> float:
-    return float(x[max(k, 0) : x.size + min(k, 0)] @ y[max(-k, 0) : x.size - max(k, 0)])
+    both = max(x.size - abs(k), 0)
+    return float(x[max(k, 0) :][:both] @ y[max(-k, 0) :][:both])
 
 
 @dataclass(frozen=True)

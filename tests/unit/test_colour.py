@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from signlin_ros.comparison.residuals import Colour, colours, white
+from signlin_ros.comparison.residuals import Colour, colours, correlations, related, residual_test, white
 from signlin_ros.diagnosis.motion.score import beyond_noise, gain
 
 T = 4000
@@ -108,3 +108,17 @@ def test_standard_errors_of_noise_are_those_of_a_difference_of_squares():
     n, d = 400.0, 0.3
     found = beyond_noise(np.full((1, 1), 1.0 + d**2), np.ones((1, 1)), np.array([n]), np.ones(1))
     assert found == pytest.approx(n * d**2 / (2 * d * np.sqrt(n)))
+
+
+def test_stretches_that_are_shorter_than_the_lags_count_as_far_as_they_go():
+    """A live record with gaps: stretches of 20 to 700 samples, and 72 lags."""
+    rng = np.random.default_rng(5)
+    parts = [rng.normal(size=size) for size in (700, 20, 33, 64, 5, 700)]
+    found, variance, count = correlations(parts, 72)
+    sums = [sum(float(e[k:] @ e[: max(e.size - k, 0)]) for e in parts if e.size > k) for k in range(73)]
+    assert found == pytest.approx(np.array(sums[1:]) / sums[0], abs=1e-12)
+    assert (variance, count) == (pytest.approx(sums[0] / 1522), 1522)
+    test = residual_test(parts, [rng.normal(size=(e.size, 1)) for e in parts])
+    assert test.white
+    assert not test.input_correlated
+    assert not related(parts, [rng.normal(size=e.size) for e in parts])
