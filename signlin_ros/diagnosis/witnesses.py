@@ -70,7 +70,7 @@ class Witnesses:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.search.r.names if n in told.parameters}
-        return Witnesses(self.case, motion.holding(held), force, contradicted=motion.base)
+        return Witnesses(self.case, motion.holding(held, told=True), force, contradicted=motion.base)
 
     @property
     def criteria(self) -> Criteria:

@@ -73,12 +73,13 @@ class Motion(Decisions, Running):
             raise SimulationError(f"{problem.base.source}: {apart}")
         self._keep(found)
 
-    def holding(self, values: Mapping[str, float]) -> Motion:
-        """Return the same witness with some of the model's parameters held at values; of the same model as given."""
+    def holding(self, values: Mapping[str, float], told: bool = False) -> Motion:
+        """Return the same witness, of the same model as given, with parameters held; ``told``: of what it fits, too."""
         base = self.problem.base.with_parameters(values)
         held = base.with_options(frozen=tuple(dict.fromkeys((*base.frozen, *values))))
         known, unseen = (replace(side, base=held) for side in (self.problem, self.unseen))
-        found = Motion(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled, self._seen)
+        seen = self._seen if told else None
+        found = Motion(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled, seen)
         found.given = self.given
         return found
 
