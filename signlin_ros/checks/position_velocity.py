@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 from signlin_ros.checks.travel import AGREE, CLEAR, EQUAL, Travel
 from signlin_ros.checks.unit_or_sign import divided
+from signlin_ros.records.clean import gaps
 
 Array = NDArray[np.float64]
 
@@ -20,8 +22,8 @@ STRANGE = 0.5
 """Largest squared correlation where they have nothing to do with each other."""
 NEAR = 0.04
 """By how much a factor may miss that of a unit."""
-LATE, GAIN = 2.0, 0.02
-"""Samples beyond which one lags behind the other, and by how much the squared correlation rises without the lag."""
+GAIN = 0.02
+"""By how much the squared correlation rises without a lag that counts."""
 FARTHEST = 30
 """Lags that are looked at, in samples."""
 
@@ -53,8 +55,8 @@ class PositionVelocity(Check):
             yield self._factor(look, found.factor)
         elif found.correlation > AGREE:
             at = np.isfinite(look.of(q)) & np.isfinite(look.of(v))
-            lag, gain = _lag(look.of(q)[at], look.of(v)[at])
-            if abs(lag) > LATE and gain > GAIN:
+            lag, gain = _lag(look.record.t[at], look.of(q)[at], look.of(v)[at])
+            if gain > GAIN:
                 late, early = (v, q) if lag > 0 else (q, v)
                 yield self.note(
                     late, f"the {late} lags {abs(lag) * look.step:.3g} s behind the {early}: a filter, or its way"
@@ -107,16 +109,23 @@ def _unit(look: Look, factor: float) -> tuple[str, str, dict[str, float]]:
     return f"is {factor:.4g} times (a gear, or a unit)", f"scale_{v}", {v: factor}
 
 
-def _lag(q: Array, v: Array) -> tuple[float, float]:
-    """Return by how many samples v lags behind the rate of q, and how much the squared correlation rises without it."""
-    rate = q[2:] - q[:-2]
-    v, far = v[1:-1], min(FARTHEST, q.size // 10)
-    rate, v = rate - rate.mean(), v - v.mean()
+def _lag(t: Array, q: Array, v: Array) -> tuple[float, float]:
+    """Return by how many samples v lags behind the rate of q, and how much the squared correlation rises without it;
+    where no gap in t is near.
+    """
+    far = min(FARTHEST, q.size // 10)
     lags = np.arange(-far, far + 1)
-    inner = slice(far, rate.size - far)
+    k = np.concatenate([np.arange(first + far + 1, last - far - 1) for first, last in pairwise(gaps(t))])
+    if k.size <= lags.size:
+        return 0.0, 0.0
     with np.errstate(invalid="ignore", divide="ignore"):  # one speed tells nothing of a lag
-        r = np.array([np.corrcoef(rate[inner], v[far + k : v.size - far + k])[0, 1] for k in lags]) ** 2
-    r = np.nan_to_num(r)
-    peaks = np.concatenate([[False], (r[1:-1] >= r[:-2]) & (r[1:-1] >= r[2:]), [False]]) | (r == r.max())
-    best = min(lags[peaks & (r > r.max() - 0.1 * GAIN)], key=abs)
-    return float(best), float(r.max() - r[far])
+        r = np.nan_to_num([np.corrcoef(q[k + 1] - q[k - 1], v[k + lag])[0, 1] for lag in lags])
+    r = np.maximum(r, 0.0) ** 2
+    left, middle, right = r[:-2], r[1:-1], r[2:]
+    apart = np.where((middle >= left) & (middle >= right), left - 2.0 * middle + right, 0.0)
+    if not apart.any():
+        return float(lags[np.argmax(r)]), float(r.max() - r[far])
+    beside = np.divide(0.5 * (left - right), apart, where=apart < 0.0, out=np.zeros_like(apart))  # of a parabola's top
+    high = np.where(apart < 0.0, middle - 0.25 * (left - right) * beside, 0.0)
+    tops = (lags[1:-1] + beside)[high > high.max() - 0.1 * GAIN]
+    return float(min(tops, key=abs)), float(high.max() - r[far])
