@@ -3,7 +3,8 @@
     python -m benchmarks.ablation [--real DATA] [--only NAME ...] [--jobs 2] [--results out/ablation.jsonl]
 
 The panel: simulated records of a seed that decided nothing else (effects of ordinary and of a third of the strength,
-nothing hidden, laws that are not listed), and the real machines in the folder of the shared records, if it is given.
+nothing hidden, laws that are not listed), those that are answered in some seconds; and the records of another program
+and the real machines in the folder of the shared records, if it is given.
 Printed for each criterion: how many records are answered rightly without it, and which answers change. A criterion
 without which nothing changes is worth nothing on this panel.
 """
@@ -30,8 +31,15 @@ from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
 SEED = 146
-PANEL = {"single": (0, 3, 5), "weak": (0,), "none": (0, 1), "outside": (0, 1, 2)}
+PANEL = {
+    "single": (2, 4, 6, 7, 8, 9, 10, 11),
+    "weak": (1, 2, 3, 4, 5, 6, 8, 9),
+    "none": (1, 2, 3, 4, 5),
+    "outside": (0, 4, 5, 8),
+}
 """Seed and numbers of the simulated records."""
+SHARED = "hidden_effects"
+"""Folder of those of another program."""
 REAL = {
     "null effect": ("field/verdicts/null-effect-confirmed", "nominal.yaml", "a.csv", "b.csv", {"coulomb_friction"}),
     "random current": ("field/verdicts/headline-vs-table", "nominal.yaml", "a.csv", "b.csv", set()),
@@ -45,7 +53,6 @@ OFF: dict[str, float | int] = {
     "certainty": ALWAYS,
     "least": ALWAYS,
     "each": ALWAYS,
-    "small": ALWAYS,
     "coefficient": 1e-3,
     "known": NEVER,
     "worse": NEVER,
@@ -95,7 +102,7 @@ def run(case: Case) -> dict[str, Any]:
     """Diagnose a record of the panel."""
     began = time.process_time()
     try:
-        told, right = _real(case) if case.data else _simulated(case)
+        told, right = (_real if case.record in REAL else _shared if case.data else _drawn)(case)
     except CancelledError:
         told, right = f"no answer in {LIMIT:.0f} s", False
     except Exception as error:  # noqa: BLE001  whatever goes wrong is an answer too
@@ -112,16 +119,25 @@ def _answer(model: Model, known: ModelData, unseen: ModelData, case: Case) -> di
     return diagnose(model, known, unseen, jobs=1, criteria=criteria, cancelled=late).to_json()
 
 
-def _simulated(case: Case) -> tuple[str, bool]:
+def _drawn(case: Case) -> tuple[str, bool]:
     group, index = case.record.split("/")
     record = draw(group, int(index), SEED)
     with tempfile.TemporaryDirectory() as scratch:
-        folder = write(record, Path(scratch))
-        paths = [str(folder / f"{name}.csv") for name in ("estimation", "validation")]
-        model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
-        answer = _answer(model, known, unseen, case)
+        return _judged(write(record, Path(scratch)), record.truth, case)
+
+
+def _shared(case: Case) -> tuple[str, bool]:
+    folder = Path(case.data, case.record)
+    truths = json.loads((folder.parent / "truth.json").read_text(encoding="utf-8"))
+    return _judged(folder, next(truth for truth in truths if truth["name"] == folder.name), case)
+
+
+def _judged(folder: Path, truth: Mapping[str, Any], case: Case) -> tuple[str, bool]:
+    paths = [str(folder / f"{name}.csv") for name in ("estimation", "validation")]
+    model, (known, unseen) = load_records(Model.load(folder / "model.yaml"), paths)
+    answer = _answer(model, known, unseen, case)
     answer["ranking"] = [e for e in answer["ranking"] if e["status"] in NAMED]
-    return _told(answer), bool(judge({"truth": record.truth, "answer": answer})["right"])
+    return _told(answer), bool(judge({"truth": truth, "answer": answer})["right"])
 
 
 def _real(case: Case) -> tuple[str, bool]:
@@ -141,6 +157,8 @@ def _told(answer: Mapping[str, Any]) -> str:
 def cases(data: str, only: list[str]) -> Iterator[Case]:
     """Return all that is to be run, the criteria as they are first."""
     records = [(f"{g}/{i}", "") for g, numbers in PANEL.items() for i in numbers]
+    shared = sorted(Path(data, SHARED).glob("*/model.yaml")) if data else []
+    records += [(f"{SHARED}/{file.parent.name}", data) for file in shared]
     records += [(name, data) for name, (folder, *_) in REAL.items() if data and Path(data, folder).exists()]
     for off in ("", *(only or OFF)):
         yield from (Case(name, off, folder) for name, folder in records)

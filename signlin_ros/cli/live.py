@@ -57,6 +57,6 @@ def warm(models: tuple[str, ...]) -> None:
             raise InputError(f"{name}: {error}") from error
         click.echo(f"{name}: {seconds:.1f} s", err=True)
     if not models:
-        from signlin_ros.diagnosis import warming
+        from signlin_ros.cli import warming
 
         click.echo(f"a diagnosis: {warming.warm_up():.1f} s", err=True)

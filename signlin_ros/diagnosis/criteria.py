@@ -16,8 +16,6 @@ class Criteria:
     """Standard errors by which it lowers it on unseen data by themselves, where known and unseen data together tell."""
     each: float = 0.02
     """Least part of the squared force that a law takes away for each parameter, beside none or a simpler law."""
-    small: float = 0.002
-    """Least part of the missing squared force that a law takes away where only noise is left; elsewhere `each`."""
     coefficient: float = 4.0
     """Standard errors by which an added level differs from nothing; it may belong to a richer law."""
     known: float = 0.5

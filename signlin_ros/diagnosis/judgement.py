@@ -196,6 +196,19 @@ class Judgement:
             return "elsewhere" if self.elsewhere else "structure" if self.little_motion else ""
         return "" if noise or self.within_noise else "structure"
 
+    @cached_property
+    def sampled(self) -> Fitted | None:
+        """The same model with inputs that were sampled from what goes on in between, where that is surely better."""
+        model = self.final.model
+        if model.input_hold or model.plant.motion_is_imposed() or self.witnesses.near_noise(self.final):
+            return None
+        try:
+            found = self.motion.sampled().fitted(self.names, model.with_options(input_hold="centred"))
+        except SignlinError:
+            return None
+        shows = np.any(found.errors < (1.0 - self.criteria.alike) * self.final.errors)
+        return found if shows and self.motion.certainty(self.final, found) >= self.criteria.certainty else None
+
     @property
     def of_noise(self) -> bool:
         """Whether the base errs by no more than the noise, and nothing falls visibly, nor is a parameter freed."""

@@ -23,6 +23,10 @@ ONE_CYCLE = (
     "every swing of these records has the same stroke and pace: a force that goes with the speed and one that "
     "remembers the way look alike here; a record of another amplitude or frequency would tell them apart"
 )
+HELD = (
+    "inputs are taken as held from their samples on; if these were measured, write `input_hold: centred` into the "
+    "model file: then"
+)
 OBJECTIONS = {
     "once": "the motion turns back only once in a record: a force that remembers the way and one that changes with "
     "time look alike there",
@@ -135,13 +139,18 @@ def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
     a, b = j.percent_of(before), j.percent_of(after)
     if a is not None and b is not None and b < (1 - j.criteria.alike) * a:
         parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {j.witnesses.of_effort}")
+    parts = _errors_fall(j, before, after, parts)
+    return f"on unseen data {joined(parts)}" if parts else f"unseen data hardly show it{freed(before, after)}"
+
+
+def _errors_fall(j: Judgement, before: Fitted, after: Fitted, parts: list[str]) -> list[str]:
     problem = j.case.problem
     for name, first, last in zip(problem.channels, before.errors, after.errors, strict=True):
         if last < (1 - j.criteria.alike) * first:
             verb, unit = "" if parts else "falls ", problem.shown(problem.units.get(name, ""))
             what = f"the error of {name} over {j.case.horizon:.3g} s {verb}from {first:.3g} to {last:.3g} {unit}"
-            parts.append(what.rstrip())
-    return f"on unseen data {joined(parts)}" if parts else f"unseen data hardly show it{freed(before, after)}"
+            parts = [*parts, what.rstrip()]
+    return parts
 
 
 def remainder(j: Judgement) -> str:
@@ -183,6 +192,8 @@ def remarks(j: Judgement) -> list[str]:
             f"the motion alone would have base parameters that the forces contradict ({own}: {left:.3g} % of the "
             "effort is left); they are held at what the force tells of them"
         )
+    if j.sampled:
+        found.append(f"{HELD} {joined(_errors_fall(j, j.final, j.sampled, []))} on unseen data")
     for key, waves in j.motion.few_waves(j.final).items():
         found.append(
             f"the records hold {waves:.1f} periods of {key}: that it goes on to repeat beyond where they have been is "

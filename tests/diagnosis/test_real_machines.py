@@ -70,7 +70,7 @@ def test_a_servo_whose_friction_grows_with_its_load():
     assert falls(found, "displacement") < 0.5
 
 
-@pytest.mark.xfail(strict=False, run=False, reason="unexplained: Coulomb friction and a load explain a part; 30 s")
+@pytest.mark.xfail(strict=False, run=False, reason="a cubic spring beside LuGre friction; 30 s")
 def test_a_magneto_rheological_damper_remembers():
     """Published: Dahl's friction; Coulomb friction leaves half as much again."""
     names = [f"ensaio{number}.1_0V" for number in (1, 4, 7, 10)]
@@ -80,11 +80,6 @@ def test_a_magneto_rheological_damper_remembers():
     assert falls(found, "force") < 0.5
 
 
-@pytest.mark.xfail(
-    strict=False,
-    run=False,
-    reason="Coulomb friction, a load and a cubic spring are named, nothing that remembers; 11 s",
-)
 @pytest.mark.parametrize(("known", "unseen"), [((1,), 4)])
 def test_a_damper_remembers_whatever_record_it_was_fitted_to(known, unseen):
     """The zero of its force sensor is not known, and LuGre friction fits best that breaks away at less than it slides

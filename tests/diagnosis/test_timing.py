@@ -77,3 +77,10 @@ def test_a_delay_is_not_biased_by_the_input_from_before_the_record(tmp_path):
     delay = next(e.parameters["T"] for e in found.ranking if e.effect == "input_delay")
     assert abs(delay.value - late) < 4 * delay.std
     assert found.parameters["L_a"].value == pytest.approx(SMALL.true["L_a"], rel=0.1)
+
+
+@pytest.mark.parametrize(("hold", "told"), [("centred", True), ("forward", False)])
+def test_inputs_that_were_sampled_are_told(hold: str, told: bool) -> None:
+    """An electronic Duffing circuit of others is explained with them, and was "unexplained" without a word of it."""
+    found = diagnose(Model.from_dict(BASE), record(1, hold, 3.0), record(2, hold, 3.0))
+    assert any("input_hold: centred" in note for note in found.notes) == told

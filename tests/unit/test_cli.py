@@ -550,7 +550,7 @@ def test_a_run_that_diverges_says_when_and_leaves_no_file(run, tmp_path):
 
 def test_what_a_node_waits_for_is_its_model_alone(monkeypatch):
     """A node has a better model compiled while it runs: a diagnosis is compiled by `signlin warm` without a model."""
-    from signlin_ros.diagnosis import warming
+    from signlin_ros.cli import warming
 
     asked: list[str] = []
     monkeypatch.setattr(warming, "warm_up", lambda: asked.append("diagnosis") or 0.0)

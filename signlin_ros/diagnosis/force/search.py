@@ -188,9 +188,9 @@ class Search:
 
     @functools.cached_property
     def helpful(self) -> frozenset[str]:
-        """The laws that take away a visible part of the missing force of unseen data, alone or beside others."""
-        shown, fits = self.r.criteria.small * self.base.error, list(self.models.values())
-        return frozenset(n for f in fits for n in f.names if self.without(f, n).error - f.error > shown)
+        """The laws that take away some of the missing force of unseen data, alone or beside others."""
+        fits = list(self.models.values())
+        return frozenset(n for f in fits for n in f.names if self.without(f, n).error > f.error)
 
     def sound(self, f: Fit) -> bool:
         """Tell whether every law of a fit is needed on unseen data, and its level known; and nothing known is bent."""
@@ -233,7 +233,7 @@ class Search:
         """
         c, gone = self.r.criteria, reference.error - f.error
         clean = whole or f.error < c.sees**2 * self.r.unseen.noise
-        large = gone > max(c.each * free * reference.error, (c.small if clean else c.each) * self.base.error)
+        large = gone > c.each * max(free * reference.error, 0.0 if clean else self.base.error)
         return large and self.r.surely(f, reference) >= c.certainty
 
     def level(self, f: Fit, name: str) -> float:

@@ -78,10 +78,16 @@ class Motion(Decisions, Running):
         base = self.problem.base.with_parameters(values)
         held = base.with_options(frozen=tuple(dict.fromkeys((*base.frozen, *values))))
         known, unseen = (replace(side, base=held) for side in (self.problem, self.unseen))
-        seen = self._seen if told else None
-        found = Motion(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled, seen)
+        found = self._with_problems(known, unseen, self._seen if told else None)
         found.given = self.given
         return found
+
+    def sampled(self) -> Motion:
+        """Return the same witness with inputs that were sampled from what goes on in between."""
+        return self._with_problems(self.problem.sampled(), self.unseen.sampled())
+
+    def _with_problems(self, known: Problem, unseen: Problem, seen: Callable[[Fitted], None] | None = None) -> Motion:
+        return Motion(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled, seen)
 
     # ------------------------------------------------------------ fits
 
