@@ -12,7 +12,7 @@ from signlin_ros.diagnosis.force.regression import Fit
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.witnesses import HALF, Witnesses
-from signlin_ros.errors import SignlinError
+from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 
 
@@ -40,7 +40,7 @@ class Choice:
             if least < np.inf and motion.soon(*motion.valued(names, model)) >= least:
                 return None
             found = motion.fitted(names, model)
-        except SignlinError:
+        except InputError:
             return None
         self.witnesses.keep(found)
         return found

@@ -18,7 +18,7 @@ from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.score import elsewhere, gain, of_windows
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.effects import find_effect
-from signlin_ros.errors import SignlinError
+from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import reversed_signal
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ class Judgement:
         try:
             held = self.motion.holding({name: self.motion.problem.base.value(name) for name in self.far})
             found = held.fitted(self.names)
-        except SignlinError:
+        except InputError:
             return False
         return not held.refused(held.base, found) and not self.motion.refused(self.base, found)
 
@@ -204,7 +204,7 @@ class Judgement:
             return None
         try:
             found = self.motion.sampled().fitted(self.names, model.with_options(input_hold="centred"))
-        except SignlinError:
+        except InputError:
             return None
         shows = np.any(found.errors < (1.0 - self.criteria.alike) * self.final.errors)
         return found if shows and self.motion.certainty(self.final, found) >= self.criteria.certainty else None
@@ -266,7 +266,7 @@ class Judgement:
         """Return the best fit of some of the effects of the proposal; the base where it diverges without the others."""
         try:
             return self.motion.fitted(names, self.final.model) if names else self.base
-        except SignlinError:
+        except InputError:
             return self.base
 
     def left(self, f: Fitted) -> Array | None:

@@ -12,7 +12,7 @@ from signlin_ros.diagnosis.motion.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, listed
 from signlin_ros.effects import EFFECTS, find_effect
-from signlin_ros.errors import SignlinError
+from signlin_ros.errors import InputError
 
 
 def told(j: Judgement) -> Diagnosis:
@@ -68,7 +68,7 @@ def _ranking(j: Judgement) -> tuple[Entry, ...]:
 def _applies(j: Judgement, name: str) -> bool:
     try:
         j.case.model.with_effect(name, "tried").states  # noqa: B018  tracing tells
-    except SignlinError:
+    except InputError:
         return False
     return True
 

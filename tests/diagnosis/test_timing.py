@@ -10,6 +10,7 @@ import pytest
 
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.comparison import compare
+from signlin_ros.diagnosis.motion import CancelledError, Motion
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from tests.diagnosis.test_traps import SMALL, proposed, recorded
@@ -84,3 +85,14 @@ def test_inputs_that_were_sampled_are_told(hold: str, told: bool) -> None:
     """An electronic Duffing circuit of others is explained with them, and was "unexplained" without a word of it."""
     found = diagnose(Model.from_dict(BASE), record(1, hold, 3.0), record(2, hold, 3.0))
     assert any("input_hold: centred" in note for note in found.notes) == told
+
+
+def test_who_stops_a_diagnosis_stops_it_to_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What tries a model once more takes one that diverges for none, but not a wish to stop."""
+
+    def stopped(self: Motion) -> Motion:
+        raise CancelledError("stopped")
+
+    monkeypatch.setattr(Motion, "sampled", stopped)
+    with pytest.raises(CancelledError):
+        diagnose(Model.from_dict(BASE), record(1, "centred", 3.0), record(2, "centred", 3.0))
