@@ -72,7 +72,6 @@ OFF: dict[str, float | int] = {
     "dependent": NEVER,
     "flexible": NEVER,
     "flexible_share": ALWAYS,
-    "flexible_visible": ALWAYS,
     "part": NEVER,
     "large": NEVER,
 }

@@ -59,9 +59,7 @@ class Criteria:
     flexible: float = 3.0
     """Standard errors by which a flexible curve must lower the unseen force before it is said to leave structure,"""
     flexible_share: float = 0.05
-    """and the least part of the base model's squared error that it takes away,"""
-    flexible_visible: float = 0.004
-    """and of the effort (RMS)."""
+    """and the least part of the base model's squared error that it takes away."""
     part: float = 0.25
     """Part of the squared force beyond the noise that a proposal may leave, where the motion shows structure."""
     large: float = 0.05

@@ -192,7 +192,7 @@ def _chosen(A: Array, y: Array, blocks: NDArray[np.intp]) -> tuple[float, float]
 def structured(search: Search, fit: Fit) -> Curve:
     """Return what a flexible regression makes of what a fit leaves of unseen data."""
     r, c = search.r, search.r.criteria
-    visible = max(c.flexible_share * search.base.error, (c.flexible_visible * r.unseen.effort) ** 2)
+    visible = c.flexible_share * search.base.error
     if fit.error <= visible:
         return Curve(False, np.inf)
     left, along = _unseen_after(search, fit)
