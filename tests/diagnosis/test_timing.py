@@ -100,7 +100,7 @@ def test_who_stops_a_diagnosis_stops_it_to_the_last(monkeypatch: pytest.MonkeyPa
 
 def test_a_stretch_shorter_than_the_horizon_has_no_window() -> None:
     """A live record with gaps: "arrays used as indices must be of integer (or boolean) type"."""
-    model, whole = Model.from_dict({**BASE, "update_period": 0.4}), record(1, "forward", 3.0)
-    known = [whole.part(0, 900), whole.part(930, 990)]
+    model, whole = Model.from_dict({**BASE, "update_period": 1.0}), record(1, "forward", 3.0)
+    known = [whole.part(0, 1800), whole.part(1850, 1960)]
     found = diagnose(model, known, record(2, "forward", 3.0))
     assert found.ladder[-1].effects == ("coulomb_friction",)
