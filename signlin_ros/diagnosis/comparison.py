@@ -290,7 +290,7 @@ def _shown_in_windows(observer: Observer, states: list[Array], starts: list[list
     """Return the channels (T, ny) predicted from states (T, n) at the starts; NaN in the first window."""
     shown = []
     for tracker, x, at in zip(observer.trackers, states, starts, strict=True):
-        run = tracker.restarted(x, np.array(at))
+        run = tracker.restarted(x, at)
         predicted = tracker.outputs(np.nan_to_num(run.state))
         predicted[~np.isfinite(run.state).all(axis=1)] = np.nan
         predicted[: at[1] + 1 if len(at) > 1 else len(x)] = np.nan

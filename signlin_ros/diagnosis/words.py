@@ -1,4 +1,4 @@
-"""A verdict in words: every number in them is one that the tables show."""
+"""A verdict in words: their numbers are those of the tables; what a step not taken would leave is told as that."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ is zero in a free run, that of a Kalman filter in an observer, and one where the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,11 +81,11 @@ class Tracker:
         innovation[done:], state[done:] = np.nan, np.nan
         return Run(innovation, state, int(done) if done < total else None)
 
-    def restarted(self, states: Array, at: Array) -> Run:
-        """Follow the model itself, started anew from ``states`` (T, n) at the samples ``at``; the first is 0."""
+    def restarted(self, states: Array, at: Sequence[int]) -> Run:
+        """Follow the model itself, started anew from ``states`` (T, n) at the samples ``at``, and at the first one."""
         n = self.scale.size
         gains = np.zeros((self.t.size, n, n))
-        gains[at] = np.eye(n)
+        gains[np.asarray(at, dtype=int)] = np.eye(n)
         whole = Tracker(self.model, self.t, self.u, states, self.model.states, self.scale, self.early)
         return whole.run(states[0], gains)
 

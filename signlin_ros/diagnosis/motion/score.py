@@ -153,9 +153,7 @@ def _errors(
         known = X if c.filtered else _corrected(gains, c, X, e)
         least = [max(problem.x_scale.get(name, 0.0), 1e-9) for name in model.states]
         size = np.maximum(least, np.abs(known).max(axis=0))
-        free = Tracker(model, s.t, s.u, s.y, problem.channels, size, s.early).restarted(
-            known, np.array(at[:-1], dtype=int)
-        )
+        free = Tracker(model, s.t, s.u, s.y, problem.channels, size, s.early).restarted(known, at[:-1])
         if free.stopped is not None:
             return None
         found.append(s.y - _shown(problem, c, c.p(theta), model, s, known, free.state, at))
