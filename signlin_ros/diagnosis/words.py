@@ -1,4 +1,6 @@
-"""A verdict in words: their numbers are those of the tables; what a step not taken would leave is told as that."""
+"""A verdict in words: their numbers are those of the tables; what a step not taken would leave, and what shows that
+more than the sensors' noise is noise all the same, are told as that.
+"""
 
 from __future__ import annotations
 
@@ -172,11 +174,23 @@ def remainder(j: Judgement) -> str:
 def _left_over(j: Judgement) -> str:
     if j.percent is None:
         return ": the residual is noise" if j.final.white else ""
-    w, followed = j.witnesses, ""
-    if j.verdict == "adequate" and j.percent > w.noise_percent and w.near_noise(j.final):
-        followed = "the motion is followed to about its sensors' noise; "
+    w = j.witnesses
     left = f"the force that is left is {j.percent:.3g} % {w.of_effort}, the sensors' noise {w.noise_percent:.3g} %"
-    return f": {followed}{left}"
+    if j.verdict != "adequate" or j.percent <= w.noise_percent:
+        return f": {left}"
+    if w.near_noise(j.final):
+        return f": the motion is followed to about its sensors' noise; {left}"
+    return f": {left}{_unpredictable(j, j.percent)}"
+
+
+def _unpredictable(j: Judgement, percent: float) -> str:
+    """Return why more than the sensors' noise counts as noise: nothing that is known predicts it."""
+    if j.final.clean:
+        share = max(one.dependent for one in j.final.left)
+        part = f"{100 * share:.1g} %" if share > 0 else "nothing"
+        return f"; {part} of what the motion lacks goes with position, velocity, input or time, on samples left out"
+    curve = j.flexible.percent
+    return f"; a flexible curve would leave {curve:.3g} %" if curve < percent else "; no flexible curve takes it away"
 
 
 # -------------------------------------------------------------------- of one effect

@@ -495,6 +495,28 @@ def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
     assert words.remainder(j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")
 
 
+@pytest.mark.parametrize(
+    ("clean", "curve", "told"),
+    [
+        (
+            True,
+            2.0,
+            "; 0.4 % of what the motion lacks goes with position, velocity, input or time, on samples left out",
+        ),
+        (False, 2.92, "; a flexible curve would leave 2.92 %"),
+        (False, 3.5, "; no flexible curve takes it away"),
+    ],
+)
+def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
+    """ "Adequate: the force that is left is 2.93 % of the effort, the sensors' noise 0.796 %", and not why."""
+    final = SimpleNamespace(clean=clean, left=[SimpleNamespace(dependent=0.001), SimpleNamespace(dependent=0.004)])
+    seen = SimpleNamespace(noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort")
+    curve = SimpleNamespace(percent=curve)
+    shown = {"names": (), "refused": "", "asked": "", "reversed": "", "far": {}, "verdict": "adequate"}
+    j = SimpleNamespace(percent=2.93, witnesses=seen, final=final, flexible=curve, **shown)
+    assert words.sentence(j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}.")
+
+
 @pytest.mark.parametrize(("size", "differs"), [(2.0, True), (1.6, True), (1.3, False)])
 def test_unseen_data_that_reach_further_are_told(size, differs):
     """A pier that was pushed 7.7 mm, and 15 in the record that was held back: "what differs?"."""
