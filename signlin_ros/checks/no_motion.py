@@ -34,16 +34,26 @@ class NoMotion(Check):
         if not names or look.model.plant.motion_is_imposed() or not all(_rests(look, name) for name in names):
             return
         what = " and ".join(f"the {name} stays within {_size(look, name)}" for name in names)
+        does = "turned or ran at one speed all the time" if any(_runs(look, name) for name in names) else "never moved"
         yield Finding(
             self.name,
             ", ".join(names),
             "refuse",
-            f"the drive never moved beyond the noise of its sensors ({what}): nothing can be named from this record",
+            f"the drive {does}, but for the noise of its sensors ({what}): nothing can be named from this record",
         )
 
 
 def _size(look: Look, name: str) -> str:
-    return f"±{3.0 * float(np.std(look.finite(name)[1])):.2g} {look.unit(name)}"
+    middle = f"{float(np.mean(look.finite(name)[1])):.3g} " if _runs(look, name) else ""
+    return f"{middle}±{_spread(look, name):.2g} {look.unit(name)}"
+
+
+def _spread(look: Look, name: str) -> float:
+    return 3.0 * float(np.std(look.finite(name)[1]))
+
+
+def _runs(look: Look, name: str) -> bool:
+    return name == look.velocity and abs(float(np.mean(look.finite(name)[1]))) > _spread(look, name)
 
 
 def _rests(look: Look, name: str) -> bool:

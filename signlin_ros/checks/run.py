@@ -38,7 +38,8 @@ def require_sound(findings: Sequence[Finding], cures: Collection[str] = ()) -> N
     """Raise `RecordError` for the first finding that must be decided before anything is concluded."""
     blocking = [] if NONE in cures else [finding for finding in findings if finding.open]
     for finding in blocking[:1]:
-        more = f" ({len(blocking) - 1} more: signlin check)" if len(blocking) > 1 else ""
+        others = ", ".join(dict.fromkeys(one.source for one in blocking[1:]))
+        more = f" ({len(blocking) - 1} more, of {others}: signlin check)" if others else ""
         ways = "; ".join(way for way in (finding.way_out, "--cure none: the record is taken as it is") if way)
         raise RecordError(f"{finding.source}: {finding.sentence}; {ways}{more}")
 

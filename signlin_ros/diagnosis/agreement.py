@@ -111,7 +111,7 @@ def _overruled(w: Witnesses, force: Testimony, second: Fitted) -> bool:
     """Tell whether laws that explain most of the force would give way to what explains neither it nor the motion."""
     before, own = force.search.base.error, w.left(second)
     explains = own is not None and float(np.mean(own)) < HALF * before
-    return not second.white and force.fit.error < HALF * before and not explains
+    return w.sees(w.base) and not second.white and force.fit.error < HALF * before and not explains
 
 
 def _both(w: Witnesses, force: Testimony, second: Fitted) -> str:

@@ -11,6 +11,7 @@ from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, listed
+from signlin_ros.diagnosis.witnesses import ALL
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError
 
@@ -128,7 +129,8 @@ def _by_force(j: Judgement, name: str, tied: str) -> Entry:
     w, force = j.witnesses, j.witnesses.force
     assert force is not None  # noqa: S101  it tried the effect
     a, b = j.percent_of(j.base) or force.percent(force.search.base), force.percent(w.laws[name])
-    why = f"alone it leaves {b:.3g} % {w.of_effort} on unseen data, the model without it {a:.3g} %"
+    told = f"{b:.3g} %" if b <= ALL else "more than all"
+    why = f"by the force it would leave {told} {w.of_effort} on unseen data, the model without it {a:.3g} %"
     unseen = find_effect(name, "effects").only_beyond and b > (1.0 - j.criteria.alike) * a
     status, why = ("not_excited", f"{why}{_beyond(j)}") if unseen else ("rejected", why)
     return Entry(name, status, indistinguishable_from=(tied,) if tied else (), why=why)

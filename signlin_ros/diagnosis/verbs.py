@@ -87,7 +87,7 @@ def add(
     alone = both.laws.get(effect)
     final = both.motion.fitted([effect], force.with_laws(alone) if force and alone else None)
     both.keep(final)
-    return told(Judgement(both, final, asked=effect))
+    return told(Judgement(both, both.valued(final), asked=effect))
 
 
 def _stages(progress: Progress | None) -> Tell:

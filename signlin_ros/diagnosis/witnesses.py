@@ -59,7 +59,8 @@ class Witnesses:
     def grounded(self) -> Witnesses:
         """Return the same of a model with base parameters held at what the force tells of them, where the motion's own
         leave more than all of the effort, surely more than as given, far from noise of motion and force: what moves
-        slowly in a loop is followed best where forces hardly act (300 times its inertia), which is no reference.
+        slowly in a loop is followed best where forces hardly act (300 times its inertia), which is no reference. The
+        model as given is the reference where what is held leaves more without the laws beside which it was found.
         """
         force, motion = self.force, self.motion
         given, own = self.as_written(motion.given), self.as_written(motion.base)
@@ -70,7 +71,11 @@ class Witnesses:
             return self
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.search.r.names if n in told.parameters}
-        return Witnesses(self.case, motion.holding(held, told=True), force, contradicted=motion.base)
+        found = Witnesses(self.case, motion.holding(held, told=True), force, contradicted=motion.base)
+        own = found.as_written(found.base)
+        if own is not None and np.mean(own) > np.mean(given):
+            found.motion.refer_to_given()
+        return found
 
     @property
     def criteria(self) -> Criteria:

@@ -33,7 +33,7 @@ OBJECTIONS = {
     "once": "the motion turns back only once in a record: a force that remembers the way and one that changes with "
     "time look alike there",
     "far": "only with base parameters that far from nominal",
-    "elsewhere": "follows the data it was fitted to far better than the unseen ones",
+    "elsewhere": "the model follows the data it was fitted to far better than the unseen ones",
 }
 """What follows "explains a part, but", by `Judgement.unexplained`."""
 LEARN = "`signlin add learned_force` learns it as a curve"
@@ -82,8 +82,8 @@ def _unexplained(j: Judgement) -> str:
     if why == "given":
         c = j.beside_given
         surely = f"{'rises' if c < 0 else 'falls'} by {abs(c):.1f} standard errors beside the model as given"
-        rest = f"but on unseen data the error {surely}, which is too little: nothing is confirmed"
-        return f"{known} of what the refitted model leaves, {rest}."
+        rest = f"but the error {surely}, which is too little: nothing is confirmed"
+        return f"{known}: beside the refitted model {falls(j, j.base, j.final)}, {rest}."
     if j.names:
         what = falls(j, j.base, j.final)
         if why == "elsewhere" and further(j.case):

@@ -16,10 +16,7 @@ class CoulombFriction(Effect):
 
     name = "coulomb_friction"
     equation = "-mu sign(v)"
-    finding = (
-        "the residual {F} is {mu:.3g} {mu.unit} against the motion at any {V}:"
-        " it jumps by twice that where the {V} changes sign and is flat elsewhere"
-    )
+    finding = "the residual {F} is {mu:.3g} {mu.unit} against the motion, the same at any {V}"
     experiment = "reverse the motion slowly, many times"
     family = "dry friction"
     dissipative = True

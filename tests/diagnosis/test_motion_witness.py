@@ -11,6 +11,7 @@ from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion import CancelledError, Motion
+from signlin_ros.diagnosis.motion.fitted import covariance
 from signlin_ros.diagnosis.motion.score import gain
 from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.follow.data import load_records
@@ -189,3 +190,11 @@ def test_it_is_told_that_a_wave_of_few_periods_need_not_go_on():
     found = diagnose(Model.from_dict(BASE), known, unseen, jobs=1)
     assert (found.verdict, found.ranking[0].effect) == ("missing", "cogging_torque")
     assert any("periods of cogging_torque" in note for note in found.notes)
+
+
+def test_of_what_nothing_is_known_the_error_is_huge():
+    """A friction with a load that was never recorded: "0.05 ± 5.9e-15", of a pseudo-inverse."""
+    found = covariance(np.diag([4.0, 0.0]))
+    assert found[0, 0] == pytest.approx(0.25)
+    assert found[1, 1] > 1e12
+    assert covariance(np.array([[2.0, 1.0], [1.0, 2.0]])) == pytest.approx(np.array([[2.0, -1.0], [-1.0, 2.0]]) / 3.0)

@@ -747,6 +747,17 @@ def test_what_never_moves_is_refused() -> None:
     assert "never moved" in finding.sentence
 
 
+def test_a_drive_that_runs_at_one_speed_is_refused_and_not_said_to_stand() -> None:
+    """ "Never moved (the velocity stays within ±0.22 rad/s)", of a wheel that turned at 2.4 rad/s all the time."""
+    model, data = motor()
+    rng = np.random.default_rng(5)
+    steady = {n: NOISE[n] * rng.normal(size=SAMPLES) for n in data.measured}
+    steady["speed"] = steady["speed"] + 50.0 * NOISE["speed"]
+    finding = the("no_motion", model, replace(data, measured={"speed": steady["speed"]}))
+    assert "at one speed all the time" in finding.sentence
+    assert f"the speed stays within {50.0 * NOISE['speed']:.2g}"[:-1] in finding.sentence
+
+
 def test_little_motion_is_motion() -> None:
     base = motor()[0]
     assert "no_motion" not in found(base, record(base, multisine(0.02)))[1]

@@ -217,7 +217,7 @@ def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
     of size the residual has: the sandwich of White with sums over blocks [Econometrica 48 (1980) 817; Newey and West
     1987].
     """
-    bread = np.asarray(np.linalg.pinv(f.hessian, hermitian=True), dtype=np.float64)
+    bread = covariance(f.hessian)
     found = follow_records(problem, f.candidate, f.theta, f.gains, True)
     if found is None:
         return (bread,)
@@ -233,6 +233,13 @@ def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
     g -= g.mean(axis=0)
     whole = bread @ (g.T @ g) @ bread
     return bread, np.asarray(whole, dtype=np.float64)
+
+
+def covariance(information: Array) -> Array:
+    """Return the covariance of an information (n, n): huge, not zero, in a direction of which nothing is known."""
+    values, axes = np.linalg.eigh(information)
+    least = max(float(values[-1:].sum()) * values.size * np.finfo(float).eps, 1e-300)
+    return np.asarray((axes / np.maximum(values, least)) @ axes.T, dtype=np.float64)
 
 
 def estimates(problem: Problem, model: Model, coordinates: Sequence[Known]) -> dict[str, Estimate]:
@@ -253,4 +260,4 @@ def _units(problem: Problem, model: Model) -> dict[str, str]:
     return {n: resolve_unit(par.unit, model.plant, problem.rotary) for n, par in declared(model).items()}
 
 
-__all__ = ["Fitted", "Known", "coordinates_of", "covariances", "estimates", "held"]
+__all__ = ["Fitted", "Known", "coordinates_of", "covariance", "covariances", "estimates", "held"]

@@ -82,6 +82,12 @@ class Motion(Decisions, Running):
         found.given = self.given
         return found
 
+    def refer_to_given(self) -> None:
+        """Take the model as given for the best of its class."""
+        one = self.given
+        now = replace(self.base, model=one.model, known_squares=one.known_squares, unseen_squares=one.unseen_squares)
+        self._best[()] = now
+
     def sampled(self) -> Motion:
         """Return the same witness with inputs that were sampled from what goes on in between."""
         return self._with_problems(self.problem.sampled(), self.unseen.sampled())
@@ -118,8 +124,8 @@ class Motion(Decisions, Running):
         return self._best[mine.kind]
 
     def _told(self, f: Fit, low: Fit) -> Fitted:
-        """Return a fit with all that is told of it, judged from the states of its own observer or of the quickest,
-        where a slow one loses its track; what is left is that of the fit at the lowest gain.
+        """Return a fit with all that is told of it, judged from the states of the observer that predicts the known
+        records best; what is left is that of the fit at the lowest gain.
         """
         f = tidied(f)
         whole, errors, uses = Parts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
@@ -128,7 +134,7 @@ class Motion(Decisions, Running):
             tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label),
             whole,
             estimates(self.problem, whole, coordinates),
-            *self._windows(f.candidate, f.theta, (f.gains, self.problem.levels[0])),
+            *self._windows(f.candidate, f.theta, self.problem.levels),
             self.unseen.noise,
             f,
             coordinates,
