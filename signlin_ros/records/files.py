@@ -31,8 +31,8 @@ def read_records(
     wanted: Iterable[str] | None = None,
     base: str | None = None,
 ) -> list[Record]:
-    """Read a text file (also packed), MAT, Parquet, MDF or TDMS file, or a rosbag2 recording (its folder, or a single
-    .mcap or .db3 file): one record, or one for each run where the time begins anew.
+    """Read a text file (also packed), a table in a binary file (`signlin_ros.files.TABLES`), or a rosbag2 recording
+    (its folder, or a single .mcap or .db3 file): one record, or one for each run where the time begins anew.
 
     Parameters
     ----------

@@ -7,8 +7,10 @@ import pytest
 from scipy.io import savemat
 
 from signlin_ros.errors import RecordError
+from signlin_ros.files import TABLES
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
+from signlin_ros.records.formats.tables import READERS
 
 T = np.arange(50) * 0.01
 U, C, W = np.sin(9 * T), 1e3 * np.cos(5 * T), 60.0 * T
@@ -20,6 +22,10 @@ def same(data: ModelData) -> None:
     np.testing.assert_allclose(data.u[:, 0], U)
     np.testing.assert_allclose(data.measured["current"], C / 1000)
     np.testing.assert_allclose(data.measured["speed"], W * np.pi / 30)
+
+
+def test_every_table_has_a_reader() -> None:
+    assert {*READERS, ".mat"} == set(TABLES)
 
 
 def test_parquet(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +23,8 @@ def read_table(path: Path, source: str) -> Table:
     """Read all columns of numbers; raise `RecordError` where the file is damaged, `MissingExtraError` where its reader
     is not installed.
     """
-    reader = {".parquet": _parquet, ".tdms": _tdms, ".mf4": _mdf, ".mdf": _mdf}[path.suffix.lower()]
     try:
-        columns = list(reader(path))
+        columns = list(READERS[path.suffix.lower()](path))
     except ImportError:
         raise MissingExtraError(f"{source}: reading {path.suffix} files", "formats") from None
     except (OSError, RecordError):
@@ -101,3 +100,12 @@ def _tdms(path: Path) -> Iterable[Column]:
     for channel in channels:
         whole = channel.name if names.count(channel.name) == 1 else f"{channel.group_name}.{channel.name}"
         yield whole, str(channel.properties.get("unit_string", "")), np.asarray(channel[:])
+
+
+READERS: dict[str, Callable[[Path], Iterable[Column]]] = {
+    ".parquet": _parquet,
+    ".tdms": _tdms,
+    ".mf4": _mdf,
+    ".mdf": _mdf,
+}
+"""Reader of each suffix: those of `signlin_ros.files.TABLES` that are no MATLAB files."""
