@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from signlin_ros.apart import of_record
 from signlin_ros.errors import RecordError, suggest
-from signlin_ros.files import BAGS, PACKED, TABLES, TEXT
+from signlin_ros.files import ARRAYS, BAGS, PACKED, TABLES, TEXT
 from signlin_ros.records.clean import keeper, records_of
 from signlin_ros.records.header import TIME_KEYS
 from signlin_ros.records.mapping import ALIASES, ModelData
@@ -149,7 +149,7 @@ def _time(signals: Mapping[str, str]) -> dict[str, str]:
 def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list[str] | None) -> list[Record]:
     keep = keeper(signals, wanted)
     suffix = file.suffix.lower()
-    if suffix == ".mat":
+    if suffix in ARRAYS:
         from signlin_ros.records.formats import mat
 
         return records_of(mat.read_table(file, source, signals), signals, keep)

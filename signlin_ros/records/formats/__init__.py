@@ -1,1 +1,1 @@
-"""Readers of file formats: text, MATLAB files, other tables in binary files, and bags of ROS 2."""
+"""Readers of file formats: text, named arrays (MATLAB, NumPy), other tables in binary files, and bags of ROS 2."""
