@@ -13,8 +13,9 @@ from signlin_ros.errors import InputError
 TEXT = (".csv", ".txt", ".tsv", ".dat", ".log")
 PACKED = (".gz", ".zip", ".bz2", ".xz")
 BAGS = (".mcap", ".db3")
-TABLES = (".mat", ".parquet", ".mf4", ".mdf", ".tdms")
-"""Suffixes of records: text, packed text, the files of bags, and tables in binary files."""
+ARRAYS = (".mat", ".npz")
+TABLES = (*ARRAYS, ".parquet", ".feather", ".arrow", ".mf4", ".mdf", ".tdms")
+"""Suffixes of records: text, packed text, the files of bags, named arrays, and all tables in binary files."""
 
 
 @contextmanager

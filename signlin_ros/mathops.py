@@ -14,19 +14,38 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from types import ModuleType
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+Word = Callable[[Any], Any]
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A smooth function of one argument in the three vocabularies; SymPy is imported only where it is asked for."""
+
+    numpy: Word
+    casadi: Word
+    sympy: Callable[[ModuleType], Word]
+
+
+SMOOTH = {
+    "exp": Smooth(np.exp, ca.exp, lambda s: s.exp),
+    "log1p": Smooth(np.log1p, ca.log1p, lambda s: lambda x: s.log(1 + x)),
+    "sin": Smooth(np.sin, ca.sin, lambda s: s.sin),
+    "cos": Smooth(np.cos, ca.cos, lambda s: s.cos),
+    "tanh": Smooth(np.tanh, ca.tanh, lambda s: s.tanh),
+    "asinh": Smooth(np.arcsinh, ca.asinh, lambda s: s.asinh),
+    "sqrt": Smooth(np.sqrt, ca.sqrt, lambda s: s.sqrt),
+}
+"""Smooth functions of one argument, by their words."""
+
 
 class Math:
-    """What every vocabulary shares: derived words, written once."""
-
-    exp: Callable[[Any], Any]
-    sin: Callable[[Any], Any]
-    cos: Callable[[Any], Any]
-    sqrt: Callable[[Any], Any]
+    """What every vocabulary shares: derived words, written once. Those of `SMOOTH` are set on each instance."""
 
     def sign(self, g: Any) -> Any:
         """The set-valued sign of g."""
@@ -96,15 +115,17 @@ class Math:
         raise NotImplementedError
 
 
-WORDS = tuple(sorted(name for name in {*Math.__annotations__, *vars(Math)} if not name.startswith("_")))
+WORDS = tuple(sorted(name for name in {*SMOOTH, *vars(Math)} if not name.startswith("_")))
 """What a vocabulary offers."""
 
 
 class NumpyMath(Math):
     """Exact non-smooth values on NumPy arrays; sign(0) = 0."""
 
-    exp, sin, cos, sqrt = map(staticmethod, (np.exp, np.sin, np.cos, np.sqrt))
     sign, abs = map(staticmethod, (np.sign, np.abs))  # type: ignore[assignment]
+
+    def __init__(self) -> None:
+        vars(self).update({name: word.numpy for name, word in SMOOTH.items()})
 
     def positive(self, g: Any) -> Any:
         return np.maximum(g, 0.0)
@@ -152,7 +173,7 @@ class Recorder(Math):
     surfaces: list[Surface] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self.exp, self.sin, self.cos, self.sqrt = ca.exp, ca.sin, ca.cos, ca.sqrt
+        vars(self).update({name: word.casadi for name, word in SMOOTH.items()})
 
     def _note(self, g: Any, kind: str) -> ca.SX:
         """Return the symbol that stands for sign(g): a known one for a known g or -g, else a fresh one."""
@@ -214,7 +235,7 @@ class SympyMath(Math):
         import sympy
 
         self._sympy = sympy
-        self.exp, self.sin, self.cos, self.sqrt = sympy.exp, sympy.sin, sympy.cos, sympy.sqrt
+        vars(self).update({name: word.sympy(sympy) for name, word in SMOOTH.items()})
 
     def sign(self, g: Any) -> Any:
         return self._sympy.sign(g)

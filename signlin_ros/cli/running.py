@@ -31,8 +31,8 @@ def signlin() -> None:
     """Linear models x' = A x + B u + c of drives with dry friction, backlash and hysteresis.
 
     MODEL is a ROS 2 parameter file (the one that the linearizer node takes) or the name of a shipped model:
-    dc_motor, mass_spring_damper, bouc_wen, force_element, emps, xl330. DATA is a CSV or MAT file or a rosbag2
-    recording. Everything is in SI units.
+    dc_motor, mass_spring_damper, bouc_wen, force_element, emps, xl330. DATA is a table in a text or
+    binary file (CSV, MAT, Parquet ...) or a rosbag2 recording. Everything is in SI units.
 
     Exit code 0: done; 2: bad input, with one line that names it; 1: a fault of signlin.
     """

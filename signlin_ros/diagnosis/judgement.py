@@ -23,12 +23,42 @@ from signlin_ros.fitting.prepare import reversed_signal
 
 Array = NDArray[np.float64]
 
-UNTOLD = {
-    "once": "it remembers the way, and the motion turns back only once in a record",
-    "given": "it gains too little of unseen data beside the model as given",
-    "noise": "what it takes away is less than the sensors' noise",
+
+@dataclass(frozen=True)
+class Reason:
+    """What follows "explains a part", whether nothing is confirmed, and why unseen data do not tell of a proposal."""
+
+    said: str = ""
+    rejects: bool = False
+    untold: str = ""
+
+
+REASONS = {
+    "reversed": Reason(rejects=True),
+    "conflict": Reason(rejects=True),
+    "lost": Reason(),
+    "worse": Reason(
+        " of what is missing, but the error of {j.worse} rises on unseen data: nothing is confirmed.", rejects=True
+    ),
+    "given": Reason(
+        ": beside the refitted model {falls}, but the error {changes} beside the model as given, which is too little: "
+        "nothing is confirmed.",
+        rejects=True,
+        untold="it gains too little of unseen data beside the model as given",
+    ),
+    "once": Reason(
+        " ({falls}), but the motion turns back only once in a record: a force that remembers the way and one that "
+        "changes with time look alike there.",
+        untold="it remembers the way, and the motion turns back only once in a record",
+    ),
+    "noise": Reason(rejects=True, untold="what it takes away is less than the sensors' noise"),
+    "far": Reason(" ({falls}), but only with base parameters that far from nominal.", rejects=True),
+    "elsewhere": Reason(
+        " ({falls}), but the model follows the data it was fitted to far better than the unseen ones{there}"
+    ),
+    "structure": Reason(),
 }
-"""Why unseen data do not tell of a proposal, in words."""
+"""Why records are not explained: what `Judgement.unexplained` may be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,10 +320,10 @@ def freed(before: Fitted, after: Fitted) -> str:
 def judge(witnesses: Witnesses, final: Fitted, conflict: str = "") -> Judgement:
     """Return the judgement; of the model without it where unseen data do not tell of it, and nothing is missing."""
     found = Judgement(witnesses, final, conflict)
-    if found.unexplained not in UNTOLD:
+    if not found.unexplained or not REASONS[found.unexplained].untold:
         return found
     alone = Judgement(witnesses, witnesses.base, untold=found.unexplained)
     return alone if alone.verdict == "adequate" else found
 
 
-__all__ = ["Judgement", "freed", "judge"]
+__all__ = ["REASONS", "Judgement", "freed", "judge"]

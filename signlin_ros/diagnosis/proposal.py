@@ -10,6 +10,7 @@ from pathlib import Path
 from signlin_ros.diagnosis.judgement import Judgement
 from signlin_ros.diagnosis.results import Diagnosis, Estimate
 from signlin_ros.model import Model
+from signlin_ros.model.numbers import numbers
 from signlin_ros.records import ModelData
 
 
@@ -18,14 +19,6 @@ def rounded(model: Model, fitted: Mapping[str, Estimate]) -> Model:
     own = model.par_declarations()
     names = [n for n in fitted if f"parameters.{n}" in own or f"effects.{n}" in own]
     return model.with_parameters({n: float(f"{model.value(n):.6g}") for n in names})
-
-
-def given(base: Model, name: str) -> float | None:
-    """Return a parameter as the base model has it, None where it has none of this name."""
-    key, _, inner = name.rpartition(".")
-    if not key:
-        return base.parameters.get(inner)
-    return base.effects[key].parameters.get(inner) if key in base.effects else None
 
 
 def yaml_of(model: Model, judgement: Judgement) -> str:
@@ -54,9 +47,9 @@ def printed(result: Diagnosis, original: Model, output: str | None, records: Seq
 
 
 def _origin(name: str, p: Estimate, base: Model) -> str:
-    was = given(base, name)
+    was = numbers(base).get(name)
     before = [f"was {was:g}"] if was is not None and not p.note.startswith("was ") else []
     return "; ".join([f"{name}: fitted, {p}", *before, *([p.note] if p.note else [])])
 
 
-__all__ = ["given", "printed", "rounded", "yaml_of"]
+__all__ = ["printed", "rounded", "yaml_of"]

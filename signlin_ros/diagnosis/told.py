@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from signlin_ros.diagnosis import words
-from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.judgement import REASONS, Judgement
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
@@ -68,10 +68,9 @@ def _ranking(j: Judgement) -> tuple[Entry, ...]:
 
 def _applies(j: Judgement, name: str) -> bool:
     try:
-        j.case.model.with_effect(name, "tried").states  # noqa: B018  tracing tells
+        return bool(j.case.model.with_effect(name, "tried").states)  # tracing tells
     except InputError:
         return False
-    return True
 
 
 def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
@@ -92,18 +91,13 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
 
 
 def _named(j: Judgement, effect: str, ties: tuple[str, ...]) -> Entry:
-    own, why = words.own_parameters(j.final, effect), words.why_named(j, effect)
-    return Entry(effect, _status(j, effect, ties), own, j.witnesses.row(j.final, None).validation, ties, why)
-
-
-def _status(j: Judgement, effect: str, ties: tuple[str, ...]) -> str:
-    """Return the status of an effect that is proposed."""
-    if j.unexplained in ("conflict", "worse", "given", "noise", "far", "reversed") or j.refused:
-        return "rejected"
+    """Return the entry of an effect that is proposed."""
     once = j.unexplained == "once" and effect in j.remembers
-    if once or any(not _richer(t, effect) for t in ties):
-        return "ambiguous"
-    return "confirmed"
+    status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"
+    if j.refused or (j.unexplained and REASONS[j.unexplained].rejects):
+        status = "rejected"
+    own, why = words.own_parameters(j.final, effect), words.why_named(j, effect)
+    return Entry(effect, status, own, j.witnesses.row(j.final, None).validation, ties, why)
 
 
 def _richer(a: str, b: str) -> bool:
@@ -148,9 +142,8 @@ def _beyond(j: Judgement) -> str:
 
 def _experiments(j: Judgement, ranking: Sequence[Entry]) -> tuple[str, ...]:
     """Return what to record to decide between what ties, and to see what this record cannot show."""
-    ties = {tie: "to decide on" for e in ranking if e.effect in j.names for tie in e.indistinguishable_from}
-    hidden = {e.effect: "to see" for e in ranking if e.status == "not_excited"}
-    asked = {**ties, **{n: why for n, why in hidden.items() if n not in ties}}
+    asked = {tie: "to decide on" for e in ranking if e.effect in j.names for tie in e.indistinguishable_from}
+    asked |= {e.effect: "to see" for e in ranking if e.status == "not_excited" and e.effect not in asked}
     what = {n: find_effect(n, "effects").experiment for n in asked}
     return tuple(f"{why} {listed([n])}: {what[n]}" for n, why in asked.items() if what[n])
 

@@ -72,8 +72,7 @@ class Witnesses:
         told = force.with_laws(force.fit)
         held = {n: told.value(n) for n in force.search.r.names if n in told.parameters}
         found = Witnesses(self.case, motion.holding(held, told=True), force, contradicted=motion.base)
-        own = found.as_written(found.base)
-        if own is not None and np.mean(own) > np.mean(given):
+        if (own := found.as_written(found.base)) is not None and np.mean(own) > np.mean(given):
             found.motion.refer_to_given()
         return found
 

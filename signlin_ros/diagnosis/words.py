@@ -8,7 +8,7 @@ import numpy as np
 
 from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.case import Case
-from signlin_ros.diagnosis.judgement import UNTOLD, Judgement, freed
+from signlin_ros.diagnosis.judgement import REASONS, Judgement, freed
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Estimate, listed
 from signlin_ros.diagnosis.witnesses import HALF
@@ -29,13 +29,6 @@ HELD = (
     "inputs are taken as held from their samples on; if these were measured, write `input_hold: centred` into the "
     "model file: then"
 )
-OBJECTIONS = {
-    "once": "the motion turns back only once in a record: a force that remembers the way and one that changes with "
-    "time look alike there",
-    "far": "only with base parameters that far from nominal",
-    "elsewhere": "the model follows the data it was fitted to far better than the unseen ones",
-}
-"""What follows "explains a part, but", by `Judgement.unexplained`."""
 LEARN = "`signlin add learned_force` learns it as a curve"
 
 
@@ -68,27 +61,21 @@ def _first(j: Judgement) -> str:
 
 
 def _unexplained(j: Judgement) -> str:
-    why = j.unexplained
+    why, said = j.unexplained, REASONS[j.unexplained].said
     if why == "conflict":
         return f"The two witnesses differ: {j.conflict}. Nothing is confirmed.{remainder(j)}"
     if why == "lost":
         return follows_nothing(j.lost)
-    if why == "elsewhere" and not j.names:
-        differs = further(j.case) or "what differs?"
-        return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(j)}: {differs}"
-    known = f"{listed(j.names).capitalize()} {'explains' if len(j.names) == 1 else 'explain'} a part"
-    if why == "worse":
-        return f"{known} of what is missing, but the error of {j.worse} rises on unseen data: nothing is confirmed."
-    if why == "given":
-        c = j.beside_given
-        surely = f"{'rises' if c < 0 else 'falls'} by {abs(c):.1f} standard errors beside the model as given"
-        rest = f"but the error {surely}, which is too little: nothing is confirmed"
-        return f"{known}: beside the refitted model {falls(j, j.base, j.final)}, {rest}."
+    there = further(j.case) if why == "elsewhere" else ""
     if j.names:
         what = falls(j, j.base, j.final)
-        if why == "elsewhere" and further(j.case):
-            return f"{known} ({what}), but {OBJECTIONS[why]}: {further(j.case)}"
-        return f"{known} ({what}), but {OBJECTIONS[why]}." if why in OBJECTIONS else f"{known}: {what}.{remainder(j)}"
+        changes = f"{'rises' if j.beside_given < 0 else 'falls'} by {abs(j.beside_given):.1f} standard errors"
+        said = said.format(j=j, falls=what, changes=changes, there=f": {there}" if there else ".")
+        known = f"{listed(j.names).capitalize()} {'explains' if len(j.names) == 1 else 'explain'} a part"
+        return known + (said or f": {what}.{remainder(j)}")
+    if why == "elsewhere":
+        differs = there or "what differs?"
+        return f"The model follows the data it was fitted to, and not the unseen ones{_left_over(j)}: {differs}"
     rest = remainder(j)
     none = f"Something is missing that no listed effect explains{'' if rest else _left_over(j)}"
     return f"{_unsure(j) or none}.{rest}"
@@ -186,9 +173,8 @@ def _left_over(j: Judgement) -> str:
 def _unpredictable(j: Judgement, percent: float) -> str:
     """Return why more than the sensors' noise counts as noise: nothing that is known predicts it."""
     if j.final.clean:
-        share = max(one.dependent for one in j.final.left)
-        part = f"{100 * share:.1g} %" if share > 0 else "nothing"
-        return f"; {part} of what the motion lacks goes with position, velocity, input or time, on samples left out"
+        share = max(0.0, *(one.dependent for one in j.final.left))
+        return f"; {100 * share:.1g} % of what the motion lacks goes with position, velocity, input or time, on samples left out"
     curve = j.flexible.percent
     return f"; a flexible curve would leave {curve:.3g} %" if curve < percent else "; no flexible curve takes it away"
 
@@ -219,14 +205,13 @@ def remarks(j: Judgement) -> list[str]:
 def shown(j: Judgement, f: Fitted, effect: str) -> str:
     """Return what a record shows of an effect, as a sentence with the values of its fit."""
     cls, plant = find_effect(effect, "effects"), f.model.plant
-    own = {n: p for n, p in f.parameters.items() if _belongs(f, n, effect)}
     if issubclass(cls, SensorEffect):
-        (name, p), *_ = own.items()
-        return cls.shown_on(name.partition(".")[2], Shown(p.value, p.unit, p.std))
+        (channel, p), *_ = own_parameters(f, effect).items()
+        return cls.shown_on(channel, Shown(p.value, p.unit, p.std))
     key = [k for k, use in f.model.effects.items() if use.type == effect][-1]
     units, values = {n.partition(".")[2]: p.unit for n, p in f.model.par_declarations().items()}, dict[str, Shown]()
     for n, value in f.model.effects[key].parameters.items():
-        known = own.get(f"{key}.{n}") or Estimate(value, None, units.get(f"{key}.{n}", ""))
+        known = f.parameters.get(f"{key}.{n}") or Estimate(value, None, units.get(f"{key}.{n}", ""))
         values[n] = Shown(value, known.unit, known.std)
     force = "force" if plant.force_unit == "N" and not j.case.problem.turns else "torque"
     return cls.shown(gathered(values), force, plant.position, plant.velocity)
@@ -234,12 +219,8 @@ def shown(j: Judgement, f: Fitted, effect: str) -> str:
 
 def own_parameters(f: Fitted, effect: str) -> dict[str, Estimate]:
     """Return the parameters of a fit that are an effect's, by their names in it (a sensor's by its channel)."""
-    return {n.partition(".")[2]: p for n, p in f.parameters.items() if _belongs(f, n, effect)}
-
-
-def _belongs(f: Fitted, name: str, effect: str) -> bool:
-    key = name.partition(".")[0]
-    return key == effect or (key in f.model.effects and f.model.effects[key].type == effect)
+    keys = {effect, *(key for key, use in f.model.effects.items() if use.type == effect)}
+    return {n.partition(".")[2]: p for n, p in f.parameters.items() if n.partition(".")[0] in keys}
 
 
 def why_named(j: Judgement, effect: str) -> str:
@@ -250,15 +231,14 @@ def why_named(j: Judgement, effect: str) -> str:
 
 def why_not(j: Judgement, f: Fitted) -> str:
     """Return why an effect that was tried alone is not named."""
-    why = j.motion.refused(j.base, f)
-    if why:
+    if why := j.motion.refused(j.base, f):
         return f"on unseen data {why}" if why.startswith("the error of") else why
     a, b = j.percent_of(j.base), j.percent_of(f)
     if a is not None and b is not None and b > a:
         return f"it leaves {b:.3g} % {j.witnesses.of_effort}, the model as it is {a:.3g} %"
     if j.names:
         return f"{listed(j.names)} {'leaves' if len(j.names) == 1 else 'leave'} less"
-    return UNTOLD.get(j.untold, "the witnesses differ on it")
+    return REASONS[j.untold].untold if j.untold else "the witnesses differ on it"
 
 
 __all__ = ["falls", "own_parameters", "remainder", "remarks", "sentence", "shown", "why_named", "why_not"]

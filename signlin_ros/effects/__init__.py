@@ -1,4 +1,4 @@
-"""The catalogue of physical effects: one file each, one line each in the list below.
+"""The catalogue of physical effects: one file each, one line each in `CATALOGUE`.
 
 A user's own effect is a Python file named in a model's ``effect_files``, or an entry point in the group
 ``signlin_ros.effects``; `register` adds it.
@@ -7,48 +7,53 @@ A user's own effect is a Python file named in a model's ``effect_files``, or an 
 from __future__ import annotations
 
 import functools
+import importlib
 import importlib.metadata
 import importlib.util
 import inspect
 from collections import Counter
 from pathlib import Path
+from types import ModuleType
 
-from signlin_ros.effects.asymmetric_viscous_friction import AsymmetricViscousFriction
-from signlin_ros.effects.backlash import Backlash
 from signlin_ros.effects.base import Effect, SensorEffect
-from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
-from signlin_ros.effects.cogging_torque import CoggingTorque
-from signlin_ros.effects.compliant_load import CompliantLoad
-from signlin_ros.effects.constant_load import ConstantLoad
-from signlin_ros.effects.coulomb_friction import CoulombFriction
-from signlin_ros.effects.cubic_stiffness import CubicStiffness
-from signlin_ros.effects.cubic_viscous_friction import CubicViscousFriction
-from signlin_ros.effects.dahl_presliding import DahlPresliding
 from signlin_ros.effects.declared import check_declared
-from signlin_ros.effects.gravity_load import GravityLoad
-from signlin_ros.effects.hard_stop import HardStop
-from signlin_ros.effects.input_deadzone import InputDeadzone
-from signlin_ros.effects.input_delay import InputDelay
-from signlin_ros.effects.input_saturation import InputSaturation
-from signlin_ros.effects.learned_force import LearnedForce
-from signlin_ros.effects.linear_stiffness import LinearStiffness
-from signlin_ros.effects.load_dependent_friction import LoadDependentFriction
-from signlin_ros.effects.load_dependent_stribeck import LoadDependentStribeck
-from signlin_ros.effects.lugre_friction import LuGreFriction
-from signlin_ros.effects.pinching_hysteresis import PinchingHysteresis
-from signlin_ros.effects.play_friction import PlayFriction
-from signlin_ros.effects.quadratic_drag import QuadraticDrag
-from signlin_ros.effects.sensor_delay import SensorDelay
-from signlin_ros.effects.sensor_gain import SensorGain
-from signlin_ros.effects.sensor_offset import SensorOffset
-from signlin_ros.effects.stribeck_friction import StribeckFriction
-from signlin_ros.effects.temperature_dependent_friction import TemperatureDependentFriction
-from signlin_ros.effects.thermal_resistance import ThermalResistance
-from signlin_ros.effects.torque_constant_saturation import TorqueConstantSaturation
-from signlin_ros.effects.torque_ripple import TorqueRipple
-from signlin_ros.effects.viscous_friction import ViscousFriction
 from signlin_ros.errors import ModelError, choices, suggest
 
+CATALOGUE = (
+    "viscous_friction",
+    "coulomb_friction",
+    "stribeck_friction",
+    "asymmetric_viscous_friction",
+    "cubic_viscous_friction",
+    "quadratic_drag",
+    "load_dependent_friction",
+    "load_dependent_stribeck",
+    "temperature_dependent_friction",
+    "constant_load",
+    "gravity_load",
+    "cogging_torque",
+    "torque_ripple",
+    "linear_stiffness",
+    "cubic_stiffness",
+    "hard_stop",
+    "dahl_presliding",
+    "play_friction",
+    "lugre_friction",
+    "bouc_wen_hysteresis",
+    "pinching_hysteresis",
+    "compliant_load",
+    "backlash",
+    "learned_force",
+    "input_deadzone",
+    "input_saturation",
+    "input_delay",
+    "torque_constant_saturation",
+    "thermal_resistance",
+    "sensor_offset",
+    "sensor_gain",
+    "sensor_delay",
+)
+"""The modules of this folder that hold an effect of the same name, in the order of listings and of the search."""
 EFFECTS: dict[str, type[Effect]] = {}
 """Every known effect by its name in model files."""
 _ORIGINS: dict[type[Effect], str] = {}
@@ -59,43 +64,6 @@ def register(effect: type[Effect]) -> type[Effect]:
     """Add an effect to the catalogue; usable as a class decorator. Registering a name anew replaces it."""
     EFFECTS[effect.name] = effect
     return effect
-
-
-for _effect in (
-    ViscousFriction,
-    CoulombFriction,
-    StribeckFriction,
-    AsymmetricViscousFriction,
-    CubicViscousFriction,
-    QuadraticDrag,
-    LoadDependentFriction,
-    LoadDependentStribeck,
-    TemperatureDependentFriction,
-    ConstantLoad,
-    GravityLoad,
-    CoggingTorque,
-    TorqueRipple,
-    LinearStiffness,
-    CubicStiffness,
-    HardStop,
-    DahlPresliding,
-    PlayFriction,
-    LuGreFriction,
-    BoucWenHysteresis,
-    PinchingHysteresis,
-    CompliantLoad,
-    Backlash,
-    LearnedForce,
-    InputDeadzone,
-    InputSaturation,
-    InputDelay,
-    TorqueConstantSaturation,
-    ThermalResistance,
-    SensorOffset,
-    SensorGain,
-    SensorDelay,
-):
-    register(_effect)
 
 
 def load_entry_points() -> None:
@@ -163,6 +131,12 @@ def load_effect_file(path: Path) -> None:
         _register_from(where, effect)
 
 
+def _classes(module: ModuleType) -> list[type[Effect]]:
+    """Return the effects that a module defines."""
+    own = [c for c in vars(module).values() if inspect.isclass(c) and c.__module__ == module.__name__]
+    return [c for c in own if issubclass(c, Effect)]
+
+
 @functools.cache
 def _effects_in(path: Path, changed: int) -> tuple[type[Effect], ...]:
     """Return the effects of a file as of when it ``changed``: the same classes each time, so traced once."""
@@ -174,17 +148,18 @@ def _effects_in(path: Path, changed: int) -> tuple[type[Effect], ...]:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise ModelError(f"effect_files: {path} fails: {type(error).__name__}: {error}") from error
-    found = [
-        c
-        for c in vars(module).values()
-        if inspect.isclass(c) and issubclass(c, Effect) and c.__module__ == module.__name__
-    ]
+    found = _classes(module)
     if not found:
         raise ModelError(f"effect_files: {path} defines no subclass of signlin_ros.effects.Effect")
     return tuple(_checked(c, f"effect_files: {path}") for c in found)
 
 
+for _name in CATALOGUE:
+    for _effect in _classes(importlib.import_module(f"{__name__}.{_name}")):
+        register(_effect)
+
 __all__ = [
+    "CATALOGUE",
     "EFFECTS",
     "Effect",
     "SensorEffect",

@@ -15,7 +15,8 @@ from signlin_ros.effects.base import Effect
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.equations import Equations, equations
 from signlin_ros.model import Model
-from signlin_ros.par import Par, declared_name
+from signlin_ros.model.numbers import declared, numbers
+from signlin_ros.par import declared_name
 
 Array = NDArray[np.float64]
 KNOWN_EFFECT = 0.2
@@ -122,17 +123,6 @@ class Candidate:
         return np.array([c.theta(values[c.name]) for c in self.coordinates])
 
 
-def numbers(model: Model) -> dict[str, float]:
-    """Return all parameters of a model by name: those of the plant, and ``key.name`` of effects."""
-    own = {f"{key}.{n}": x for key, use in model.effects.items() for n, x in use.parameters.items()}
-    return {**model.parameters, **own}
-
-
-def declared(model: Model) -> dict[str, Par]:
-    """Return the declarations of all parameters of a model by the same names, their units resolved."""
-    return {name.partition(".")[2]: par for name, par in model.par_declarations().items()}
-
-
 def _base_coordinates(problem: Problem, model: Model) -> list[Coordinate]:
     """Return the base parameters that may move: those that are neither frozen nor exactly 0, with their priors."""
     base, pars, result = problem.base, declared(problem.base), []
@@ -197,4 +187,4 @@ def candidate(
     return Candidate(model, eq, tuple(coordinates), values, (*added, *sensors))
 
 
-__all__ = ["Candidate", "Coordinate", "candidate", "declared", "numbers"]
+__all__ = ["Candidate", "Coordinate", "candidate"]

@@ -1,4 +1,4 @@
-"""Records: time and named signals with units, from CSV and MAT files and rosbag2 recordings, and back.
+"""Records: time and named signals with units, from tables in files and rosbag2 recordings, and back.
 
     record = read_record("run.csv")                          any columns
     data = record.for_model(model)                           inputs (T, m), measurements, initial state, in

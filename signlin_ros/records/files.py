@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from signlin_ros.apart import of_record
 from signlin_ros.errors import RecordError, suggest
-from signlin_ros.files import BAGS, PACKED, TABLES, TEXT
+from signlin_ros.files import ARRAYS, BAGS, PACKED, TABLES, TEXT
 from signlin_ros.records.clean import keeper, records_of
 from signlin_ros.records.header import TIME_KEYS
 from signlin_ros.records.mapping import ALIASES, ModelData
@@ -31,8 +31,8 @@ def read_records(
     wanted: Iterable[str] | None = None,
     base: str | None = None,
 ) -> list[Record]:
-    """Read a text file (also packed), MAT, Parquet, MDF or TDMS file, or a rosbag2 recording (its folder, or a single
-    .mcap or .db3 file): one record, or one for each run where the time begins anew.
+    """Read a text file (also packed), a table in a binary file (`signlin_ros.files.TABLES`), or a rosbag2 recording
+    (its folder, or a single .mcap or .db3 file): one record, or one for each run where the time begins anew.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def _time(signals: Mapping[str, str]) -> dict[str, str]:
 def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list[str] | None) -> list[Record]:
     keep = keeper(signals, wanted)
     suffix = file.suffix.lower()
-    if suffix == ".mat":
+    if suffix in ARRAYS:
         from signlin_ros.records.formats import mat
 
         return records_of(mat.read_table(file, source, signals), signals, keep)

@@ -9,11 +9,11 @@ from pathlib import Path
 from signlin_ros.checks.finding import Finding
 from signlin_ros.diagnosis.comparison import Comparison, compare
 from signlin_ros.diagnosis.motion.fitted import held
-from signlin_ros.diagnosis.proposal import given
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate
 from signlin_ros.errors import SignlinError
 from signlin_ros.fitting.prepare import held_out
 from signlin_ros.model import Model
+from signlin_ros.model.numbers import numbers
 from signlin_ros.names import AS_GIVEN, REFITTED
 from signlin_ros.records import ModelData
 from signlin_ros.report import diagnosis_pictures as drawn
@@ -242,7 +242,7 @@ def _parameters(d: Diagnosis, base: Model | None) -> list[Block]:
 
 def _given(base: Model | None, name: str, e: Estimate) -> str:
     """Return a parameter as in the model file."""
-    value = given(base, name) if base else None
+    value = numbers(base).get(name) if base else None
     return "-" if value is None else str(replace(e, value=value, std=None))
 
 

@@ -86,7 +86,7 @@ def _plain_brackets(tex: str) -> str:
         tex, round_ones = re.subn(r"\\left\(((?:(?!\\left|\\right|\\frac).)*)\\right\)", r"(\1)", tex)
         tex, bars = re.subn(r"\\left\|((?:(?!\\left|\\right|\\frac).)*)\\right\|", r"|\1|", tex)
         found = round_ones + bars
-    return re.sub(r"\\(operatorname|sin|cos|max)", r"\\,\\\1", tex)
+    return re.sub(r"\\(operatorname|sin|cos|tanh|log|max)", r"\\,\\\1", tex)
 
 
 def _coordinates(kind: type[Effect], model: Model) -> Namespace:

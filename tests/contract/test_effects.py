@@ -2,6 +2,7 @@
 
 import inspect
 import re
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -10,7 +11,7 @@ import sympy
 
 from signlin_ros.compiled import exact_tape, scales, smooth_function
 from signlin_ros.console import catalogue
-from signlin_ros.effects import EFFECTS, SensorEffect
+from signlin_ros.effects import CATALOGUE, EFFECTS, SensorEffect
 from signlin_ros.effects.base import Effect, Shown
 from signlin_ros.effects.declared import check_declared
 from signlin_ros.errors import ModelError
@@ -49,6 +50,12 @@ def points(model, count=12, factor=1.0):
     size = np.array([SIZES.get(model.units[name], 0.7) for name in names])
     z = rng.uniform(0.2, 1.0, (count, len(names))) * rng.choice([-1.0, 1.0], (count, len(names)))
     return np.split(factor * z * size, [len(model.states)], axis=1)
+
+
+def test_every_file_of_an_effect_is_in_the_catalogue_once():
+    files = {path.stem for path in Path(inspect.getfile(Effect)).parent.glob("*.py")} - {"__init__", "base", "declared"}
+    assert sorted(CATALOGUE) == sorted(files)
+    assert [EFFECTS[name].__module__ for name in CATALOGUE] == [f"signlin_ros.effects.{name}" for name in CATALOGUE]
 
 
 class Acting:

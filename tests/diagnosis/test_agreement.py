@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
 import math
 import re
+import textwrap
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -12,13 +15,13 @@ import numpy as np
 import pytest
 
 from signlin_ros.console.comparison import _named
-from signlin_ros.diagnosis import agreement, judgement, words
+from signlin_ros.diagnosis import agreement, judgement, told, words
 from signlin_ros.diagnosis.agreement import agree
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.force.flexible import Curve
-from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.judgement import REASONS, Judgement
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.score import elsewhere, gain, told_change
 from signlin_ros.diagnosis.witnesses import Witnesses
@@ -317,6 +320,40 @@ def test_why_a_record_is_not_explained(final, force, conflict, why):
     found = judged(final, base, force, conflict)
     assert found.unexplained == why
     assert found.verdict == "unexplained"
+
+
+SAID = {
+    "conflict": "The two witnesses differ: they differ. Nothing is confirmed.",
+    "lost": "speed",
+    "worse": "explains a part of what is missing, but the error of speed rises on unseen data: nothing is confirmed.",
+    "given": "rad/s, but the error falls by 1.2 standard errors beside the model as given, which is too little",
+    "once": "but the motion turns back only once in a record",
+    "noise": "Coulomb friction explains a part: on unseen data",
+    "far": "but only with base parameters that far from nominal.",
+    "elsewhere": "but the model follows the data it was fitted to far better than the unseen ones: there it is faster",
+    "structure": "Coulomb friction explains a part: on unseen data",
+    "reversed": "With the sign of speed reversed",
+}
+
+
+def test_every_reason_has_its_row():
+    returns = ast.walk(ast.parse(textwrap.dedent(inspect.getsource(Judgement.unexplained.func))))
+    constants = [c for r in returns if isinstance(r, ast.Return) for c in ast.walk(r) if isinstance(c, ast.Constant)]
+    assert {c.value for c in constants} - {""} == set(REASONS) == set(SAID)
+
+
+@pytest.mark.parametrize("why", REASONS)
+def test_every_reason_is_told(why, monkeypatch):
+    found = {"unexplained": why, "worse": "speed", "beside_given": 1.23, "lost": ["speed"], "verdict": "unexplained"}
+    for name, value in {**found, "reversed": "speed" if why == "reversed" else ""}.items():
+        monkeypatch.setattr(Judgement, name, value)
+    monkeypatch.setattr(words, "further", lambda case: "there it is faster.")
+    monkeypatch.setattr(words, "why_named", lambda j, effect: "")
+    monkeypatch.setattr(words, "own_parameters", lambda f, effect: {})
+    monkeypatch.setattr(Witnesses, "row", lambda w, f, left: SimpleNamespace(validation=None))
+    j = judged(COULOMB, force=sees(), conflict="they differ")
+    assert SAID[why] in words.sentence(j)
+    assert told._named(j, "coulomb_friction", ()).status == ("rejected" if REASONS[why].rejects else "confirmed")
 
 
 @pytest.mark.parametrize(

@@ -7,19 +7,20 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from signlin_ros.mathops import NumpyMath, Recorder, SympyMath
+from signlin_ros.engine.compiling import caller
+from signlin_ros.engine.native import native
+from signlin_ros.engine.tape import Tape
+from signlin_ros.mathops import SMOOTH, WORDS, NumpyMath, Recorder, SympyMath
 
-WORDS = {
+CASES = {
     "sign": lambda m, x: m.sign(x),
     "abs": lambda m, x: m.abs(x),
     "positive": lambda m, x: m.positive(x),
     "contact": lambda m, x: m.contact(x),
     "clip": lambda m, x: m.clip(x, 0.7),
     "dead_zone": lambda m, x: m.dead_zone(x, 0.7),
-    "exp": lambda m, x: m.exp(x),
-    "sin": lambda m, x: m.sin(x),
-    "cos": lambda m, x: m.cos(x),
-    "sqrt": lambda m, x: m.sqrt(x * x),
+    **{name: lambda m, x, name=name: getattr(m, name)(x) for name in SMOOTH},
+    **{name: lambda m, x, name=name: getattr(m, name)(x * x) for name in ("sqrt", "log1p")},
     **{f"abs_power {n}": lambda m, x, n=n: m.abs_power(x, n) for n in (1.0, 2.0, 3.0, 1.5, 7.25)},
     **{f"signed_power {n}": lambda m, x, n=n: m.signed_power(x, n) for n in (1.0, 2.0, 3.0, 1.5, 7.25)},
     "spline": lambda m, x: m.spline(x, (-1.5, -0.3, 0.1, 0.7, 1.0), (-1.0, 0.2 + 0.1 * x, 0.2, 0.9, 0.4)),
@@ -44,13 +45,34 @@ def rendered(word, value):
     return float(sympy.sympify(word(SympyMath(), x)).subs(x, sympy.Float(value, 40)))
 
 
-@pytest.mark.parametrize("name", WORDS)
+@pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("value", [-2.0, -0.7, -0.3, 0.1, 0.25, 0.7, 1.9])
 def test_numpy_recorder_and_sympy_agree(name, value):
-    want = float(WORDS[name](NumpyMath(), np.float64(value)))
+    want = float(CASES[name](NumpyMath(), np.float64(value)))
     # on a surface the recorded contact (1 + sign(0))/2 is a half: no effect may depend on it
-    assert recorded(WORDS[name], value) == pytest.approx(want, rel=1e-14, abs=1e-15)
-    assert rendered(WORDS[name], value) == pytest.approx(want, rel=1e-14, abs=1e-15)
+    assert recorded(CASES[name], value) == pytest.approx(want, rel=1e-14, abs=1e-15)
+    assert rendered(CASES[name], value) == pytest.approx(want, rel=1e-14, abs=1e-15)
+
+
+@pytest.mark.parametrize("name", SMOOTH)
+@pytest.mark.parametrize("x", [0.01, 0.25, 1.9])
+def test_smooth_words_are_compiled_with_their_derivatives(name, x):
+    z = ca.SX.sym("z")
+    e = getattr(Recorder(), name)(z)
+    tape = Tape.of(ca.Function("f", [z], [e, ca.jacobian(e, z), ca.hessian(e, z)[0]]))
+    t = sympy.Symbol("t", real=True)
+    law = getattr(SympyMath(), name)(t)
+    wanted = [float(sympy.diff(law, t, n).subs(t, sympy.Float(x, 40))) for n in range(3)]
+    out = np.zeros(3)
+    caller(native(tape)[0])(np.array([x]), out)
+    np.testing.assert_allclose(out, wanted, rtol=1e-13)
+    np.testing.assert_allclose(np.ravel(tape.batch([np.array([x])])), wanted, rtol=1e-13)
+
+
+def test_every_vocabulary_has_every_word():
+    for m in (NumpyMath(), Recorder(), SympyMath()):
+        assert all(callable(getattr(m, word)) for word in WORDS)
+    assert set(SMOOTH) < set(WORDS)
 
 
 @given(st.floats(-1e3, 1e3), st.floats(0.0, 1e3))

@@ -535,7 +535,7 @@ FAULTS = {
     "a misspelt parameter": ("return p.bb", ["force: there is no p.bb", "did you mean 'b'"]),
     "a misspelt coordinate": ("return x.velocty", ["there is no x.velocty", "did you mean 'velocity'"]),
     "an own state that is none": ("return x.own.z", ["there is no x.own.z"]),
-    "a word that is none": ("return m.tanh(x.velocity)", ["there is no m.tanh", "signed_power"]),
+    "a word that is none": ("return m.arctan(x.velocity)", ["there is no m.arctan", "signed_power"]),
     "nothing returned": ("return", ["force returns nothing"]),
     "text returned": ("return 'F'", ["force returns str"]),
     "a function of numbers": ("import math; return math.tanh(x.velocity)", ["no number", "m.sign"]),

@@ -1,4 +1,4 @@
-"""Parquet, MDF4, TDMS, MAT 7.3 and Simulink's structures, each written by its own library."""
+"""Parquet, Arrow, MDF4, TDMS, NumPy's .npz, MAT 7.3 and Simulink's structures, each written by its own library."""
 
 from pathlib import Path
 
@@ -7,8 +7,10 @@ import pytest
 from scipy.io import savemat
 
 from signlin_ros.errors import RecordError
+from signlin_ros.files import ARRAYS, TABLES
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
+from signlin_ros.records.formats.tables import READERS
 
 T = np.arange(50) * 0.01
 U, C, W = np.sin(9 * T), 1e3 * np.cos(5 * T), 60.0 * T
@@ -20,6 +22,10 @@ def same(data: ModelData) -> None:
     np.testing.assert_allclose(data.u[:, 0], U)
     np.testing.assert_allclose(data.measured["current"], C / 1000)
     np.testing.assert_allclose(data.measured["speed"], W * np.pi / 30)
+
+
+def test_every_table_has_a_reader() -> None:
+    assert {*READERS, *ARRAYS} == set(TABLES)
 
 
 def test_parquet(tmp_path: Path) -> None:
@@ -34,6 +40,35 @@ def test_parquet(tmp_path: Path) -> None:
     path.write_bytes(b"rubbish")
     with pytest.raises(RecordError, match=r"not a readable \.parquet file"):
         read_for_model(path, MOTOR)
+
+
+@pytest.mark.parametrize("suffix", [".feather", ".arrow"])
+def test_arrow(tmp_path: Path, suffix: str) -> None:
+    pa, ipc = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.ipc")
+    path = tmp_path / f"run{suffix}"
+    table = pa.table({"t": T, "voltage": U, "current_mA": C, "speed [rpm]": W, "mode": ["idle"] * T.size})
+    lz4 = ipc.IpcWriteOptions(compression="lz4")  # as Feather does
+    with ipc.new_file(path, table.schema, options=lz4) as file:
+        file.write_table(table)
+    same(read_for_model(path, MOTOR))
+    path.write_bytes(b"rubbish")
+    with pytest.raises(RecordError, match=rf"not a readable \{suffix} file"):
+        read_for_model(path, MOTOR)
+
+
+def test_npz(tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    np.savez(path, t=T, voltage=U, y=np.column_stack([C, W]), meta=np.array({"rig": 3}))
+    mapped = {"current": "y[0] [mA]", "speed": "y[1] [rpm]"}
+    data = read_for_model(path, MOTOR, mapped)
+    same(data)
+    assert any("'meta' is left out" in str(note) for note in data.notes)
+    np.savez_compressed(path, dt=0.01, voltage=U, current_mA=C, speed_rpm=W)
+    same(read_for_model(path, MOTOR))
+    for rubbish in (b"rubbish", path.read_bytes()[:300]):
+        path.write_bytes(rubbish)
+        with pytest.raises(RecordError, match=r"not a readable \.npz file"):
+            read_for_model(path, MOTOR)
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning", "ignore::UserWarning")

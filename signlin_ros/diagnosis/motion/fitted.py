@@ -16,11 +16,12 @@ from signlin_ros.diagnosis.motion.score import level
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.effects import EFFECTS
 from signlin_ros.effects.base import Effect
-from signlin_ros.fitting.candidate import Coordinate, declared
+from signlin_ros.fitting.candidate import Coordinate
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
+from signlin_ros.model.numbers import declared
 from signlin_ros.model.uses import EffectUse
 from signlin_ros.recording.trace import resolve_unit
 
@@ -204,9 +205,7 @@ class Fitted:
 
 
 def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[Known, ...]:
-    """Return the coordinates of a fit with standard errors, the largest of some covariances (n, n); inf of what moves
-    nothing.
-    """
+    """Return a fit's coordinates with standard errors, the largest of some covariances; inf of what moves nothing."""
     variances = np.max([np.diag(c) for c in covariances], axis=0)
     errors = np.sqrt(np.where(variances > 0.0, variances, np.inf))
     return tuple(map(Known, f.candidate.coordinates, f.theta.tolist(), errors.tolist()))

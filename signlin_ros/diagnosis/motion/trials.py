@@ -10,11 +10,12 @@ from itertools import count
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.errors import InputError, ModelError
-from signlin_ros.fitting.candidate import Candidate, candidate, numbers
+from signlin_ros.fitting.candidate import Candidate, candidate
 from signlin_ros.fitting.fit import Fit
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.fitting.scan import periodic_starts
 from signlin_ros.model import Model
+from signlin_ros.model.numbers import numbers
 from signlin_ros.par import nominal_values
 
 ARC = 0.25

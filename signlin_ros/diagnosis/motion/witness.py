@@ -21,13 +21,14 @@ from signlin_ros.diagnosis.motion.score import level, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial, completed, rescanned, trials
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
-from signlin_ros.fitting.candidate import Candidate, candidate, numbers
+from signlin_ros.fitting.candidate import Candidate, candidate
 from signlin_ros.fitting.fit import Fit, fit, tidied
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.prepare import stretched
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import unit_asked
 from signlin_ros.model import Model
+from signlin_ros.model.numbers import numbers
 
 SERIOUS, FIRST, FINISHED = 0.25, 3, 8
 """Share of the best candidate's gain that makes another one worth a thorough fit; how many get one in any case, and at
@@ -84,9 +85,7 @@ class Motion(Decisions, Running):
 
     def refer_to_given(self) -> None:
         """Take the model as given for the best of its class."""
-        one = self.given
-        now = replace(self.base, model=one.model, known_squares=one.known_squares, unseen_squares=one.unseen_squares)
-        self._best[()] = now
+        self._best[()] = self.as_it_is(self.given.model)
 
     def sampled(self) -> Motion:
         """Return the same witness with inputs that were sampled from what goes on in between."""

@@ -1,1 +1,1 @@
-"""Readers of file formats: text, MATLAB files, Parquet, MDF4 and TDMS, and bags of ROS 2."""
+"""Readers of file formats: text, named arrays (MATLAB, NumPy), other tables in binary files, and bags of ROS 2."""

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
+from signlin_ros.files import TEXT
 from signlin_ros.records.clean import Keep, Table
 from signlin_ros.records.formats.layout import (
     MISSING,
@@ -126,7 +127,7 @@ def _unpacked(path: Path, source: str) -> bytes:
 def _from_zip(path: Path, source: str) -> bytes:
     with zipfile.ZipFile(path) as archive:
         names = [n for n in archive.namelist() if not n.endswith("/") and not n.startswith("__MACOSX")]
-        texts = [n for n in names if Path(n).suffix.lower() in (".csv", ".txt", ".tsv", ".dat", ".log")]
+        texts = [n for n in names if Path(n).suffix.lower() in TEXT]
         if len(texts) != 1:
             raise RecordError(f"{source}: an archive must hold one text file; it has {', '.join(names) or 'nothing'}")
         return archive.read(texts[0])

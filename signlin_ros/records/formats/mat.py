@@ -1,4 +1,5 @@
-"""MATLAB files: vectors, matrices and structs of them, through scipy.io, and h5py where they are of version 7.3.
+"""Named arrays: MATLAB files with vectors, matrices and structs of them, through scipy.io, and h5py where they are of
+version 7.3; NumPy's .npz.
 
 Simulink's ways to write are known: structures with time, a matrix whose first row is the time (To File), ``u``, ``y``
 and the sampling time ``Ts``.
@@ -37,7 +38,7 @@ def read_table(path: Path, source: str, signals: Mapping[str, str]) -> Table:
     Raises
     ------
     RecordError
-        Not a MAT file, no time vector.
+        Not such a file, no time vector.
     """
     found = _first_rows(_one_time(dict(_variables(_load(path, source)))), signals)
     out = {name: why for name, why in ((name, _no_vector(value)) for name, value in found.items()) if why}
@@ -129,6 +130,8 @@ def _notes(out: Mapping[str, str]) -> tuple[Note, ...]:
 
 
 def _load(path: Path, source: str) -> dict[str, Any]:
+    if path.suffix.lower() == ".npz":
+        return _load_npz(path, source)
     from scipy.io import loadmat
 
     try:
@@ -137,6 +140,23 @@ def _load(path: Path, source: str) -> dict[str, Any]:
         return _load_hdf(path, source)
     except Exception as error:  # scipy raises nearly anything on a damaged file
         raise RecordError(f"{source}: not a readable MAT file ({error})") from error
+
+
+def _load_npz(path: Path, source: str) -> dict[str, Any]:
+    with path.open("rb") as raw:
+        try:
+            with np.load(raw, allow_pickle=False) as file:
+                return {name: _npz_value(file, name) for name in file.files}
+        except Exception as error:  # numpy raises nearly anything on a damaged file
+            raise RecordError(f"{source}: not a readable .npz file ({error})") from error
+
+
+def _npz_value(file: Any, name: str) -> Any:
+    """An array; None for Python objects, which are not loaded."""
+    try:
+        return file[name]
+    except ValueError:
+        return None
 
 
 def _load_hdf(path: Path, source: str) -> dict[str, Any]:

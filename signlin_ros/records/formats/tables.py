@@ -1,9 +1,10 @@
-"""Parquet (pyarrow), MDF4 (asammdf) and TDMS (nptdms): columns with names and units, through their own readers."""
+"""Parquet, Arrow (pyarrow), MDF4 (asammdf), TDMS (nptdms): columns with names and units, through their own readers."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +24,8 @@ def read_table(path: Path, source: str) -> Table:
     """Read all columns of numbers; raise `RecordError` where the file is damaged, `MissingExtraError` where its reader
     is not installed.
     """
-    reader = {".parquet": _parquet, ".tdms": _tdms, ".mf4": _mdf, ".mdf": _mdf}[path.suffix.lower()]
     try:
-        columns = list(reader(path))
+        columns = list(READERS[path.suffix.lower()](path))
     except ImportError:
         raise MissingExtraError(f"{source}: reading {path.suffix} files", "formats") from None
     except (OSError, RecordError):
@@ -62,7 +62,18 @@ def _table(source: str, columns: Iterable[Column]) -> Table:
 def _parquet(path: Path) -> Iterable[Column]:
     import pyarrow.parquet
 
-    table = pyarrow.parquet.read_table(path)
+    yield from _arrow_columns(pyarrow.parquet.read_table(path))
+
+
+def _arrow(path: Path) -> Iterable[Column]:
+    """Feather files too, which are Arrow's; no streams."""
+    import pyarrow.ipc
+
+    with pyarrow.OSFile(str(path)) as file:
+        yield from _arrow_columns(pyarrow.ipc.open_file(file).read_all())
+
+
+def _arrow_columns(table: Any) -> Iterable[Column]:
     for name, column in zip(table.column_names, table.columns, strict=True):
         unit = (table.schema.field(name).metadata or {}).get(b"unit", b"").decode(errors="replace")
         yield name, unit, column.to_numpy()
@@ -101,3 +112,14 @@ def _tdms(path: Path) -> Iterable[Column]:
     for channel in channels:
         whole = channel.name if names.count(channel.name) == 1 else f"{channel.group_name}.{channel.name}"
         yield whole, str(channel.properties.get("unit_string", "")), np.asarray(channel[:])
+
+
+READERS: dict[str, Callable[[Path], Iterable[Column]]] = {
+    ".parquet": _parquet,
+    ".feather": _arrow,
+    ".arrow": _arrow,
+    ".tdms": _tdms,
+    ".mf4": _mdf,
+    ".mdf": _mdf,
+}
+"""Reader of each suffix: those of `signlin_ros.files.TABLES` that are not in ``ARRAYS``."""
