@@ -174,7 +174,7 @@ def _unpredictable(j: Judgement, percent: float) -> str:
     """Return why more than the sensors' noise counts as noise: nothing that is known predicts it."""
     if j.final.clean:
         share = max(0.0, *(one.dependent for one in j.final.left))
-        return f"; {100 * share:.1g} % of what the motion lacks goes with position, velocity, input or time, on samples left out"
+        return f"; {100 * share:.1g} % of what the motion lacks goes with position, velocity, input or time"
     curve = j.flexible.percent
     return f"; a flexible curve would leave {curve:.3g} %" if curve < percent else "; no flexible curve takes it away"
 

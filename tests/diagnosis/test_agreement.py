@@ -538,7 +538,7 @@ def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
         (
             True,
             2.0,
-            "; 0.4 % of what the motion lacks goes with position, velocity, input or time, on samples left out",
+            "; 0.4 % of what the motion lacks goes with position, velocity, input or time",
         ),
         (False, 2.92, "; a flexible curve would leave 2.92 %"),
         (False, 3.5, "; no flexible curve takes it away"),

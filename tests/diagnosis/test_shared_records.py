@@ -182,15 +182,3 @@ def test_compare_shows_the_first_rows_and_the_noise_of_diagnose(which):
     assert content["first_rows"] == {"given": found["given"], "refitted": found["ladder"][0],
                                      "horizon": found["horizon"]}  # fmt: skip
     assert {n: content["channels"][n]["noise"] for n in found["noise"]} == found["noise"]
-
-
-def test_add_shows_the_row_that_diagnose_shows_of_the_same_effect(tmp_path):
-    """`add` kept the motion's values where `diagnose` stands for those of the force: 17.2 and 6.43 % of a cart."""
-    folder, known, unseen = RECORDS["null"]
-    place, found = DATA / folder, answer("null")
-    arguments = ["add", "coulomb_friction", place / "nominal.yaml", place / known, "--validation", place / unseen]
-    arguments += ["--json", "-o", tmp_path / "new.yaml"]
-    content = json.loads(CliRunner().invoke(signlin, [str(a) for a in arguments], catch_exceptions=False).stdout)
-    assert content["ladder"][-1]["effects"] == proposed(found)
-    for number in ("missing_force_percent", "validation"):
-        assert content["ladder"][-1][number] == found["ladder"][-1][number]

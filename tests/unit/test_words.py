@@ -6,11 +6,12 @@ from types import SimpleNamespace
 
 import pytest
 
-from signlin_ros.diagnosis.proposal import _origin, given
+from signlin_ros.diagnosis.proposal import _origin
 from signlin_ros.diagnosis.results import Estimate
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.diagnosis.words import shown
 from signlin_ros.model import Model
+from signlin_ros.model.numbers import numbers
 from signlin_ros.report.evidence import nearest
 
 AXIS = Model.from_dict(
@@ -23,9 +24,9 @@ AXIS = Model.from_dict(
 
 
 def test_parameters_as_given():
-    assert given(AXIS, "m") == 95.109
-    assert given(AXIS, "load.F0") == 3.5
-    assert given(AXIS, "coulomb_friction.mu") is None
+    found = numbers(AXIS)
+    assert (found["m"], found["load.F0"]) == (95.109, 3.5)
+    assert "coulomb_friction.mu" not in found
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ class Subsets:
         self._free = np.array([r.laws[name].free(shape) for name, shape in self.members], dtype=float)
 
     def left(self, sets: Sets, size: float) -> Array:
-        """Return about the squared error (S,) that sets (S, k) leave, inf beside a wrong sign; ``size``: what is left."""
+        """Return about the squared error (S,) that sets (S, k) leave, inf beside a wrong sign; ``size``: mean left."""
         base, r = np.arange(self.r.b), self.r
         known = precision(r.spread, self._scale[: r.b], np.sqrt(size), self._size)
         found = np.empty(len(sets))
