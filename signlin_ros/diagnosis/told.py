@@ -68,7 +68,7 @@ def _ranking(j: Judgement) -> tuple[Entry, ...]:
 
 def _applies(j: Judgement, name: str) -> bool:
     try:
-        return bool(j.case.model.with_effect(name, "tried").states)  # tracing tells
+        return j.case.model.with_effect(name, "tried").states is not None  # tracing tells
     except InputError:
         return False
 
