@@ -223,7 +223,7 @@ class Judgement:
         noise = self.witnesses.leaves_noise(self.final)
         near = self.witnesses.near_any_noise(self.final)
         if self.names and not near and (noise or self.percent is None):
-            return "elsewhere" if self.elsewhere else "structure" if self.little_motion else ""
+            return "" if not self.little_motion else "elsewhere" if self.elsewhere else "structure"
         return "" if noise or self.within_noise else "structure"
 
     @cached_property

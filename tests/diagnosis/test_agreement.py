@@ -357,17 +357,19 @@ def test_every_reason_is_told(why, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("rms", "known", "verdict"),
-    [(0.6, 0.6, "missing"), (2.0, 2.0, "unexplained"), (0.6, 0.1, "unexplained"), (0.15, 0.01, "missing")],
-    ids=["most of it", "half of it", "only what was fitted to", "near the noise"],
+    ("rms", "known", "why"),
+    [(0.6, 0.6, ""), (2.0, 2.0, "structure"), (2.0, 0.1, "elsewhere"), (0.6, 0.1, ""), (0.15, 0.01, "")],
+    ids=["most of it", "half of it", "only what was fitted to", "most of both", "near the noise"],
 )
-def test_where_the_force_does_not_tell_the_motion_must(rms, known, verdict, monkeypatch):
-    """A gear motor in a loop that chatters: "compliant load", 88 times the noise, 16 times what was fitted to."""
+def test_where_the_force_does_not_tell_the_motion_must(rms, known, why, monkeypatch):
+    """A gear motor in a loop that chatters: "compliant load", 88 times the noise, 16 times what was fitted to. But what
+    takes most of an error away on unseen data, too, is not refused for following the known ones better still.
+    """
     final = Fit(("compliant_load",), (rms,), 1.0, white=True)
     squares = Fit(final.effects, (known,), 1.0).unseen_squares
     monkeypatch.setattr(Fit, "known_squares", property(lambda f: squares if f is final else f.unseen_squares))
     found = judged(final)
-    assert found.verdict == verdict, found.unexplained
+    assert (found.verdict, found.unexplained) == ("unexplained" if why else "missing", why)
 
 
 @pytest.mark.parametrize(
