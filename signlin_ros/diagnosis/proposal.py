@@ -16,9 +16,8 @@ from signlin_ros.records import ModelData
 
 def rounded(model: Model, fitted: Mapping[str, Estimate]) -> Model:
     """Return a fitted model with its fitted values to six digits."""
-    own = model.par_declarations()
-    names = [n for n in fitted if f"parameters.{n}" in own or f"effects.{n}" in own]
-    return model.with_parameters({n: float(f"{model.value(n):.6g}") for n in names})
+    own = numbers(model)
+    return model.with_parameters({n: float(f"{own[n]:.6g}") for n in fitted if n in own})
 
 
 def yaml_of(model: Model, judgement: Judgement) -> str:

@@ -16,6 +16,7 @@ from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import SensorEffect, Shown
 from signlin_ros.errors import joined
 from signlin_ros.fitting.problem import Problem
+from signlin_ros.model.numbers import declared
 from signlin_ros.par import gathered
 
 NOTHING = "Nothing is missing that this record could show"
@@ -209,7 +210,7 @@ def shown(j: Judgement, f: Fitted, effect: str) -> str:
         (channel, p), *_ = own_parameters(f, effect).items()
         return cls.shown_on(channel, Shown(p.value, p.unit, p.std))
     key = [k for k, use in f.model.effects.items() if use.type == effect][-1]
-    units, values = {n.partition(".")[2]: p.unit for n, p in f.model.par_declarations().items()}, dict[str, Shown]()
+    units, values = {n: p.unit for n, p in declared(f.model).items()}, dict[str, Shown]()
     for n, value in f.model.effects[key].parameters.items():
         known = f.parameters.get(f"{key}.{n}") or Estimate(value, None, units.get(f"{key}.{n}", ""))
         values[n] = Shown(value, known.unit, known.std)

@@ -23,7 +23,6 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import SimulationError
 from signlin_ros.fitting.candidate import Candidate, candidate
 from signlin_ros.fitting.fit import Fit, fit, tidied
-from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.prepare import stretched
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import unit_asked
@@ -133,7 +132,7 @@ class Motion(Decisions, Running):
             tuple(uses[k].type if k in uses else k.partition(".")[0] for k in f.candidate.label),
             whole,
             estimates(self.problem, whole, coordinates),
-            *self._windows(f.candidate, f.theta, self.problem.levels),
+            *self._windows(f.candidate, f.theta),
             self.unseen.noise,
             f,
             coordinates,
@@ -142,11 +141,11 @@ class Motion(Decisions, Running):
             functools.cache(functools.partial(without, self.short, f, errors)),
         )
 
-    def _windows(self, c: Candidate, theta: Array, observers: Sequence[Gains]) -> tuple[Array, Array]:
-        """Return the squared errors of known and of unseen records from the states of one of some observers: that which
-        predicts the known ones best.
+    def _windows(self, c: Candidate, theta: Array) -> tuple[Array, Array]:
+        """Return the squared errors of known and of unseen records from the states of the observer that predicts the
+        known ones best.
         """
-        tried = [(windowed(self.problem, c, theta, gains), gains) for gains in observers]
+        tried = [(windowed(self.problem, c, theta, gains), gains) for gains in self.problem.levels]
         squares, gains = min(tried, key=lambda one: self._level(one[0]))
         return squares, windowed(self.unseen, c, theta, gains)
 
@@ -181,7 +180,7 @@ class Motion(Decisions, Running):
         the observer, which is the one that predicts the known records best.
         """
         c = candidate(replace(self.problem, base=model), model, ())
-        squares, unseen = self._windows(c, c.start(), self.problem.levels)
+        squares, unseen = self._windows(c, c.start())
         return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=unseen)
 
     def soon(self, c: Candidate, theta: Array) -> float:
