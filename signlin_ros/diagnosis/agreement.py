@@ -185,7 +185,7 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     motion, base = w.motion, w.base
     names = [n for n in EFFECTS if n not in motion.searched.get((), ()) and tryable(motion.problem, n)]
     w.keep(*(motion.extensions(base, names) if names else []))
-    whole = [f for f in w.single if _complete(w, f)]
+    whole = [f for f in map(motion.best, w.single) if _complete(w, f)]
     whole = [f for f in whole if not motion.refused(base, f) and not w.raises(base, f)]
     best = min(whole, key=lambda f: f.level, default=None)
     as_good = [f for f in whole if best and motion.as_good(best, f)]

@@ -95,13 +95,14 @@ def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple
 
 
 def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit | None:
-    """Return the best fit of one more effect at the middle gain on a part of the records, from some of its starts with
-    base parameters as given and as they were fitted before.
+    """Return the best fit of one more effect at the middle gain on a part of the records, from its first start and some
+    of the others, with base parameters as given and as they were fitted before.
     """
     remembers, (high, middle) = bool(trial.effect.states), problem.levels[:2]
     short = problem.led if remembers else problem.short
     parts, known, label = Parts.of(before), before.parameters(), before.candidate.label
-    at = dict.fromkeys(np.linspace(0, len(trial.starts) - 1, min(few, len(trial.starts))).astype(int).tolist())
+    last = len(trial.starts) - 1
+    at = dict.fromkeys([0, *np.linspace(min(1, last), last, min(few, last + 1)).astype(int).tolist()])
     candidates = [parts.extended(trial.name, trial.starts[i]).candidate(problem) for i in at]
     added = {n: v for n, v in known.items() if n in label or n.partition(".")[0] in label}
     ways = [added, known] if label else [added]

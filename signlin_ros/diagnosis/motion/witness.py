@@ -370,6 +370,7 @@ class Motion(Decisions, Running):
                 alike = self.alike(now, options)
             if not alike and depth > 1 and not (now.white or now.effects):
                 options += [two for one in options[:BEAM] for two in self.extensions(one, names)]
+                options = [*{one.kind: self.best(one) for one in options}.values()]  # a larger one may show the way
                 alike = self.alike(now, options)
             if not alike:
                 path[-1] += [one for one in options if one not in path[-1]]
