@@ -218,7 +218,7 @@ class Judgement:
             if large and self.elsewhere:
                 return "elsewhere"
             noise = self.final.clean or (near and self.final.white)
-            more = (self.little or near or self.changing) and not self.final.white
+            more = (self.little or near or self.changing or self.idle) and not self.final.white
             return "structure" if ((large or self.flexible.visible) and not noise) or more else ""
         noise = self.witnesses.leaves_noise(self.final)
         near = self.witnesses.near_any_noise(self.final)
@@ -262,6 +262,12 @@ class Judgement:
         """Whether a proposal leaves the larger part of the force that is missing."""
         part = self.witnesses.remaining(self.left(self.final))
         return bool(self.names) and part is not None and part > self.criteria.part
+
+    @property
+    def idle(self) -> bool:
+        """Whether one of several laws does not surely take away force, where forces tell of it."""
+        w, several = self.witnesses, self.names if len(self.names) > 1 else ()
+        return not all(w.falls(self.without(n), self.final) for n in several if n not in w.hidden)
 
     @property
     def little_motion(self) -> bool:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,7 +112,9 @@ class Witnesses:
     def acting(self, f: Fitted) -> frozenset[str]:
         """Return the effects that bear on the force: where the current is measured, those of the voltage do not."""
         current = self.force is not None and self.force.search.r.current
-        return frozenset(n for n in f.effects if not (current and only_input(find_effect(n, "effects"))))
+        own = {n: find_effect(n, "effects") for n in f.effects}
+        only = {n for n, e in own.items() if _has(e, "input", "delay") and not _has(e, "force", "torque_constant")}
+        return frozenset(own.keys() - only if current else own)
 
     def comparable(self, f: Fitted) -> bool:
         """Tell whether the force that a model leaves can be compared with the base model's: not where the effort or a
@@ -123,7 +126,7 @@ class Witnesses:
         effects = [find_effect(name, "effects") for name in self.acting(f)]
         if any(changes_effort(effect) or effect.floating for effect in effects):
             return False
-        if set(f.effects) & self.hidden and f.white:
+        if f.effects and f.white and (set(f.effects) & self.hidden or self.silent):
             return False
         waves = [1.0 for effect in effects if effect.angular and not effect.periodic]  # a weight is a wave of order one
         waves += _orders(f) if any(effect.periodic for effect in effects) else []
@@ -153,6 +156,11 @@ class Witnesses:
         if left is None or self.force is None:
             return None
         return 100.0 * float(np.sqrt(np.mean(left))) / max(self.force.search.r.unseen.effort, TINY)
+
+    @cached_property
+    def silent(self) -> bool:
+        """Whether the force witness names nothing, and sees nothing: it is asked of nothing that leaves noise."""
+        return self.force is not None and not self.force.effects and not self.sees(self.base)
 
     @property
     def noise(self) -> float:
@@ -283,11 +291,6 @@ def refitted(c: Case, tell: Tell | None = None, cancelled: Callable[[], bool] | 
 def changes_effort(effect: type[Effect]) -> bool:
     """Tell whether an effect changes the input, torque constant or a sensor: the effort would explain itself."""
     return issubclass(effect, SensorEffect) or _has(effect, "input", "delay", "torque_constant", "resistance")
-
-
-def only_input(effect: type[Effect]) -> bool:
-    """Tell whether an effect changes nothing but the input."""
-    return _has(effect, "input", "delay") and not _has(effect, "force", "torque_constant")
 
 
 def _has(effect: type[Effect], *parts: str) -> bool:

@@ -10,9 +10,10 @@ import pytest
 from benchmarks.hidden.generator import draw, write
 from signlin_ros.diagnosis import add, diagnose
 from signlin_ros.diagnosis.criteria import Criteria
-from signlin_ros.diagnosis.motion import CancelledError, Motion
+from signlin_ros.diagnosis.motion import CancelledError, Motion, fitting
 from signlin_ros.diagnosis.motion.fitted import covariance
 from signlin_ros.diagnosis.motion.score import gain
+from signlin_ros.diagnosis.motion.trials import Trial, trials
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.follow.data import load_records
@@ -211,3 +212,25 @@ def test_add_stands_for_the_values_that_diagnose_stands_for(monkeypatch):
     monkeypatch.setattr(Witnesses, "valued", of_the_force)
     for found in (diagnose(base, known, unseen, jobs=1), add("coulomb_friction", base, known, unseen, jobs=1)):
         assert found.parameters["coulomb_friction.mu"].value == 1.75
+
+
+def test_what_the_force_found_of_a_law_is_a_start_beside_the_others(monkeypatch):
+    """Where the force had a wave of order one, that of six, the best of all starts, was not tried."""
+    witness, tried = motion(Model.from_dict(BASE)), list[float]()
+    trial = trials(witness.problem, ["coulomb_friction"])[0]
+    trial = replace(trial, starts=tuple({"mu": 0.1 * (k + 1)} for k in range(16)))
+    of = witness.base.fit
+    monkeypatch.setattr(
+        fitting, "fit", lambda problem, c, gains, theta, steps: tried.append(c.model.value("coulomb_friction.mu"))
+    )
+
+    def starts(one: Trial) -> set[float]:
+        tried.clear()
+        assert fitting.climbed(witness.short, of, one) is None
+        return set(tried)
+
+    alone, witness.heard = starts(trial), {"coulomb_friction": {"mu": 5.0}}
+    assert 0.1 in alone
+    heard = starts(witness._heard(trial))
+    assert {0.1, 5.0} <= heard
+    assert heard - {5.0} <= alone

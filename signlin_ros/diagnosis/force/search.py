@@ -197,9 +197,7 @@ class Search:
         return not self.bends(f) and all(self.needed(f, n) for n, _ in f.members)
 
     def bends(self, f: Fit) -> bool:
-        """Tell whether a fit moves a base parameter that carries force beyond its tolerance, and further than the base
-        model alone does.
-        """
+        """Tell whether a fit moves a base parameter that carries force beyond tolerance, and further than the base."""
         c, r = self.r.criteria, self.r
         spread, theta, alone = (x[: r.b - 1] for x in (r.spread, f.theta, self.base.theta))
         moved, before = (np.abs(np.log1p(np.maximum(x, -1 + 1e-12))) / spread for x in (theta, alone))
@@ -237,9 +235,7 @@ class Search:
         return large and self.r.surely(f, reference) >= c.certainty
 
     def level(self, f: Fit, name: str) -> float:
-        """Return how many standard errors the levels of a law are from nothing: of what tells it from simpler ones, or
-        of all of them together.
-        """
+        """Return by how many standard errors a law is from nothing: by what tells it from simpler ones, or by all."""
         law, span = self.r.laws[name], f.spans[name]
         z = np.abs(f.theta[span]) / np.maximum(f.std[span], TINY)
         if law.parts.turning:

@@ -53,9 +53,7 @@ class Testimony:
         return self.search.r.percent(fit or self.fit)
 
     def written_left(self, model: Model) -> Array:
-        """Return the mean squared force (blocks,) that a model as it is written leaves of unseen data, in the size of
-        the effort as given.
-        """
+        """Return the squared force (blocks,) that a model as written leaves of unseen data, at the effort as given."""
         r = self.search.r
         left = r.unseen.missing(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
         return r.unseen.by_block(stamped(left, r.unseen.X[:, -1]))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.deciding import Decisions
 from signlin_ros.diagnosis.motion.fitted import Fitted, coordinates_of, covariances, estimates
-from signlin_ros.diagnosis.motion.fitting import FEW, NEXT, Found, bred, cheapest, climbed, settled, without
+from signlin_ros.diagnosis.motion.fitting import FEW, LAST, NEXT, Found, bred, cheapest, climbed, settled, without
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.running import Progress, Running
 from signlin_ros.diagnosis.motion.score import level, windowed
@@ -142,9 +142,7 @@ class Motion(Decisions, Running):
         )
 
     def _windows(self, c: Candidate, theta: Array) -> tuple[Array, Array]:
-        """Return the squared errors of known and of unseen records from the states of the observer that predicts the
-        known ones best.
-        """
+        """Return the squared errors of known and unseen records from the observer that predicts the known ones best."""
         tried = [(windowed(self.problem, c, theta, gains), gains) for gains in self.problem.levels]
         squares, gains = min(tried, key=lambda one: self._level(one[0]))
         return squares, windowed(self.unseen, c, theta, gains)
@@ -254,9 +252,7 @@ class Motion(Decisions, Running):
         return again if again and again.level < found.level else found
 
     def _around(self, found: Found) -> Fitted:
-        """Keep a fit, and fit those that lack one of its effects from where it arrived, if that shows a way out of a
-        local minimum.
-        """
+        """Keep a fit, and fit those that lack one of its effects from where it arrived, if that leads further down."""
         mine, label = self._keep(found), set(found.fit.candidate.label)
         for other in list(self._best.values()):
             c = other.fit.candidate
@@ -292,7 +288,7 @@ class Motion(Decisions, Running):
         found = self._all_finished(of, kept)
         if not names and found and not min(found, key=attrgetter("level")).white:
             found += self._all_finished(of, self._richer(of, found, options))
-        found += [plain for one in found for plain in self.plainer(one)]
+        found += [plain for those in self.each(self.plainer, found) for plain in those]
         return sorted({one.kind: one for one in found}.values(), key=attrgetter("level"))
 
     def _heard(self, trial: Trial) -> Trial:
@@ -336,7 +332,7 @@ class Motion(Decisions, Running):
         but where a ``rival`` is as good as these have to be.
         """
         base, other = (
-            fit(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, NEXT) if one else None
+            fit(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, LAST) if one else None
             for one in (of, rival)
         )
         ordered = sorted(fits, key=attrgetter("cost"))
