@@ -185,6 +185,10 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     motion, base = w.motion, w.base
     names = [n for n in EFFECTS if n not in motion.searched.get((), ()) and tryable(motion.problem, n)]
     w.keep(*(motion.extensions(base, names) if names else []))
+    if not final.effects:  # a few steps tell little of what remembers long, or is in another minimum
+        rest = {*(_searched(w) or EFFECTS)} - {n for f in w.single for n in f.effects}
+        rest = {n for n in rest if tryable(motion.problem, n)}
+        w.keep(*(motion.extensions(base, sorted(rest), every=True) if rest else []))
     whole = [f for f in map(motion.best, w.single) if _complete(w, f)]
     whole = [f for f in whole if not motion.refused(base, f) and not w.raises(base, f)]
     best = min(whole, key=lambda f: f.level, default=None)

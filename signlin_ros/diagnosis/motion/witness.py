@@ -275,15 +275,17 @@ class Motion(Decisions, Running):
 
     # ------------------------------------------------------------ one effect more
 
-    def extensions(self, of: Fitted, names: Sequence[str] | None = None, rival: Fitted | None = None) -> list[Fitted]:
-        """Return what can be added to a fit, the promising ones fitted out, least error on unseen data first; what
-        comes near a ``rival`` that is as good already.
+    def extensions(
+        self, of: Fitted, names: Sequence[str] | None = None, rival: Fitted | None = None, every: bool = False
+    ) -> list[Fitted]:
+        """Return what can be added to a fit, the promising ones fitted out, or ``every`` one, least error on unseen
+        data first; what comes near a ``rival`` that is as good already.
         """
         options = [self._heard(t) for t in trials(self.problem, names) if t.name not in of.effects]
         self.searched.setdefault(of.effects, set()).update(t.name for t in options)
         self.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
         fits = [f for f in self.each(lambda t: self._climbed(of.fit, t), options) if f]
-        kept = self._promising(of, fits, rival)
+        kept = fits if every else self._promising(of, fits, rival)
         self.say(f"fitting {len(kept)} of them to the end")
         found = self._all_finished(of, kept)
         if not names and found and not min(found, key=attrgetter("level")).white:
