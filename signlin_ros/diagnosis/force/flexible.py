@@ -149,9 +149,7 @@ def _along_the_way(search: Search, left: Array) -> tuple[Columns | None, list[st
 
 
 def _unseen_after(search: Search, fit: Fit) -> tuple[Array, str]:
-    """Return what is left (K,) of unseen data after a flexible regression on what a fit leaves, and which force repeats
-    along the way, if that is the regression.
-    """
+    """Return what a flexible regression leaves (K,) of unseen data, and which force repeats along the way, if any."""
     r, (along, waves) = search.r, _along_the_way(search, fit.left)
     curves = [c for c in (along, _over_speed(r), _everything(r)) if c]
     known = [_scaled(r.known, c) for c in curves]

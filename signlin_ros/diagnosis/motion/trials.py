@@ -26,9 +26,7 @@ LATE = (1.5, 5.0)
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect that may be missing: its name, and complete sets of parameters to start from, those of a sensor named
-    ``sensor_offset.speed``.
-    """
+    """An effect that may be missing, and complete starts; parameters of a sensor: ``sensor_offset.speed``."""
 
     name: str
     starts: tuple[dict[str, float], ...] = ()

@@ -263,9 +263,7 @@ class Motion(Decisions, Running):
         return mine
 
     def _lower(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Found | None:
-        """Return the best of some points gone on with to the end, if a few steps from there lead further down than they
-        do from a fit; None if not.
-        """
+        """Return the best of some points gone on with to the end, if a few steps lead further down than from a fit."""
         middle, starts = self.problem.levels[1], [(f.candidate, f.theta), *points]
         here, *there = self.each(lambda one: fit(self.short, one[0], middle, one[1], NEXT), starts)
         best = cheapest(there)
