@@ -52,11 +52,6 @@ def test_three_plain_effects_are_not_taken_for_a_rich_one():
     assert found.parameters["linear_stiffness.k"].value == pytest.approx(CABLE, rel=0.03)
 
 
-@pytest.mark.xfail(
-    strict=False,
-    reason="named, with 5.5 % left and m and c told first: a remainder that goes with the speed of few swings is told "
-    "from one that changes with time no more, and is too small beside a large load to be structure",
-)
 def test_three_plain_effects_do_not_stand_for_what_is_not_listed():
     found = diagnose(NOMINAL, *(lift(seed, lambda v: FRICTION * (1.0 + v**0.5)) for seed in (7, 8)))
     assert found.verdict == "unexplained"
