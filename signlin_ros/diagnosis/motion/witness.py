@@ -142,10 +142,15 @@ class Motion(Decisions, Running):
         )
 
     def _windows(self, c: Candidate, theta: Array) -> tuple[Array, Array]:
-        """Return the squared errors of known and unseen records from the observer that predicts the known ones best."""
-        tried = [(windowed(self.problem, c, theta, gains), gains) for gains in self.problem.levels]
-        squares, gains = min(tried, key=lambda one: self._level(one[0]))
-        return squares, windowed(self.unseen, c, theta, gains)
+        """Return the squared errors of known and unseen records, of each channel from the observer that predicts the
+        known ones best: where one served all, a channel rose since another had asked for a slower one.
+        """
+        levels = self.problem.levels
+        known = np.array([windowed(self.problem, c, theta, gains) for gains in levels])
+        own = np.argmin(np.nan_to_num(known).mean(axis=1), axis=0).tolist()
+        unseen = {k: windowed(self.unseen, c, theta, levels[k]) for k in set(own)}
+        pairs = list(enumerate(own))
+        return np.column_stack([known[k, :, i] for i, k in pairs]), np.column_stack([unseen[k][:, i] for i, k in pairs])
 
     def _level(self, squares: Array) -> float:
         return level(squares, self.problem.noise)
