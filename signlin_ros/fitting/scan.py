@@ -82,9 +82,7 @@ def halfway(model: Model, t: Array, X: Array) -> Array:
 
 
 def response(problem: Problem, model: Model, gains: Gains) -> Array:
-    """Return what an observer of the bare plant leaves (M, ny), in units of the noise, in the samples after one between
-    which a unit of acceleration was missing.
-    """
+    """Return what an observer of the bare plant leaves (M, ny), over the noise, after a unit of acceleration."""
     states, A, C = linear_base(model, problem.channels)
     push, dt = (np.array(states) == model.plant.velocity)[:, None].astype(float), problem.scale.step
     free, x, *_ = cont2discrete((A, push, C, np.zeros((len(C), 1))), dt)
@@ -141,9 +139,7 @@ def whole_orders(problem: Problem, highest: float) -> Array:
 
 
 def _orders(q: Array, v: Array, a: Array, highest: float, count: int, lines: Array, lowest: float = 0.2) -> list[float]:
-    """Return the orders, from ``lowest`` to ``highest``, of the highest peaks of the spectrum of a (T,) over q (T,); of
-    ``lines`` (k,), if there are any.
-    """
+    """Return the orders from ``lowest`` to ``highest`` of the highest peaks of a (T,) over q (T,), or of ``lines``."""
     span = float(np.ptp(q))
     if not span > 0:
         return []

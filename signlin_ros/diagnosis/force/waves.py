@@ -23,9 +23,7 @@ MOST = 3
 
 
 class Waves:
-    """The orders in rad^-1 or m^-1 of which records hold at least ``least`` periods: whole ones of a joint, and of its
-    motor before the ``gear``; or any.
-    """
+    """Orders in rad^-1 or m^-1, ``least`` periods of which are held: whole ones of a joint or its motor; or any."""
 
     def __init__(self, side: Side, whole: bool, gear: float, least: float) -> None:
         self._side, cutoff = side, 2 * np.pi * side.pieces[0].cutoff

@@ -143,7 +143,7 @@ class Motion(Decisions, Running):
 
     def _windows(self, c: Candidate, theta: Array) -> tuple[Array, Array]:
         """Return the squared errors of known and unseen records, of each channel from the observer that predicts the
-        known ones best: where one served all, a channel rose since another had asked for a slower one.
+        known ones best: from one for all, a channel rose.
         """
         levels = self.problem.levels
         known = np.array([windowed(self.problem, c, theta, gains) for gains in levels])
