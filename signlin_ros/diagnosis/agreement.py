@@ -126,7 +126,7 @@ def _both(w: Witnesses, force: Testimony, second: Fitted) -> str:
 def _beyond(w: Witnesses, now: Fitted, other: Fitted) -> bool:
     """Tell whether another model is to be stood for: nothing is worse for it, and it leaves noise, or surely less."""
     c, g = w.criteria, w.motion.gain(now, other)
-    if other.level > now.level or g.worsens(c.worse, c.alike) or w.rising(now, other) or w.raises(now, other):
+    if other.level > now.level or g.worsens(c.worse, c.alike) or w.rising(now, other, c.tie) or w.raises(now, other):
         return False
     if other.clean and w.leaves_noise(other) and not now.white:
         return True

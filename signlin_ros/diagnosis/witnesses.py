@@ -245,17 +245,17 @@ class Witnesses:
         given = self.row(self.motion.given, self.as_written(self.motion.given))
         return FirstRows(given, self.row(self.base, self.left(self.base)), self.case.horizon)
 
-    def rising(self, before: Fitted, after: Fitted) -> str:
-        """Return the channel whose printed error rises from one model to another beyond its standard error, if any."""
+    def rising(self, before: Fitted, after: Fitted, times: float | None = None) -> str:
+        """Return the channel whose printed error rises between models, by `worse` or so many standard errors."""
         pairs = zip(self.case.problem.channels, before.unseen_squares.T, after.unseen_squares.T, strict=True)
-        return next((name for name, a, b in pairs if self.rises(a, b)), "")
+        return next((name for name, a, b in pairs if self.rises(a, b, times)), "")
 
-    def rises(self, before: Array, after: Array) -> bool:
+    def rises(self, before: Array, after: Array, times: float | None = None) -> bool:
         """Tell whether mean squares (blocks,) rise so that it shows, and beyond their standard error."""
         rise = after - before
         error = float(np.nanstd(rise) / np.sqrt(max(int(np.count_nonzero(np.isfinite(rise))), 1)))
         shows = np.nanmean(after) > (1.0 + self.criteria.alike) ** 2 * np.nanmean(before)
-        return bool(shows and np.nanmean(rise) > self.criteria.worse * error)
+        return bool(shows and np.nanmean(rise) > (times or self.criteria.worse) * error)
 
     # ------------------------------------------------------------ what counts as noise of the motion
 

@@ -243,6 +243,27 @@ def test_what_is_better_in_most_blocks_and_worse_on_the_whole_is_not_stood_for()
     assert chosen(force_witness(*LAWS), BASE, [first], second)[0] is first
 
 
+class Tail(Fit):
+    """A fit whose second channel errs less in most blocks, and more on the whole, by more than one standard error."""
+
+    @property
+    def unseen_squares(self) -> np.ndarray:
+        second = np.where(np.arange(BLOCKS) % 16 == 0, 8.0, 0.8)
+        return np.column_stack([around(self.rms[0], 3), second])
+
+
+def test_beside_what_is_confirmed_no_printed_error_rises_beyond_its_standard_error():
+    """A wave took a motor's current from 0.0226 to 0.017 A, its speed from 0.84 to 1.02 rad/s: 1.8 standard errors."""
+    base = Fit((), (3.0, 3.0), 2.0)
+    first = Fit(("coulomb_friction",), (1.0, 1.0), 0.5)
+    second = Tail(("coulomb_friction", "input_delay"), (0.3, 1.0), 0.5)
+    w = both(Motion(base), force_witness(*LAWS), base, first, second)
+    assert second.level < first.level
+    assert not w.rising(first, second)
+    assert w.rising(first, second, 1.0) == "current"
+    assert chosen(force_witness(*LAWS), base, [first], second)[0] is first
+
+
 def test_what_the_force_shows_and_the_motion_refuses_is_told_and_not_replaced():
     """A motor that its own waves throw about: a load on a coupling and a late sensor took the place of seven waves."""
     force = force_witness(*LAWS, effects=("torque_ripple",))
