@@ -157,8 +157,8 @@ class Judgement:
     def worse(self) -> str:
         """The channel whose printed error rises beyond its standard error beside the base, or the missing force."""
         before, after, w = self.left(self.base), self.left(self.final), self.witnesses
-        risen = before is not None and after is not None and w.rises(before, after)
-        return w.rising(self.base, self.final) or ("the missing force" if risen else "")
+        risen = before is not None and after is not None and w.rises(before, after, self.criteria.worse)
+        return w.rising(self.base, self.final, self.criteria.worse) or ("the missing force" if risen else "")
 
     @cached_property
     def beside_given(self) -> float:
@@ -218,7 +218,7 @@ class Judgement:
             if large and self.elsewhere:
                 return "elsewhere"
             noise = self.final.clean or (near and self.final.white)
-            more = (self.little or near or self.changing or self.idle) and not self.final.white
+            more = not self.final.white and (self.little or near or self.changing or self.idle)
             return "structure" if ((large or self.flexible.visible) and not noise) or more else ""
         noise = self.witnesses.leaves_noise(self.final)
         near = self.witnesses.near_any_noise(self.final)

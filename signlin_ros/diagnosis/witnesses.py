@@ -118,8 +118,8 @@ class Witnesses:
 
     def comparable(self, f: Fitted) -> bool:
         """Tell whether the force that a model leaves can be compared with the base model's: not where the effort or a
-        sensor was changed, a load floats, an unmeasured position matters, waves are beyond the band, nor where what no
-        force shows leaves but noise of the motion.
+        sensor was changed, a load floats, an unmeasured position matters, waves are beyond the band, nor where noise of
+        the motion is all that is left by what no force shows, or by anything beside a `silent` force witness.
         """
         if self.force is None:
             return False
@@ -245,17 +245,17 @@ class Witnesses:
         given = self.row(self.motion.given, self.as_written(self.motion.given))
         return FirstRows(given, self.row(self.base, self.left(self.base)), self.case.horizon)
 
-    def rising(self, before: Fitted, after: Fitted, times: float | None = None) -> str:
-        """Return the channel whose printed error rises between models, by `worse` or so many standard errors."""
+    def rising(self, before: Fitted, after: Fitted, times: float) -> str:
+        """Return the channel whose printed error rises between models, by so many standard errors; empty if none."""
         pairs = zip(self.case.problem.channels, before.unseen_squares.T, after.unseen_squares.T, strict=True)
         return next((name for name, a, b in pairs if self.rises(a, b, times)), "")
 
-    def rises(self, before: Array, after: Array, times: float | None = None) -> bool:
-        """Tell whether mean squares (blocks,) rise so that it shows, and beyond their standard error."""
+    def rises(self, before: Array, after: Array, times: float) -> bool:
+        """Tell whether mean squares (blocks,) rise so that it shows, and by so many standard errors."""
         rise = after - before
         error = float(np.nanstd(rise) / np.sqrt(max(int(np.count_nonzero(np.isfinite(rise))), 1)))
         shows = np.nanmean(after) > (1.0 + self.criteria.alike) ** 2 * np.nanmean(before)
-        return bool(shows and np.nanmean(rise) > (times or self.criteria.worse) * error)
+        return bool(shows and np.nanmean(rise) > times * error)
 
     # ------------------------------------------------------------ what counts as noise of the motion
 

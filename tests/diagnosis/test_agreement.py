@@ -259,7 +259,7 @@ def test_beside_what_is_confirmed_no_printed_error_rises_beyond_its_standard_err
     second = Tail(("coulomb_friction", "input_delay"), (0.3, 1.0), 0.5)
     w = both(Motion(base), force_witness(*LAWS), base, first, second)
     assert second.level < first.level
-    assert not w.rising(first, second)
+    assert not w.rising(first, second, DEFAULT.worse)
     assert w.rising(first, second, 1.0) == "current"
     assert chosen(force_witness(*LAWS), base, [first], second)[0] is first
 

@@ -122,8 +122,8 @@ class Motion(Decisions, Running):
         return self._best[mine.kind]
 
     def _told(self, f: Fit, low: Fit) -> Fitted:
-        """Return a fit with all that is told of it, judged from the states of the observer that predicts the known
-        records best; what is left is that of the fit at the lowest gain.
+        """Return a fit with all that is told of it, every channel judged from the observer that predicts it best
+        (`_windows`); what is left is that of the fit at the lowest gain.
         """
         f = tidied(f)
         whole, errors, uses = Parts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
@@ -143,7 +143,7 @@ class Motion(Decisions, Running):
 
     def _windows(self, c: Candidate, theta: Array) -> tuple[Array, Array]:
         """Return the squared errors of known and unseen records, of each channel from the observer that predicts the
-        known ones best: from one for all, a channel rose.
+        known ones of it best: from one for all, a channel rose.
         """
         levels = self.problem.levels
         known = np.array([windowed(self.problem, c, theta, gains) for gains in levels])
@@ -179,8 +179,8 @@ class Motion(Decisions, Running):
         return self._told(f, f) if f else None
 
     def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> Fitted:
-        """Return a model with the values that it has, and with the same states as the one given; nothing is fitted but
-        the observer, which is the one that predicts the known records best.
+        """Return a model with the values that it has, and with the same states as the one given; nothing is fitted,
+        and it is judged as all are (`_windows`).
         """
         c = candidate(replace(self.problem, base=model), model, ())
         squares, unseen = self._windows(c, c.start())
