@@ -161,11 +161,15 @@ def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
 
 
 def fewest(w: Witnesses, final: Fitted) -> Fitted:
-    """Return the model with the fewest effects that is as good; what no force shows displaces nothing that one does."""
+    """Return the model with the fewest effects that is as good, single ones that nobody has tried yet among them; what
+    no force shows displaces nothing that one does, unless it leaves nothing but tested noise.
+    """
     if len(final.effects) < 2:
         return final
     motion = w.motion
-    options = [*_as_one(motion, final), *(f for f in w.tried if len(f.effects) < len(final.effects))]
+    rest = [n for n in _untried(w, _searched(w) or EFFECTS) if n not in final.effects]
+    options = [*_as_one(motion, final), *(motion.extensions(w.base, rest, rival=final) if rest else [])]
+    options += [f for f in w.tried if len(f.effects) < len(final.effects)]
     for name in final.effects:
         with contextlib.suppress(SignlinError):
             options.append(motion.fitted([n for n in final.effects if n != name], final.model))
@@ -174,7 +178,7 @@ def fewest(w: Witnesses, final: Fitted) -> Fitted:
     shown = w.left(final) is not None
     good = [f for f in options if not motion.refused(w.base, f) and motion.as_good(final, f)]
     good = [f for f in good if motion.refused(f, final) and not w.raises(final, f)]
-    good = [f for f in good if not shown or w.left(f) is not None]
+    good = [f for f in good if not shown or w.left(f) is not None or (f.clean and w.leaves_noise(f))]
     return min(good, key=lambda f: (len(f.effects), f.size, f.level), default=final)
 
 
@@ -183,7 +187,7 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     if _complete(w, final):
         return None
     motion, base = w.motion, w.base
-    names = [n for n in EFFECTS if n not in motion.searched.get((), ()) and tryable(motion.problem, n)]
+    names = _untried(w, EFFECTS)
     w.keep(*(motion.extensions(base, names) if names else []))
     if not final.effects:  # a few steps tell little of what remembers long, or is in another minimum
         rest = {*(_searched(w) or EFFECTS)} - {n for f in w.single for n in f.effects}
@@ -194,6 +198,12 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     best = min(whole, key=lambda f: f.level, default=None)
     as_good = [f for f in whole if best and motion.as_good(best, f)]
     return min(as_good, key=lambda f: (f.size, f.level), default=None)
+
+
+def _untried(w: Witnesses, names: Iterable[str]) -> list[str]:
+    """Return the effects that the motion witness has not sought beyond the base by now."""
+    seen, motion = w.motion.searched.get((), set()), w.motion
+    return [n for n in names if n not in seen and tryable(motion.problem, n)]
 
 
 def _complete(w: Witnesses, f: Fitted) -> bool:

@@ -85,7 +85,7 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
             found -= set(f.effects)
         elif w.raises(j.final, f) or (w.left(f) is None and w.explains(j.final)):
             continue
-        elif j.motion.gain(f, j.final).certainty < j.criteria.tie:
+        elif j.motion.as_good(j.final, f):
             found |= set(f.effects) - rest
     return tuple(sorted(found - set(j.names)))
 

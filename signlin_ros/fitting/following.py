@@ -30,6 +30,8 @@ TURN, FASTER = 0.8, 1.5
 """Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
 RESTING, MEMORY, REMEMBERED = 0.02, 400, 3.0
 """Share of the RMS velocity of a record at rest; samples, and time constants, to which what is unknown is fitted."""
+PARTS, SURE = (-1.0, -2 / 3, -1 / 3, 1 / 3, 2 / 3, 1.0), 3.0
+"""Where a start is sought, in parts of its reach: a wave has minima in between; standard deviations of a position."""
 SECANTS, SWEEPS, SETTLED, NEARBY = 8, 4, 1e-3, 0.1
 """Most secants of one unknown, and of all; share of the squares that is no gain; part of the reach for slopes."""
 LOST = 1e100
@@ -198,7 +200,8 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
         if plant.position in names and plant.position not in s.start:
             unknown[names.index(plant.position)] = (-1, 0.0)
     if c.angular and plant.position in s.start and plant.position in problem.channels:
-        unknown[names.index(plant.position)] = (-1, float(problem.noise[problem.channels.index(plant.position)]))
+        noise = float(problem.noise[problem.channels.index(plant.position)])
+        unknown[names.index(plant.position)] = (-1, SURE * noise)
     return unknown
 
 
@@ -219,7 +222,7 @@ def _sought(run: Callable[[Array], tuple[Array, Array]], x: Array, unknown: Mapp
     for i, (other, known) in unknown.items():
         apart = X[:, i] - (X[:, other] if other >= 0 else 0.0)
         reach = (known or float(np.abs(apart).max())) * np.eye(x.size)[i]
-        tried = [(x + sign * reach, run(x + sign * reach)[0]) for sign in (-1.0, 1.0)]
+        tried = [(x + part * reach, run(x + part * reach)[0]) for part in PARTS]
         x, e = min([(x, e), *tried], key=lambda pair: float(pair[1] @ pair[1]))
         found, e = _descended(lambda x: run(x)[0], Start(x, NEARBY * reach[None]), e, SECANTS)
         x, near = found.x, np.concatenate([near, found.near])

@@ -198,7 +198,7 @@ class Motion(Decisions, Running):
         c, theta = self.valued(effects, start)
         found = self._settled(c, None, theta)
         best = self._held(c, theta, found) or found
-        return self._around(best) if best else None
+        return self._around(self._nearby(best)) if best else None
 
     def valued(self, effects: Sequence[str], start: Model) -> tuple[Candidate, Array]:
         """Return the candidate with some effects, and its coordinates with the values of a model that has them all."""
@@ -242,7 +242,7 @@ class Motion(Decisions, Running):
         return self._around(self._nearby(found)) if found else None
 
     def _nearby(self, found: Found) -> Found:
-        """Return a fit, or a better one that its last effect leads to from near where it arrived."""
+        """Return a fit, or a better one that its last effect leads to from near where it arrived, and so on."""
         f = found.fit
         key = f.candidate.label[-1]
         use = f.fitted().effects.get(key)
@@ -254,7 +254,7 @@ class Motion(Decisions, Running):
         candidates = [parts.extended(use.type, point).candidate(self.problem) for point in points]
         plain = {n: v for n, v in f.parameters().items() if not n.startswith(f"{key}.")}
         again = self._lower(f, [(c, c.start(plain)) for c in candidates])
-        return again if again and again.level < found.level else found
+        return self._nearby(again) if again and again.level < found.level else found
 
     def _around(self, found: Found) -> Fitted:
         """Keep a fit, and fit those that lack one of its effects from where it arrived, if that leads further down."""
@@ -264,7 +264,7 @@ class Motion(Decisions, Running):
             if set(c.label) < label and len(label) == len(c.label) + 1:
                 again = self._lower(other.fit, [(c, c.start(found.fit.parameters()))])
                 if again:
-                    self._keep(again)
+                    self._keep(self._nearby(again))
         return mine
 
     def _lower(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Found | None:
