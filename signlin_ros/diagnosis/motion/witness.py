@@ -244,7 +244,7 @@ class Motion(Decisions, Running):
     def _nearby(self, found: Found) -> Found:
         """Return a fit, or a better one that its last effect leads to from near where it arrived, and so on."""
         f = found.fit
-        key = f.candidate.label[-1]
+        key = next(reversed(f.candidate.label), "")
         use = f.fitted().effects.get(key)
         near = EFFECTS[use.type].nearby(use.parameters) if use else []
         if not use or not near:
