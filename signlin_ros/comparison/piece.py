@@ -5,8 +5,9 @@ the net force. In holes of a channel nothing is compared.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,10 +24,13 @@ from signlin_ros.comparison.equations import (
     surfaces_tape,
 )
 from signlin_ros.comparison.filters import low_pass, sensor_noise, slope
+from signlin_ros.effects import find_effect
+from signlin_ros.effects.base import Effect
 from signlin_ros.engine.tape import Tape
 from signlin_ros.follow.data import corrected
 from signlin_ros.follow.tracking import driven, filled
 from signlin_ros.model import Model
+from signlin_ros.model.uses import EffectUse
 from signlin_ros.noise import derivative_noise
 from signlin_ros.plants import Plant
 from signlin_ros.records import ModelData
@@ -322,12 +326,29 @@ def missing_force(model: Model, piece: Piece) -> Array:
 
 
 def asked_effort(model: Model, piece: Piece) -> Array:
-    """Return the missing force (K,) as the effort that it asks for: more where friction follows the load."""
-    left, tape = piece.seen(missing_force(model, piece)), arriving_tape(model.structure)
+    """Return the missing force (K,) as the effort that it asks for: more where friction follows the load, or where the
+    model lets less of the input act: no effort explains itself.
+    """
+    left, own = piece.seen(missing_force(model, piece)), [k for k, use in model.effects.items() if _bends_input(use)]
+    if own and "current" not in piece.values:
+        whole = functools.reduce(lambda m, key: m.without_effect(key), own, model)
+        before, after = (float(np.mean(driven_by(m, piece) ** 2)) for m in (whole, model))
+        return left / max(float(np.sqrt(min(after / max(before, 1e-300), 1.0))), LEAST_PART)
+    tape = arriving_tape(model.structure)
     if tape is None:
         return left
     slopes = piece.evaluated(model, tape, piece.states(model), model.p)[0]
     return left / np.maximum(piece.seen(slopes * mass(model) / effort_unit(model)), LEAST_PART)
+
+
+def _bends_input(use: EffectUse) -> bool:
+    return find_effect(use.type, "effects").input is not Effect.input
+
+
+def driven_by(model: Model, piece: Piece) -> Array:
+    """Return the force (K,) that the input makes of the plant's motion, after what the model does to the input."""
+    resting = replace(piece, u=np.zeros_like(piece.u))
+    return piece.seen(missing_force(model, resting) - missing_force(model, piece))
 
 
 def stamped(left: Array, late: Array) -> Array:
@@ -347,6 +368,7 @@ __all__ = [
     "Piece",
     "asked_effort",
     "best_cutoff",
+    "driven_by",
     "effort_gain",
     "effort_unit",
     "missing_force",

@@ -117,16 +117,18 @@ class Witnesses:
         return frozenset(own.keys() - only if current else own)
 
     def comparable(self, f: Fitted) -> bool:
-        """Tell whether the force that a model leaves can be compared with the base model's: not where the effort or a
-        sensor was changed, a load floats, an unmeasured position matters, waves are beyond the band, nor where noise of
+        """Tell whether the force that a model leaves can be compared with the base model's: not where a sensor was
+        changed, or when the effort acts, a load floats, an unmeasured position matters, waves are beyond the band, nor where noise of
         the motion is all that is left by what no force shows, or by anything beside a `silent` force witness.
         """
         if self.force is None:
             return False
-        effects = [find_effect(name, "effects") for name in self.acting(f)]
+        acting = {name: find_effect(name, "effects") for name in self.acting(f)}
+        effects = acting.values()
         if any(changes_effort(effect) or effect.floating for effect in effects):
             return False
-        if f.effects and f.white and (set(f.effects) & self.hidden or self.silent):
+        shown = {name for name, effect in acting.items() if _has(effect, "input")}
+        if f.effects and f.white and (set(f.effects) & self.hidden - shown or self.silent):
             return False
         waves = [1.0 for effect in effects if effect.angular and not effect.periodic]  # a weight is a wave of order one
         waves += _orders(f) if any(effect.periodic for effect in effects) else []
@@ -289,8 +291,8 @@ def refitted(c: Case, tell: Tell | None = None, cancelled: Callable[[], bool] | 
 
 
 def changes_effort(effect: type[Effect]) -> bool:
-    """Tell whether an effect changes the input, torque constant or a sensor: the effort would explain itself."""
-    return issubclass(effect, SensorEffect) or _has(effect, "input", "delay", "torque_constant", "resistance")
+    """Tell whether an effect changes when the input acts, the torque constant or a sensor: forces do not tell of it."""
+    return issubclass(effect, SensorEffect) or _has(effect, "delay", "torque_constant", "resistance")
 
 
 def _has(effect: type[Effect], *parts: str) -> bool:

@@ -42,25 +42,28 @@ LEAST = 2
 
 
 @inner
-def _lagged(k, t, lag, i, past, past_s, row, with_s):
-    """Return state ``i`` as it was ``lag`` before sample k and its rate; its sensitivities go to ``row``.
+def _next_look(t, now, end, lags, looked):
+    """Return when before ``end`` a late channel next shows what the states are, for the sample that shows it."""
+    for c in range(lags.shape[0]):
+        k = looked[c]
+        if k < t.size and lags[c, 0] + lags[c, 2] > -1.0 and t[k] - lags[c, 0] < end - 1e-12:
+            end = max(now, t[k] - lags[c, 0])
+    return end
 
-    ``past`` (T, 4, n): state and slope after the correction of every sample, and before that of the next one, between
-    which a cubic is laid; ``past_s`` (T, 2, n, np) alike.
+
+@inner
+def _look(t, now, x, out, S, lags, seen, seen_s, looked):
+    """Note what late channels show of the states x ``now``, of slopes ``out``: the state and its rate ``seen``
+    (T, ny, 2) and its sensitivities ``seen_s`` (T, ny, np), in the rows of the samples that will show them.
     """
-    j = k - 1
-    while j > 0 and t[j] > t[k] - lag:
-        j -= 1
-    h = t[j + 1] - t[j]
-    a = min(1.0, max(0.0, (t[k] - lag - t[j]) / h))
-    b = 1.0 - a
-    x0, f0, x1, f1 = past[j, 0, i], past[j, 1, i], past[j, 2, i], past[j, 3, i]
-    value = (1 + 2 * a) * b * b * x0 + a * b * b * h * f0 + a * a * (3 - 2 * a) * x1 - a * a * b * h * f1
-    rate = 6 * a * b * (x1 - x0) / h + b * (1 - 3 * a) * f0 + a * (3 * a - 2) * f1
-    if with_s:
-        for c in range(row.size):
-            row[c] = b * past_s[j, 0, i, c] + a * past_s[j, 1, i, c]
-    return value, rate
+    for c in range(lags.shape[0]):
+        i = int(lags[c, 1])
+        while looked[c] < t.size and lags[c, 0] + lags[c, 2] > -1.0 and t[looked[c]] - lags[c, 0] <= now + 1e-12:
+            seen[looked[c], c, 0] = x[i]
+            seen[looked[c], c, 1] = out[i]
+            if seen_s.shape[0]:
+                copied(S[i, : seen_s.shape[2]], 0, seen_s[looked[c], c])
+            looked[c] += 1
 
 
 @inner
@@ -79,13 +82,6 @@ def _any(values, count):
     for i in range(count):
         found = found or values[i] != 0.0
     return found
-
-
-@inner
-def _copy_rows(source, to):
-    """Copy a matrix."""
-    for i in range(to.shape[0]):
-        copied(source[i], 0, to[i])
 
 
 NONE_LATE = np.zeros((0, 4))
@@ -154,7 +150,7 @@ def _allocated(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, 
     copied(u, 0, z[n : n + m])
     copied(p, 0, z[n + m : n + m + p.size])
     work = (np.zeros(n * n + n * width), np.zeros((4, n)), np.zeros(n), np.zeros((2, n)), np.zeros((n, n)))
-    past = (np.zeros((late, 4, n)), np.zeros((kept, 2, n, count)), np.zeros(count))
+    past = (np.zeros((late, ny, 2)), np.zeros((kept, ny, count)), np.zeros(ny, np.int64))
     P = np.zeros((n, -(-n // LANES) * LANES))
     for i in range(n if belief.shape[1] else 0):
         P[i, i] = belief[1, i]
@@ -171,7 +167,7 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
     at = sizes[10]
     at_h = 2 * n + 3
     at_hx = at_h + ny
-    z, out, x, S, work, (past, past_s, row), (P, K, first, mean), ratio, W, fastest = memory
+    z, out, x, S, work, (seen, seen_s, looked), (P, K, first, mean), ratio, W, fastest = memory
     head, kept, before, step = code[0], work[0], work[2], work[3]
     late, aware = lags.shape[0] > 0, belief.shape[1] > 0
     mode, s, active = np.int64(1), 1.0, 0
@@ -212,14 +208,13 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             complete = complete and E[k, c] == E[k, c]
             if delayed and k > 0 and E[k, c] == E[k, c]:
                 i_state, i_lag = int(lags[c, 1]), int(lags[c, 2])
-                was, rate = _lagged(k, t, lags[c, 0], i_state, past, past_s, row, with_s)
                 slope = out[at_hx + c * n + i_state]
-                E[k, c] += slope * (x[i_state] - was)
+                E[k, c] += slope * (x[i_state] - seen[k, c, 0])
                 if with_s:
                     for j in range(count):
-                        D[k, c, j] += slope * (S[i_state, j] - row[j])
+                        D[k, c, j] += slope * (S[i_state, j] - seen_s[k, c, j])
                     if i_lag >= 0:
-                        D[k, c, i_lag] += slope * rate
+                        D[k, c, i_lag] += slope * seen[k, c, 1]
         if awake:
             fill_gains(out, at_hx, E[k], noise, P, K, before)
             gain = K
@@ -242,15 +237,15 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             mode, s = settle(code, sizes, z, out, mode, s, corrected)
         if late:
             evaluated(head, sizes, z, out, mode, s)
-            copied(x, 0, past[k, 0])
-            copied(out, 0, past[k, 1])
-            if with_s:
-                _copy_rows(S, past_s[k, 0])
+            _look(t, t[k], x, out, S, lags, seen, seen_s, looked)
         begin = t[k]
         while True:
-            end = t[k + 1]
+            end, acts = t[k + 1], False
             if active + 1 < total and t[active + 1] + delay[active + 1] < end - 1e-12:
-                end = t[active + 1] + delay[active + 1]
+                end, acts = t[active + 1] + delay[active + 1], True
+            if late:
+                looks = _next_look(t, begin, end, lags, looked)
+                end, acts = looks, acts and looks == end
             if mode == 0 or late:
                 linearized(code, sizes, z, out, mode, s)
             keep(sizes, out, kept)
@@ -275,12 +270,9 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             for i in range(n):
                 if not abs(x[i]) < 1e6 * scale[i]:
                     return k + 1
+            if late:
+                _look(t, end, x, out, S, lags, seen, seen_s, looked)
             if end == t[k + 1]:
-                if late:
-                    copied(x, 0, past[k, 2])
-                    copied(out, 0, past[k, 3])
-                    if with_s:
-                        _copy_rows(S, past_s[k, 1])
                 if awake:
                     for i in range(n):
                         z[i] = x[i]
@@ -296,6 +288,8 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             for i in range(n):
                 z[i] = x[i]
                 before[i] = out[i]
+            if not acts:
+                continue
             active += 1
             for i in range(m):
                 z[n + i] = u[active, i]

@@ -167,6 +167,19 @@ def _corrected(gains: Gains, c: Candidate, X: Array, e: Array) -> Array:
     return np.asarray(X + np.einsum("kij,kj->ki", held, np.nan_to_num(e)))
 
 
+def _between(model: Model, s: Segment, states: Array, at: Array, then: Array) -> Array:
+    """Return the states (T, n) at the times ``then`` (T,) of a model started anew from ``states`` at samples ``at``."""
+    t = np.union1d(s.t, then)
+    rows = np.searchsorted(s.t, t, side="right") - 1
+    acts = s.t - s.early
+    held = np.full((t.size, states.shape[1]), np.nan)
+    own = np.searchsorted(t, s.t[at])
+    held[own] = states[at]
+    size = np.maximum(np.abs(states).max(axis=0), 1e-9)
+    run = Tracker(model, t, s.u[rows], held, model.states, size, t - acts[rows])
+    return np.asarray(run.restarted(held, own.tolist()).state[np.searchsorted(t, then)])
+
+
 def _shown(
     problem: Problem, c: Candidate, p: Array, model: Model, s: Segment, known: Array, free: Array, at: Sequence[int]
 ) -> Array:
@@ -176,11 +189,11 @@ def _shown(
     gain, offset, lags = c.sensors(p)
     outputs = Tracker(model, s.t, u, s.y, problem.channels, np.ones(len(model.states))).outputs
     shown = outputs(free)
-    begun = s.t[np.asarray(at)[np.maximum(np.searchsorted(at, np.arange(s.t.size)) - 1, 0)]]
     for j in np.flatnonzero(lags > 0.0).tolist():
-        then = s.t - lags[j]
-        pairs = ((np.interp(then, s.t, x) for x in both) for both in zip(known.T, free.T, strict=True))
-        shown[:, j] = outputs(np.column_stack([np.where(then < begun, *pair) for pair in pairs]))[:, j]
+        then = np.maximum(s.t - lags[j], s.t[0])
+        begun = s.t[np.asarray(at)[np.maximum(np.searchsorted(at, np.arange(s.t.size)) - 1, 0)]]
+        runs = (_between(model, s, known, part, then) for part in (np.arange(s.t.size), np.asarray(at[:-1])))
+        shown[:, j] = outputs(np.where((then < begun)[:, None], *runs))[:, j]
     return np.asarray(gain * shown + offset)
 
 

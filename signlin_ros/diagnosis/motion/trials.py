@@ -20,7 +20,7 @@ from signlin_ros.par import nominal_values
 
 ARC = 0.25
 """Least way in rad over which one sine of the position is more than a load and a spring."""
-LATE = (1.5, 5.0)
+LATE = (0.5, 1.5, 5.0)
 """Delays of a sensor that a fit starts from, in samples."""
 
 
