@@ -124,16 +124,24 @@ def _floor(rung: dict[str, Any]) -> dict[str, str]:
 def _named(content: dict[str, Any]) -> str:
     shown = [e for e in content["ranking"] if e["status"] in ("confirmed", "ambiguous")]
     proposed = content["ladder"][-1]["effects"]
+    shown = [e for e in shown if e["effect"] in proposed or not {*e["indistinguishable_from"]} & {*proposed}]
     shown += [e for e in content["ranking"] if e["effect"] in proposed and e not in shown]
     best = [e for e in content["ranking"] if e["status"] == "rejected" and e not in shown][:3]
     unseen = [e["effect"] for e in content["ranking"] if e["status"] == "not_excited"]
     words = {"confirmed": "explains a part"} if content["verdict"] == "unexplained" else {}
-    lines = [f"{e['effect']}: {words.get(e['status'], e['status'])}\n    {e['why']}" for e in (*shown, *best)]
+    lines = [f"{e['effect']}: {words.get(e['status'], e['status'])}\n    {e['why']}{_in_place(e)}" for e in shown]
+    lines += [f"{e['effect']}: {e['status']}\n    {e['why']}" for e in best]
     if unseen:
         lines.append(f"this record cannot tell: {', '.join(unseen)}")
-    ties = [e["effect"].replace("_", " ") for e in content["ranking"] if e["status"] == "ambiguous"]
+    ties = {t.replace("_", " ") for e in shown for t in (e["effect"], *e["indistinguishable_from"])}
     lines += [text for text in content["experiments"] if any(f"to decide on {t}:" in text for t in ties)]
     return "\n".join(lines)
+
+
+def _in_place(entry: dict[str, Any]) -> str:
+    """Return what is as good in the place of an effect, in a line of its own; empty where nothing is."""
+    names = ", ".join(t.replace("_", " ") for t in entry["indistinguishable_from"])
+    return f"\n    as good in its place: {names}" if names else ""
 
 
 def _fitted(parameters: dict[str, Any], base: dict[str, Any]) -> str:

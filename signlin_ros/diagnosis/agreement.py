@@ -40,7 +40,7 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
     base, force = w.base, w.force
     first = _confirmed(w, force) if force and force.effects else None
     if first is not None and first.white:
-        return first, ""
+        return _unless_turning(w, first), ""
     if first is None and w.tried:
         together = _together(w, w.tried[0])
         if together is not None:
@@ -52,6 +52,17 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
     found = _best_of(w, base, w.hidden, rival=first) or base
     beside = _best_of(w, first, w.hidden)
     return _chosen(w, [f for f in (first, beside) if f], found)
+
+
+def _unless_turning(w: Witnesses, first: Fitted) -> Fitted:
+    """Return what explains force and motion, or what goes with the angle and no force shows (of an axis that is not
+    said to turn), where that leaves noise that is surely less: a weight is a cubic spring for what is left of it.
+    """
+    turning = {n for n in w.hidden if EFFECTS[n].angular}
+    other = _best_of(w, w.base, turning, rival=first) if turning else None
+    if other is None or not _complete(w, other) or w.raises(first, other) or w.motion.refused(first, other):
+        return first
+    return other
 
 
 def _searched(w: Witnesses) -> list[str] | None:
@@ -161,15 +172,13 @@ def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
 
 
 def fewest(w: Witnesses, final: Fitted) -> Fitted:
-    """Return the model with the fewest effects that is as good, single ones that nobody has tried yet among them; what
-    no force shows displaces nothing that one does, unless it leaves nothing but tested noise.
+    """Return the model with the fewest effects that is as good; what no force shows displaces nothing that one does,
+    unless it leaves nothing but tested noise.
     """
     if len(final.effects) < 2:
         return final
     motion = w.motion
-    rest = [n for n in _untried(w, _searched(w) or EFFECTS) if n not in final.effects]
-    options = [*_as_one(motion, final), *(motion.extensions(w.base, rest, rival=final) if rest else [])]
-    options += [f for f in w.tried if len(f.effects) < len(final.effects)]
+    options = [*_as_one(motion, final), *(f for f in w.tried if len(f.effects) < len(final.effects))]
     for name in final.effects:
         with contextlib.suppress(SignlinError):
             options.append(motion.fitted([n for n in final.effects if n != name], final.model))
@@ -187,7 +196,7 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     if _complete(w, final):
         return None
     motion, base = w.motion, w.base
-    names = _untried(w, EFFECTS)
+    names = [n for n in EFFECTS if n not in motion.searched.get((), ()) and tryable(motion.problem, n)]
     w.keep(*(motion.extensions(base, names) if names else []))
     if not final.effects:  # a few steps tell little of what remembers long, or is in another minimum
         rest = {*(_searched(w) or EFFECTS)} - {n for f in w.single for n in f.effects}
@@ -198,12 +207,6 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     best = min(whole, key=lambda f: f.level, default=None)
     as_good = [f for f in whole if best and motion.as_good(best, f)]
     return min(as_good, key=lambda f: (f.size, f.level), default=None)
-
-
-def _untried(w: Witnesses, names: Iterable[str]) -> list[str]:
-    """Return the effects that the motion witness has not sought beyond the base by now."""
-    seen, motion = w.motion.searched.get((), set()), w.motion
-    return [n for n in names if n not in seen and tryable(motion.problem, n)]
 
 
 def _complete(w: Witnesses, f: Fitted) -> bool:

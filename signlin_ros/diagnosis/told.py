@@ -111,9 +111,7 @@ def _other(j: Judgement, name: str, f: Fitted, tied: str) -> Entry:
     beyond = find_effect(name, "effects").only_beyond and j.motion.refused(j.base, f)
     status, why = "not_excited" if beyond else "rejected", ""
     if tied:
-        simpler = _richer(name, tied)
-        status, why = status if simpler else "ambiguous", f"as good on unseen data as {listed([tied])}"
-        why += ", which is the simpler law" if simpler else ""
+        status, why = _beside(name, tied)
     own, tie = words.own_parameters(f, name), (tied,) if tied else ()
     return Entry(name, status, own, j.witnesses.row(f, None).validation, tie, why or words.why_not(j, f))
 
@@ -127,7 +125,15 @@ def _by_force(j: Judgement, name: str, tied: str) -> Entry:
     why = f"by the force it would leave {told} {w.of_effort} on unseen data, the model without it {a:.3g} %"
     unseen = find_effect(name, "effects").only_beyond and b > (1.0 - j.criteria.alike) * a
     status, why = ("not_excited", f"{why}{_beyond(j)}") if unseen else ("rejected", why)
+    if tied:
+        status, why = _beside(name, tied)
     return Entry(name, status, indistinguishable_from=(tied,) if tied else (), why=why)
+
+
+def _beside(name: str, tied: str) -> tuple[str, str]:
+    """Return the status of what is as good as an effect that is named, and why."""
+    why = f"as good on unseen data as {listed([tied])}"
+    return ("rejected", f"{why}, which is the simpler law") if _richer(name, tied) else ("ambiguous", why)
 
 
 def _beyond(j: Judgement) -> str:

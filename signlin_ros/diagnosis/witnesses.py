@@ -118,8 +118,9 @@ class Witnesses:
 
     def comparable(self, f: Fitted) -> bool:
         """Tell whether the force that a model leaves can be compared with the base model's: not where a sensor was
-        changed, or when the effort acts, a load floats, an unmeasured position matters, waves are beyond the band, nor where noise of
-        the motion is all that is left by what no force shows, or by anything beside a `silent` force witness.
+        changed, or when the effort acts, a load floats, an unmeasured position matters, waves are beyond the band, nor
+        where noise of the motion is all that is left by what no force shows, but by a law of an effort that was not
+        measured, or by anything beside a `silent` force witness.
         """
         if self.force is None:
             return False

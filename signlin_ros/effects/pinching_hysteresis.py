@@ -11,6 +11,8 @@ from signlin_ros.par import Par
 
 SLIGHT = 0.02
 """Share of the stiffness that must be gone for loops to be pinched."""
+SMALL = 0.8
+"""Part of the settled force up to which it slips at most: what slips all the way is softer, and not pinched."""
 
 
 class PinchingHysteresis(Effect):
@@ -44,6 +46,11 @@ class PinchingHysteresis(Effect):
     @classmethod
     def simpler(cls, p: Mapping[str, float]) -> dict[str, dict[str, float]]:
         return {"dahl_presliding": {"F_c": p["F_c"], "sigma": p["sigma"]}} if p["zeta"] < SLIGHT else {}
+
+    @classmethod
+    def plausible(cls, p: Mapping[str, float]) -> bool:
+        """Refuse what slips up to where it settles: that is Dahl's friction of less stiffness."""
+        return p["sigma"] * p["z_p"] < SMALL * p["F_c"]
 
     def force(self, m: Any, x: Any, p: Any) -> Any:
         return -p.sigma * x.own.z

@@ -30,8 +30,8 @@ TURN, FASTER = 0.8, 1.5
 """Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
 RESTING, MEMORY, REMEMBERED = 0.02, 400, 3.0
 """Share of the RMS velocity of a record at rest; samples, and time constants, to which what is unknown is fitted."""
-PARTS, SURE = (-1.0, -2 / 3, -1 / 3, 1 / 3, 2 / 3, 1.0), 3.0
-"""Where a start is sought, in parts of its reach: a wave has minima in between; standard deviations of a position."""
+SURE, WAVES = 3.0, (-1.0, -2 / 3, -1 / 3, 1 / 3, 2 / 3, 1.0)
+"""How far a start may be from what a sensor shows, in its standard deviations; parts of that where it is sought."""
 SECANTS, SWEEPS, SETTLED, NEARBY = 8, 4, 1e-3, 0.1
 """Most secants of one unknown, and of all; share of the squares that is no gain; part of the reach for slopes."""
 LOST = 1e100
@@ -179,7 +179,8 @@ def _record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: 
         e = errors(found.x)
         found = _descended(errors, found, e, SWEEPS)[0] if np.abs(e).max() < LOST else None
     if found is None:
-        found = _sought(lambda x: run(x, size), x0, unknown)
+        shown = c.angular and position in s.start and position in problem.channels
+        found = _sought(lambda x: run(x, size), x0, unknown, c.model.states.index(position) if shown else -1)
         found = _descended(errors, found, errors(found.x), SWEEPS)[0] if longer else found
     c.starts[key] = replace(found, record=s)  # which keeps the identity its own
     return found.x
@@ -215,14 +216,18 @@ def _late_states(problem: Problem, s: Segment, lags: Array) -> dict[int, tuple[i
     return found
 
 
-def _sought(run: Callable[[Array], tuple[Array, Array]], x: Array, unknown: Mapping[int, tuple[int, float]]) -> Start:
-    """Return where the errors of what is ``run`` from x (n,) are least, one unknown state after the other."""
+def _sought(
+    run: Callable[[Array], tuple[Array, Array]], x: Array, unknown: Mapping[int, tuple[int, float]], angular: int
+) -> Start:
+    """Return where the errors of what is ``run`` from x (n,) are least, one unknown state after the other; ``angular``:
+    the one that is sought among the waves of a force.
+    """
     e, X = run(x)
     near = np.zeros((0, x.size))
     for i, (other, known) in unknown.items():
         apart = X[:, i] - (X[:, other] if other >= 0 else 0.0)
         reach = (known or float(np.abs(apart).max())) * np.eye(x.size)[i]
-        tried = [(x + part * reach, run(x + part * reach)[0]) for part in PARTS]
+        tried = [(x + part * reach, run(x + part * reach)[0]) for part in (WAVES if i == angular else (-1.0, 1.0))]
         x, e = min([(x, e), *tried], key=lambda pair: float(pair[1] @ pair[1]))
         found, e = _descended(lambda x: run(x)[0], Start(x, NEARBY * reach[None]), e, SECANTS)
         x, near = found.x, np.concatenate([near, found.near])

@@ -190,7 +190,8 @@ class Fitted:
         tests: list[tuple[int, ...]] = [(at[n],) for n in effect.telling if n in at]
         for index in tests or ([tuple(at.values())] if at else []):
             size = self._together(effect, index)
-            surely = size if size >= criteria.coefficient else max(size, self.apart(index))
+            told = size >= criteria.coefficient or size < 1.0  # what its own error swallows has no size to be told
+            surely = size if told else max(size, self.apart(index))
             if surely < criteria.coefficient:
                 return f"{key} is {surely:.1f} of its own standard errors from nothing"
         return ""
