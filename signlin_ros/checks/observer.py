@@ -34,6 +34,8 @@ ROUNDS = 2
 """The sum of logarithms is made least by least squares with the weights of the last round: none makes it larger."""
 GONE = 1e-6
 """Part of what a start does at its most, beneath which the observer has forgotten it."""
+NOTHING = 1e-18
+"""Part of the largest answer to a source below which what answers to another is rounding."""
 BEGUN = "start: "
 """What the name of a state begins with where it stands for where that state was at the first sample."""
 
@@ -191,7 +193,9 @@ class Prediction:
         """Return scales (k, sources) with those of the free inputs by least squares; ``weights`` (k, ny)."""
         at = [self.sources.index(name) for name in self.free]
         least = np.array([0.0 if c else -np.inf for c in self.free.values()])
-        size = np.sqrt(np.einsum("jaa->a", self.grams[:, at][:, :, at])) + 1e-300
+        answers = np.einsum("jaa->a", self.grams)
+        silent = answers[at] <= NOTHING * answers.max()  # an observer that forgets constants is left nothing of one
+        size = np.where(silent, np.inf, np.sqrt(answers[at] + 1e-300))
         A = np.einsum("kj,jab->kab", weights, self.grams[:, at][:, :, at] / size / size[:, None])
         g = -np.einsum("kj,jab,kb->ka", weights, self.grams[:, at] / size[:, None], s)
         turned = [
@@ -199,7 +203,7 @@ class Prediction:
         ]
         sign = np.stack(turned, axis=1)
         A, g = A * sign[:, :, None] * sign[:, None, :], g * sign
-        ridge = 1e-9 * np.einsum("kaa->k", A)[:, None, None] * np.eye(len(at))
+        ridge = 1e-9 * np.einsum("kaa->k", A)[:, None, None] * np.eye(len(at)) + np.diag(silent.astype(float))
         found = np.linalg.solve(A + ridge, g[:, :, None])[:, :, 0]
         below = found < least
         held = np.where(below[:, :, None] | below[:, None, :], np.eye(len(at)), A + ridge)

@@ -155,8 +155,12 @@ class Judgement:
 
     @cached_property
     def worse(self) -> str:
-        """The channel whose printed error rises beyond its standard error beside the base, or the missing force."""
+        """The channel whose printed error rises beyond its standard error beside the base, or the missing force; where
+        the proposal's own is not told, that of a step on the way.
+        """
         before, after, w = self.left(self.base), self.left(self.final), self.witnesses
+        steps = self.steps[1:-1] if after is None else ()
+        after = next((left for f in reversed(steps) if (left := self.left(f)) is not None), after)
         risen = before is not None and after is not None and w.rises(before, after, self.criteria.worse)
         return w.rising(self.base, self.final, self.criteria.worse) or ("the missing force" if risen else "")
 
@@ -202,6 +206,8 @@ class Judgement:
             return "conflict"
         if not self.names and self.lost:
             return "lost"
+        if not self.names and self.elsewhere and not self.witnesses.near_noise(self.final):
+            return "elsewhere"
         if self.names and self.worse:
             return "worse"
         if self.names and self.no_better:
@@ -215,8 +221,6 @@ class Judgement:
         if self.witnesses.sees(self.final):
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             near = self.witnesses.near_noise(self.final)
-            if large and self.elsewhere:
-                return "elsewhere"
             noise = self.final.clean or (near and self.final.white)
             more = not self.final.white and (self.little or near or self.changing or self.idle)
             return "structure" if ((large or self.flexible.visible) and not noise) or more else ""

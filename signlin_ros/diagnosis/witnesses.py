@@ -214,7 +214,7 @@ class Witnesses:
 
     def valued(self, f: Fitted) -> Fitted:
         """Return the best model with some effects, with the motion's values, right near the noise, or those of the
-        force, where these leave less force beyond doubt, and less of both.
+        force, where these leave less force beyond doubt, less of both, and no channel errs more.
         """
         motion, force, best = self.motion, self.force, self.motion.best(f)
         if force is None or self.near_noise(best) or not (f.effects and self.comparable(f)):
@@ -232,7 +232,9 @@ class Witnesses:
         model = model.with_parameters({n: v for n, v in f.model.parameters.items() if n in untold})
         stated = motion.stated([n for n, _ in fit.members], model)
         less = stated is not None and mean_certainty(force.written_left(f.model), force.written_left(stated.model))
-        return min(f, stated, key=both) if stated and less >= self.criteria.certainty else f
+        if stated is None or less < self.criteria.certainty or self.rising(f, stated, self.criteria.tie):
+            return f
+        return min(f, stated, key=both)
 
     # ------------------------------------------------------------ rows of the tables
 

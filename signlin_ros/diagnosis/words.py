@@ -56,7 +56,7 @@ def _first(j: Judgement) -> str:
     """Return what is told before anything else: base parameters far from what was said of them."""
     if not j.far:
         return ""
-    parts = [f"{n} ends {abs(x):.0f} tolerances from its nominal value" for n, x in j.far.items()]
+    parts = [f"{n} ends {abs(x):.1f} tolerances from its nominal value" for n, x in j.far.items()]
     same = ", and the same is found with it held there" if j.verdict == "missing" else ""
     return f"Check this first: {joined(parts)}{same}. "
 
@@ -112,7 +112,7 @@ def _unsure(j: Judgement) -> str:
         g, certainty, part = motion.gain(j.base, f), motion.certainty(j.base, f), w.remaining(w.left(f))
         if w.sees(j.base) and (part is None or part > HALF):
             continue
-        if g.share > HALF and c.least < certainty < c.certainty and not g.worsens(c.worse, c.alike):
+        if g.share > HALF and 0.0 < certainty < c.certainty and not g.worsens(c.worse, c.alike):
             found[f.effects[0]] = certainty
     if not found:
         return ""
@@ -146,6 +146,8 @@ def _errors_fall(j: Judgement, before: Fitted, after: Fitted, parts: list[str]) 
 def remainder(j: Judgement) -> str:
     """Return what is left, and what would take it away."""
     noise = j.witnesses.noise_percent
+    if j.percent is None and j.names:
+        return _motion_left(j)
     if j.percent is None or not j.witnesses.sees(j.final):
         return ""
     left, curve = f" What is left is {j.percent:.3g} % {j.witnesses.of_effort}", j.flexible
@@ -157,6 +159,15 @@ def remainder(j: Judgement) -> str:
     if j.changing:
         return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
     return f"{left}, {j.percent / noise:.3g} times what the sensors' noise makes of it." if noise else f"{left}."
+
+
+def _motion_left(j: Judgement) -> str:
+    """Return by how many times its sensor's noise a channel still errs over the horizon, the worst, if that shows."""
+    times = j.final.errors / np.maximum(j.motion.unseen.noise, 1e-300)
+    if j.witnesses.near_noise(j.final):
+        return ""
+    worst = int(np.argmax(times))
+    return f" What is left of {j.case.problem.channels[worst]} is {times[worst]:.3g} times its sensor's noise."
 
 
 def _left_over(j: Judgement) -> str:

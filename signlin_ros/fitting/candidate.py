@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -88,6 +88,10 @@ class Candidate:
         """The own states that an observer must correct."""
         keys = [k for k, use in self.model.effects.items() if EFFECTS[use.type].floating]
         return frozenset(n for n in self.model.states if n.partition(".")[0] in keys)
+
+    def apart(self) -> Candidate:
+        """Return the same with starts of its own: what is fitted beside it is not to bear on it."""
+        return replace(self, starts=dict(self.starts))
 
     def named(self, theta: Array) -> dict[str, float]:
         """Return the free parameters by name."""

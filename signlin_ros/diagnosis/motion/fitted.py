@@ -179,7 +179,7 @@ class Fitted:
         at: dict[str, int] = {}
         for i, one in moving.items():
             k, name = one.k, one.name
-            if one.at_bound and name in told:
+            if one.at_bound and (name in told or k.log):
                 return f"{k.name} is at its bound"
             if not k.log or name in effect.neutral or k.name.startswith("sensor_gain"):
                 at[name] = i

@@ -224,7 +224,7 @@ class Motion(Decisions, Running):
     def _with(self, now: Fitted, options: Sequence[Trial]) -> Fitted:
         """Return a fit with one effect more, the best of some trials (of a sensor there is one for each channel)."""
         best = cheapest(self.each(lambda t: self._climbed(now.fit, t), options))
-        found = self._finished(now, best) if best else None
+        found = next(iter(self._all_finished(now, [best] if best else [])), None)
         if found is None:
             name = options[0].name
             raise SimulationError(f"{self.problem.base.source}: with {name} the model diverges on these records")
@@ -234,12 +234,17 @@ class Motion(Decisions, Running):
         self.check()
         return climbed(self.short, before, rescanned(self.short, trial, before), few)
 
-    def _finished(self, before: Fitted, f: Fit) -> Fitted | None:
-        """Return a promising fit gone on with to the end, also from the base parameters of what it extends, and that
-        one from where this one arrived: each is then the best of its class.
+    def _all_finished(self, of: Fitted, fits: Sequence[Fit]) -> list[Fitted]:
+        """Return promising fits gone on with to the end, also from the base parameters of what they extend, and that
+        one from where they arrived: each is then the best of its class. What is kept of one bears on the next, so that
+        is done in order: no answer depends on which of several was done first.
         """
-        found = self._settled(f.candidate, f.theta, f.candidate.start({**f.parameters(), **before.fit.parameters()}))
-        return self._around(self._nearby(found)) if found else None
+
+        def finished(f: Fit) -> Found | None:
+            found = self._settled(f.candidate, f.theta, f.candidate.start({**f.parameters(), **of.fit.parameters()}))
+            return self._nearby(found) if found else None
+
+        return [self._around(found) for found in self.each(finished, fits) if found]
 
     def _nearby(self, found: Found) -> Found:
         """Return a fit, or a better one that its last effect leads to from near where it arrived, and so on."""
@@ -257,19 +262,38 @@ class Motion(Decisions, Running):
         return self._nearby(again) if again and again.level < found.level else found
 
     def _around(self, found: Found) -> Fitted:
-        """Keep a fit, and fit those that lack one of its effects from where it arrived, if that leads further down."""
-        mine, label = self._keep(found), set(found.fit.candidate.label)
+        """Keep a fit, and fit those that lack one of its effects from where it arrived, if that leads further down; and
+        it from one of these that is better without the effect: a larger model follows what it was fitted to as well.
+        """
+        mine, c = self._keep(found), found.fit.candidate
         for other in list(self._best.values()):
-            c = other.fit.candidate
-            if set(c.label) < label and len(label) == len(c.label) + 1:
-                again = self._lower(other.fit, [(c, c.start(found.fit.parameters()))])
-                if again:
-                    self._keep(self._nearby(again))
+            one = other.fit.candidate
+            if not set(one.label) < set(c.label) or len(c.label) != len(one.label) + 1:
+                continue
+            again = self._lower(other.fit, [(one, one.start(found.fit.parameters()))])
+            if again:
+                other = self._keep(self._nearby(again))
+            if self._level(other.known_squares) < self._level(mine.known_squares):
+                better = self._lower(found.fit, [(c, self._as_without(c, other))])
+                mine = self._keep(self._nearby(better)) if better else mine
         return mine
+
+    def _as_without(self, c: Candidate, other: Fitted) -> Array:
+        """Return the coordinates of a candidate with the values of a fit that lacks an effect, which is nothing there."""
+        theta = c.start(other.fit.parameters())
+        for i, k in enumerate(c.coordinates):
+            key, _, name = k.name.partition(".")
+            kind = c.model.effects[key].type if key in c.model.effects else key
+            if kind not in EFFECTS or key in other.kind or k.name in other.kind:
+                continue
+            effect = EFFECTS[kind]
+            if name in effect.neutral or (not k.log and name in (effect.telling or (name,))):
+                theta[i] = k.nothing(effect)
+        return theta
 
     def _lower(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Found | None:
         """Return the best of some points gone on with to the end, if a few steps lead further down than from a fit."""
-        middle, starts = self.problem.levels[1], [(f.candidate, f.theta), *points]
+        middle, starts = self.problem.levels[1], [(c.apart(), x) for c, x in ((f.candidate, f.theta), *points)]
         here, *there = self.each(lambda one: fit(self.short, one[0], middle, one[1], NEXT), starts)
         best = cheapest(there)
         if best is None or (here and best.cost > here.cost - 1.0):
@@ -293,7 +317,7 @@ class Motion(Decisions, Running):
         found = self._all_finished(of, kept)
         if not names and found and not min(found, key=attrgetter("level")).white:
             found += self._all_finished(of, self._richer(of, found, options))
-        found += [plain for those in self.each(self.plainer, found) for plain in those]
+        found += self.plainer(*found)
         return sorted({one.kind: one for one in found}.values(), key=attrgetter("level"))
 
     def _heard(self, trial: Trial) -> Trial:
@@ -302,9 +326,6 @@ class Motion(Decisions, Running):
         if not values:
             return trial
         return replace(trial, starts=(completed(self.problem, trial.effect, values), *trial.starts))
-
-    def _all_finished(self, of: Fitted, fits: Sequence[Fit]) -> list[Fitted]:
-        return [one for one in self.each(lambda f: self._finished(of, f), fits) if one]
 
     def _richer(self, of: Fitted, found: Sequence[Fitted], options: Sequence[Trial]) -> list[Fit]:
         """Return fits of effects that extend others, from where these arrived."""
@@ -316,11 +337,16 @@ class Motion(Decisions, Running):
                 jobs += [replace(trial, starts=starts)] if starts else []
         return [f for f in self.each(lambda t: self._climbed(of.fit, t, len(t.starts)), jobs) if f]
 
-    def plainer(self, f: Fitted) -> list[Fitted]:
-        """Return a fit with the simpler law in place of one that cannot be told from it, or that is one for the values
+    def plainer(self, *fits: Fitted) -> list[Fitted]:
+        """Return fits with the simpler law in place of one that cannot be told from it, or that is one for the values
         found; without it beside others where nothing tells it from nothing.
         """
-        parts, found = Parts.of(f.fit), list[Found | None]()
+        fewer = [(c, c.start(f.fit.parameters())) for f in fits for c in self._fewer(f)]
+        return [self._around(one) for one in self.each(lambda pair: self._settled(*pair), fewer) if one]
+
+    def _fewer(self, f: Fitted) -> list[Candidate]:
+        """Return the candidates that are simpler than a fit in one of its effects."""
+        parts, found = Parts.of(f.fit), list[Parts]()
         for key, use in f.added.items():
             effect, vague = EFFECTS[use.type], f.vague(self.criteria).startswith(key)
             nothing = {n: 0.0 for n in effect.telling if vague and not effect.pars()[n].positive}
@@ -328,9 +354,8 @@ class Motion(Decisions, Running):
             fewer = [rest.extended(n, start) for n, start in simpler.items()]
             if vague and not fewer and len(f.effects) > 1:
                 fewer = [rest]
-            candidates = [one.candidate(self.problem) for one in fewer]
-            found += [self._settled(c, c.start(f.fit.parameters())) for c in candidates]
-        return [self._around(one) for one in found if one]
+            found += fewer
+        return [one.candidate(self.problem) for one in found]
 
     def _promising(self, of: Fitted, fits: Sequence[Fit], rival: Fitted | None = None) -> list[Fit]:
         """Return the fits that gain a fair share of what the best gains, by likelihood on stretches; some in any case,
