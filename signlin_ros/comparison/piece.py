@@ -23,10 +23,10 @@ from signlin_ros.comparison.equations import (
     rate_tape,
     surfaces_tape,
 )
-from signlin_ros.comparison.filters import low_pass, sensor_noise, slope
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import Effect
 from signlin_ros.engine.tape import Tape
+from signlin_ros.filters import low_pass, sensor_noise, slope
 from signlin_ros.follow.data import corrected
 from signlin_ros.follow.tracking import driven, filled
 from signlin_ros.model import Model
@@ -332,7 +332,7 @@ def asked_effort(model: Model, piece: Piece) -> Array:
     left, own = piece.seen(missing_force(model, piece)), [k for k, use in model.effects.items() if _bends_input(use)]
     if own and "current" not in piece.values:
         whole = functools.reduce(lambda m, key: m.without_effect(key), own, model)
-        before, after = (float(np.mean(driven_by(m, piece) ** 2)) for m in (whole, model))
+        before, after = (float(np.mean(_driven_by(m, piece) ** 2)) for m in (whole, model))
         return left / max(float(np.sqrt(min(after / max(before, 1e-300), 1.0))), LEAST_PART)
     tape = arriving_tape(model.structure)
     if tape is None:
@@ -345,9 +345,9 @@ def _bends_input(use: EffectUse) -> bool:
     return find_effect(use.type, "effects").input is not Effect.input
 
 
-def driven_by(model: Model, piece: Piece) -> Array:
+def _driven_by(model: Model, piece: Piece) -> Array:
     """Return the force (K,) that the input makes of the plant's motion, after what the model does to the input."""
-    resting = replace(piece, u=np.zeros_like(piece.u))
+    resting = replace(piece, u=np.zeros_like(piece.u), _known={})
     return piece.seen(missing_force(model, resting) - missing_force(model, piece))
 
 
@@ -368,7 +368,6 @@ __all__ = [
     "Piece",
     "asked_effort",
     "best_cutoff",
-    "driven_by",
     "effort_gain",
     "effort_unit",
     "missing_force",

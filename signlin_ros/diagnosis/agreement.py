@@ -55,8 +55,8 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
 
 
 def _unless_turning(w: Witnesses, first: Fitted) -> Fitted:
-    """Return what explains force and motion, or what goes with the angle and no force shows (of an axis that is not
-    said to turn), where that leaves noise that is surely less: a weight is a cubic spring for what is left of it.
+    """Return what explains force and motion, or what goes with an angle that nobody said is one, where that leaves
+    noise, and surely less: for what the band leaves of it, a weight is a cubic spring.
     """
     turning = {n for n in w.hidden if EFFECTS[n].angular}
     other = _best_of(w, w.base, turning, rival=first) if turning else None

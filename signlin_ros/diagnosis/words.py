@@ -163,11 +163,9 @@ def remainder(j: Judgement) -> str:
 
 def _motion_left(j: Judgement) -> str:
     """Return by how many times its sensor's noise a channel still errs over the horizon, the worst, if that shows."""
-    times = j.final.errors / np.maximum(j.motion.unseen.noise, 1e-300)
-    if j.witnesses.near_noise(j.final):
-        return ""
-    worst = int(np.argmax(times))
-    return f" What is left of {j.case.problem.channels[worst]} is {times[worst]:.3g} times its sensor's noise."
+    times = (j.final.errors / np.maximum(j.motion.unseen.noise, 1e-300)).tolist()
+    most, name = max(zip(times, j.case.problem.channels, strict=True))
+    return "" if j.witnesses.near_noise(j.final) else f" What is left of {name} is {most:.3g} times its sensor's noise."
 
 
 def _left_over(j: Judgement) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -92,6 +92,18 @@ class Candidate:
     def apart(self) -> Candidate:
         """Return the same with starts of its own: what is fitted beside it is not to bear on it."""
         return replace(self, starts=dict(self.starts))
+
+    def as_without(self, values: Mapping[str, float], kept: Collection[str]) -> Array:
+        """Return the coordinates of some values with the effects at nothing that are not among the keys ``kept``."""
+        theta = self.start(values)
+        for i, k in enumerate(self.coordinates):
+            key, _, name = k.name.partition(".")
+            effect = EFFECTS.get(self.model.effects[key].type if key in self.model.effects else key)
+            if effect is None or key in kept or k.name in kept:
+                continue
+            if name in effect.neutral or (not k.log and name in (effect.telling or (name,))):
+                theta[i] = k.nothing(effect)
+        return theta
 
     def named(self, theta: Array) -> dict[str, float]:
         """Return the free parameters by name."""

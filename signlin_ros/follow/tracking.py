@@ -89,6 +89,18 @@ class Tracker:
         whole = Tracker(self.model, self.t, self.u, states, self.model.states, self.scale, self.early)
         return whole.run(states[0], gains)
 
+    def between(self, states: Array, at: NDArray[np.intp], then: Array) -> Array:
+        """Return the states (T, n) at the times ``then`` (T,) of the model started anew from ``states`` (T, n) at the
+        samples ``at`` (the first one among them).
+        """
+        t = np.union1d(self.t, then)
+        rows, own = np.searchsorted(self.t, t, side="right") - 1, np.searchsorted(t, self.t[at])
+        held = np.full((t.size, states.shape[1]), np.nan)
+        held[own] = states[at]
+        early = t - np.asarray(self.t - self.early)[rows]
+        finer = Tracker(self.model, t, self.u[rows], held, self.model.states, self.scale, early)
+        return np.asarray(finer.restarted(held, own.tolist()).state[np.searchsorted(t, then)])
+
     def linearized(self, x: Array) -> tuple[Array, Array, Array]:
         """Return F (T, n), dF/dx (T, n, n) and dh/dx (T, channels, n) at the states x (T, n) under the inputs."""
         n, _, ny, *_ = self._equations.sizes

@@ -14,7 +14,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from signlin_ros.comparison.filters import sensor_noise
 from signlin_ros.comparison.piece import Piece, missing_force, piece
 from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.criteria import DEFAULT
@@ -22,6 +21,7 @@ from signlin_ros.diagnosis.force import witness
 from signlin_ros.diagnosis.force.flexible import changing
 from signlin_ros.diagnosis.force.laws import Ripple, Shape, laws
 from signlin_ros.diagnosis.force.regression import Side
+from signlin_ros.filters import sensor_noise
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 

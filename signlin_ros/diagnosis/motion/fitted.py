@@ -190,9 +190,8 @@ class Fitted:
         tests: list[tuple[int, ...]] = [(at[n],) for n in effect.telling if n in at]
         for index in tests or ([tuple(at.values())] if at else []):
             size = self._together(effect, index)
-            told = size >= criteria.coefficient or size < 1.0  # what its own error swallows has no size to be told
-            surely = size if told else max(size, self.apart(index))
-            if surely < criteria.coefficient:
+            surely = max(size, self.apart(index)) if 1.0 <= size < criteria.coefficient else size
+            if surely < criteria.coefficient:  # nor is the likelihood asked of what its own error swallows
                 return f"{key} is {surely:.1f} of its own standard errors from nothing"
         return ""
 

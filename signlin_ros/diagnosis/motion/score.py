@@ -16,9 +16,7 @@ from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.problem import Problem
-from signlin_ros.follow.segments import Segment
 from signlin_ros.follow.tracking import Tracker
-from signlin_ros.model import Model
 from signlin_ros.predict import windows
 
 Array = NDArray[np.float64]
@@ -153,10 +151,11 @@ def _errors(
         known = X if c.filtered else _corrected(gains, c, X, e)
         least = [max(problem.x_scale.get(name, 0.0), 1e-9) for name in model.states]
         size = np.maximum(least, np.abs(known).max(axis=0))
-        free = Tracker(model, s.t, s.u, s.y, problem.channels, size, s.early).restarted(known, at[:-1])
+        tracker = Tracker(model, s.t, s.u, s.y, problem.channels, size, s.early)
+        free = tracker.restarted(known, at[:-1])
         if free.stopped is not None:
             return None
-        found.append(s.y - _shown(problem, c, c.p(theta), model, s, known, free.state, at))
+        found.append(s.y - _shown(c.sensors(c.p(theta)), tracker, known, free.state, at))
     return found
 
 
@@ -167,33 +166,17 @@ def _corrected(gains: Gains, c: Candidate, X: Array, e: Array) -> Array:
     return np.asarray(X + np.einsum("kij,kj->ki", held, np.nan_to_num(e)))
 
 
-def _between(model: Model, s: Segment, states: Array, at: Array, then: Array) -> Array:
-    """Return the states (T, n) at the times ``then`` (T,) of a model started anew from ``states`` at samples ``at``."""
-    t = np.union1d(s.t, then)
-    rows = np.searchsorted(s.t, t, side="right") - 1
-    acts = s.t - s.early
-    held = np.full((t.size, states.shape[1]), np.nan)
-    own = np.searchsorted(t, s.t[at])
-    held[own] = states[at]
-    size = np.maximum(np.abs(states).max(axis=0), 1e-9)
-    run = Tracker(model, t, s.u[rows], held, model.states, size, t - acts[rows])
-    return np.asarray(run.restarted(held, own.tolist()).state[np.searchsorted(t, then)])
-
-
-def _shown(
-    problem: Problem, c: Candidate, p: Array, model: Model, s: Segment, known: Array, free: Array, at: Sequence[int]
-) -> Array:
-    """Return what the channels would show (T, ny) of free runs (T, n), sensors and their delays included."""
-    acting = np.searchsorted(s.t, s.t - (model.delay - s.early) + 1e-9, side="right") - 1
-    u = s.u[np.clip(acting, 0, s.t.size - 1)]
-    gain, offset, lags = c.sensors(p)
-    outputs = Tracker(model, s.t, u, s.y, problem.channels, np.ones(len(model.states))).outputs
+def _shown(sensors: tuple[Array, ...], run: Tracker, known: Array, free: Array, at: Sequence[int]) -> Array:
+    """Return what the channels would show (T, ny) of free runs (T, n), ``sensors`` and their delays included."""
+    t, (gain, offset, lags) = run.t, sensors
+    acting = np.searchsorted(t, t - (run.model.delay - run.early) + 1e-9, side="right") - 1
+    u = run.u[np.clip(acting, 0, t.size - 1)]
+    outputs = Tracker(run.model, t, u, run.y, run.channels, np.ones(len(run.model.states))).outputs
     shown = outputs(free)
     for j in np.flatnonzero(lags > 0.0).tolist():
-        then = np.maximum(s.t - lags[j], s.t[0])
-        begun = s.t[np.asarray(at)[np.maximum(np.searchsorted(at, np.arange(s.t.size)) - 1, 0)]]
-        runs = (_between(model, s, known, part, then) for part in (np.arange(s.t.size), np.asarray(at[:-1])))
-        shown[:, j] = outputs(np.where((then < begun)[:, None], *runs))[:, j]
+        then, begun = np.maximum(t - lags[j], t[0]), t[np.asarray(at)[np.searchsorted(at[1:], np.arange(t.size))]]
+        states = (run.between(known, starts, then) for starts in (np.arange(t.size), np.asarray(at[:-1])))
+        shown[:, j] = outputs(np.where((then < begun)[:, None], *states))[:, j]
     return np.asarray(gain * shown + offset)
 
 

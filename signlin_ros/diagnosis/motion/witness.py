@@ -271,25 +271,11 @@ class Motion(Decisions, Running):
             if not set(one.label) < set(c.label) or len(c.label) != len(one.label) + 1:
                 continue
             again = self._lower(other.fit, [(one, one.start(found.fit.parameters()))])
-            if again:
-                other = self._keep(self._nearby(again))
-            if self._level(other.known_squares) < self._level(mine.known_squares):
-                better = self._lower(found.fit, [(c, self._as_without(c, other))])
+            best = self._keep(self._nearby(again)) if again else other
+            if self._level(best.known_squares) < self._level(mine.known_squares):
+                better = self._lower(found.fit, [(c, c.as_without(best.fit.parameters(), best.kind))])
                 mine = self._keep(self._nearby(better)) if better else mine
         return mine
-
-    def _as_without(self, c: Candidate, other: Fitted) -> Array:
-        """Return the coordinates of a candidate with the values of a fit that lacks an effect, which is nothing there."""
-        theta = c.start(other.fit.parameters())
-        for i, k in enumerate(c.coordinates):
-            key, _, name = k.name.partition(".")
-            kind = c.model.effects[key].type if key in c.model.effects else key
-            if kind not in EFFECTS or key in other.kind or k.name in other.kind:
-                continue
-            effect = EFFECTS[kind]
-            if name in effect.neutral or (not k.log and name in (effect.telling or (name,))):
-                theta[i] = k.nothing(effect)
-        return theta
 
     def _lower(self, f: Fit, points: Sequence[tuple[Candidate, Array]]) -> Found | None:
         """Return the best of some points gone on with to the end, if a few steps lead further down than from a fit."""
