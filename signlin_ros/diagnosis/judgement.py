@@ -206,8 +206,6 @@ class Judgement:
             return "conflict"
         if not self.names and self.lost:
             return "lost"
-        if not self.names and self.elsewhere and not self.witnesses.near_noise(self.final):
-            return "elsewhere"
         if self.names and self.worse:
             return "worse"
         if self.names and self.no_better:
@@ -221,6 +219,8 @@ class Judgement:
         if self.witnesses.sees(self.final):
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             near = self.witnesses.near_noise(self.final)
+            if large and self.elsewhere:
+                return "elsewhere"
             noise = self.final.clean or (near and self.final.white)
             more = not self.final.white and (self.little or near or self.changing or self.idle)
             return "structure" if ((large or self.flexible.visible) and not noise) or more else ""

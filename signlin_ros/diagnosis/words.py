@@ -46,7 +46,7 @@ def sentence(j: Judgement) -> str:
         )
     first = _first(j)
     if j.verdict == "adequate":
-        return f"{first}{NOTHING}{_left_over(j)}."
+        return f"{first}{NOTHING}{_left_over(j)}.{_motion_left(j)}"
     if j.verdict == "missing":
         return f"{first}The model lacks {listed(j.names)}: {falls(j, j.base, j.final)}.{remainder(j)}"
     return f"{first}{_unexplained(j)}"
@@ -162,10 +162,11 @@ def remainder(j: Judgement) -> str:
 
 
 def _motion_left(j: Judgement) -> str:
-    """Return by how many times its sensor's noise a channel still errs over the horizon, the worst, if that shows."""
+    """Return by how many times its sensor's noise the worst channel errs, where one is not near that noise."""
     times = (j.final.errors / np.maximum(j.motion.unseen.noise, 1e-300)).tolist()
     most, name = max(zip(times, j.case.problem.channels, strict=True))
-    return "" if j.witnesses.near_noise(j.final) else f" What is left of {name} is {most:.3g} times its sensor's noise."
+    what = f" Over {j.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise."
+    return "" if j.witnesses.near_noise(j.final) else what
 
 
 def _left_over(j: Judgement) -> str:

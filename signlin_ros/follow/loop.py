@@ -26,7 +26,7 @@ from signlin_ros.engine.compiling import call_among, compiled, copied, inner
 from signlin_ros.follow.kalman import averaged, fill_gains, spread
 from signlin_ros.follow.slopes import differentiated, evaluated, keep, linearized, settle
 from signlin_ros.follow.steps import LANES
-from signlin_ros.follow.stretch import LOST, advance, fastest_rate, split_rates
+from signlin_ros.follow.stretch import LOST, advance, fastest_rate, rate_ahead, split_rates
 
 Array = NDArray[np.float64]
 MOST = 20
@@ -37,6 +37,8 @@ FEW = 4
 """and"""
 STIFF = 2.0
 """of further substeps: what is so fast has come to rest within a sample (unless a Kalman filter watches it closely)."""
+STABLE = 3.0
+"""Times as fast as it is here, beyond which the rate that the motion leads to counts: the method is unstable there."""
 LEAST = 2
 """Least number of substeps in which what decays is integrated exactly, if these are fewer than others would be."""
 
@@ -255,8 +257,12 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                     evaluated(head, sizes, z, out, mode, s)
             span, decays = end - begin, False
             reach = span * fastest_rate(code[2], kept, ratio, fastest) / REACH
-            wanted = np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF)
             least = max(sizes[8], int(min(MOST, np.ceil(span * np.sqrt(fastest[1]) / ringing))))
+            if sizes[9] < n:
+                ahead = span * rate_ahead(code, sizes, z, out, x, span, mode, s, work, ratio, fastest) / REACH
+                if ahead > STABLE * max(reach, 1.0):
+                    reach = ahead
+            wanted = np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF)
             substeps = int(min(MOST, max(least, wanted)))
             if wanted > FEW and not aware:
                 rest = span * split_rates(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, LOST, W) / REACH
