@@ -262,6 +262,9 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
                 ahead = span * rate_ahead(code, sizes, z, out, x, span, mode, s, work, ratio, fastest) / REACH
                 if ahead > STABLE * max(reach, 1.0):
                     reach = ahead
+                else:
+                    for i in range(sizes[9], n):
+                        work[1][3, i] = 0.0
             wanted = np.ceil(reach if aware or reach < FEW else FEW + (reach - FEW) * REACH / STIFF)
             substeps = int(min(MOST, max(least, wanted)))
             if wanted > FEW and not aware:

@@ -166,7 +166,7 @@ def split_rates(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, lea
     """
     kept, k, M, n, decays = work[0], work[1], work[4], x.size, False
     for i in range(n):
-        rate = kept[i * n + i]
+        rate = kept[i * n + i] if i < sizes[9] else min(kept[i * n + i], k[3, i])
         W[5, i] = rate if rate * span < (-1.0 if i >= sizes[9] else -least) else 0.0
         decays = decays or W[5, i] != 0.0
     if not decays:
@@ -188,20 +188,24 @@ def split_rates(code, sizes, z, out, x, span, mode, s, work, ratio, fastest, lea
 @inner
 def rate_ahead(code, sizes, z, out, x, span, mode, s, work, ratio, fastest):
     """Return the fastest rate where the effects' own states are going, 0 where none of these moves by half of itself:
-    a loop yields quicker than the state tells before it does so. ``work`` and ``out`` as of `split_rates`.
+    a loop yields quicker than the state tells before it does so. ``work`` and ``out`` as of `split_rates`, which finds
+    their own rates there in ``work``.
     """
     k, far = work[1], False
     for i in range(sizes[9], x.size):
         far = far or abs(out[i]) * span > 0.5 * abs(x[i])
+        k[3, i] = 0.0
     if not far:
         return 0.0
-    k[1, 0], k[2, 0], k[3, 0] = out[x.size], out[x.size + 1], fastest[1]
+    k[1, 0], k[2, 0], rings = out[x.size], out[x.size + 1], fastest[1]
     for i in range(x.size):
         k[0, i] = out[i]
         z[i] = x[i] + span * out[i]
     linearized(code, sizes, z, out, mode, s)
     rate = fastest_rate(code[2], out[sizes[10] : sizes[10] + x.size * x.size], ratio, fastest)
-    out[x.size], out[x.size + 1], fastest[1] = k[1, 0], k[2, 0], k[3, 0]
+    for i in range(sizes[9], x.size):
+        k[3, i] = out[sizes[10] + i * x.size + i]
+    out[x.size], out[x.size + 1], fastest[1] = k[1, 0], k[2, 0], rings
     for i in range(x.size):
         z[i], out[i] = x[i], k[0, i]
     return rate

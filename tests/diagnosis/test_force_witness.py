@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from signlin_ros.comparison.piece import Piece, missing_force, piece
+from signlin_ros.comparison.piece import Piece, asked_effort, missing_force, piece
 from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.force import witness
@@ -400,3 +400,26 @@ def test_what_goes_with_a_slow_motion_does_not_change_with_time():
     """The joint of an arm, one slow swing: what the speed's curve leaves is no friction that changes with time."""
     r, left = over_a_minute(lambda t, v: 0.1 * (np.abs(v) - 0.5 * v**2) * np.sign(v), period=20.0)
     assert changing(r, left) == ""
+
+
+def test_no_effort_explains_itself():
+    """A dead zone beyond all of the force "explains" any of it: what it leaves is told in parts of what then acts."""
+    bare = Model.from_dict(DRIVE)
+    part = piece(bare, record(1, lambda q, v: -4.0 * q), 2.0)  # what is missing is a spring
+    without = float(np.sqrt(np.mean(asked_effort(bare, part) ** 2)))
+    for kind, values in (("input_deadzone", {"d": 8.0}), ("input_saturation", {"u_max": 0.5})):
+        muted = bare.with_effect(kind, **values)
+        both = part.seen(missing_force(muted, part)), asked_effort(muted, part)
+        plain, asked = (float(np.sqrt(np.mean(x**2))) for x in both)
+        assert plain < asked
+        assert asked > without
+
+
+def test_a_dead_zone_that_is_there_leaves_no_force():
+    bare, data = Model.from_dict(DRIVE), record(1)
+    part = piece(bare, replace(data, u=data.u + 2.0 * np.sign(data.u)), 2.0)
+    without, with_it = (
+        float(np.sqrt(np.mean(asked_effort(m, part) ** 2))) for m in (bare, bare.with_effect("input_deadzone", d=2.0))
+    )
+    assert without > 1.5
+    assert with_it < 0.1 * without

@@ -16,6 +16,7 @@ from signlin_ros.diagnosis.motion.score import gain
 from signlin_ros.diagnosis.motion.trials import Trial, trials
 from signlin_ros.diagnosis.witnesses import Witnesses
 from signlin_ros.fitting.candidate import Candidate
+from signlin_ros.fitting.fit import evaluated
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.fitting.problem import Problem
@@ -252,3 +253,22 @@ def test_every_channel_is_judged_from_the_observer_that_predicts_it_best(monkeyp
     first, second = (10.0 * found.problem.levels[k].tau for k in (1, 2))
     assert squares == pytest.approx(np.ones((5, 2)))
     assert unseen == pytest.approx(np.tile([first, second], (5, 1)))
+
+
+def test_no_answer_depends_on_how_many_fits_run_side_by_side():
+    """A motor's table was one or another from run to run: what a fit found was taken up when it happened to end."""
+    truth = Model.from_dict({**BASE, "effects": {"coulomb_friction": {"mu": 2.0}, "cubic_stiffness": {"k3": 60.0}}})
+    known, unseen = record(truth, 1), record(truth, 2)
+    alone, together = (diagnose(Model.from_dict(BASE), known, unseen, jobs=jobs).to_json() for jobs in (1, 4))
+    assert alone == together
+
+
+def test_a_larger_model_starts_from_what_the_smaller_one_arrived_at():
+    found = motion(COULOMB)
+    for effect, start in (("cubic_stiffness", {"k3": 50.0}), ("bouc_wen_hysteresis", {"alpha": 0.4})):
+        larger = found.base.model.with_effect(effect, **start)
+        c, _ = found.valued([effect], larger)
+        theta = c.as_without(found.base.fit.parameters(), found.base.kind)
+        here = evaluated(found.short, c, theta, found.base.fit.gains)
+        assert here is not None
+        assert here.cost == pytest.approx(found.base.fit.cost, abs=1e-3 * abs(found.base.fit.cost))

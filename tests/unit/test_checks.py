@@ -20,6 +20,7 @@ from signlin_ros.checks.base import values_of, with_channel
 from signlin_ros.checks.direction import with_direction
 from signlin_ros.checks.exchanged import exchanged
 from signlin_ros.checks.factors import other_units
+from signlin_ros.checks.observer import Prediction
 from signlin_ros.cli import main
 from signlin_ros.errors import InputError, RecordError
 from signlin_ros.model import Model
@@ -971,3 +972,12 @@ def test_what_is_too_short_to_look_at_is_left_to_what_comes_next() -> None:
     model, data = motor()
     assert check(model, [data.part(0, 5)])[1] == []
     assert check(model, [replace(data, measured={})])[1] == []
+
+
+def test_what_an_observer_is_left_nothing_of_is_no_fault():
+    """A speed that never changes its sign: dry friction is a constant, which an observer forgets ("Singular matrix")."""
+    grams = np.zeros((1, 4, 4))
+    grams[0, :2, :2] = [[2.0, 0.3], [0.3, 1.0]]
+    sources = ("voltage", "speed", "load", "dry friction")
+    found = Prediction(("speed",), sources, grams, np.ones(1), 1000, {"load": "", "dry friction": "speed"})
+    assert found.left() == pytest.approx(np.sqrt(3.6))
