@@ -85,7 +85,7 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
             found -= set(f.effects)
         elif w.raises(j.final, f) or (w.left(f) is None and w.explains(j.final)):
             continue
-        elif j.motion.as_good(j.final, f):
+        elif j.motion.as_good(j.final, f) and j.motion.refused(f, j.final):
             found |= set(f.effects) - rest
     return tuple(sorted(found - set(j.names)))
 

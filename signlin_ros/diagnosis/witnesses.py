@@ -126,7 +126,7 @@ class Witnesses:
             return False
         acting = {name: find_effect(name, "effects") for name in self.acting(f)}
         effects = acting.values()
-        if any(changes_effort(effect) or effect.floating for effect in effects):
+        if any((changes_effort(e) and not _has(e, "input")) or e.floating for e in effects):
             return False
         shown = {name for name, effect in acting.items() if _has(effect, "input")}
         if f.effects and f.white and (set(f.effects) & self.hidden - shown or self.silent):
@@ -294,8 +294,8 @@ def refitted(c: Case, tell: Tell | None = None, cancelled: Callable[[], bool] | 
 
 
 def changes_effort(effect: type[Effect]) -> bool:
-    """Tell whether an effect changes when the input acts, the torque constant or a sensor: forces do not tell of it."""
-    return issubclass(effect, SensorEffect) or _has(effect, "delay", "torque_constant", "resistance")
+    """Tell whether an effect changes the input, torque constant or a sensor: no picture of a force shows it."""
+    return issubclass(effect, SensorEffect) or _has(effect, "input", "delay", "torque_constant", "resistance")
 
 
 def _has(effect: type[Effect], *parts: str) -> bool:

@@ -622,12 +622,18 @@ def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
 )
 def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     """ "Adequate: the force that is left is 2.93 % of the effort, the sensors' noise 0.796 %", and not why."""
-    final = SimpleNamespace(clean=clean, left=[SimpleNamespace(dependent=0.001), SimpleNamespace(dependent=0.004)])
+    left = [SimpleNamespace(dependent=0.001), SimpleNamespace(dependent=0.004)]
+    final = SimpleNamespace(clean=clean, left=left, errors=np.array([0.03, 0.46]))
     seen = SimpleNamespace(noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort")
     curve = SimpleNamespace(percent=curve)
     shown = {"names": (), "refused": "", "asked": "", "reversed": "", "far": {}, "verdict": "adequate"}
-    j = SimpleNamespace(percent=2.93, witnesses=seen, final=final, flexible=curve, **shown)
-    assert words.sentence(j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}.")
+    sides = {
+        "motion": SimpleNamespace(unseen=SimpleNamespace(noise=np.array([0.01, 0.1]))),
+        "case": SimpleNamespace(horizon=0.2, problem=SimpleNamespace(channels=("current", "speed"))),
+    }
+    j = SimpleNamespace(percent=2.93, witnesses=seen, final=final, flexible=curve, **shown, **sides)
+    errs = "Over 0.2 s, speed errs by 4.6 times its sensor's noise."
+    assert words.sentence(j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
 
 
 @pytest.mark.parametrize(("size", "differs"), [(2.0, True), (1.6, True), (1.3, False)])

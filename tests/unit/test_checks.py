@@ -975,7 +975,7 @@ def test_what_is_too_short_to_look_at_is_left_to_what_comes_next() -> None:
 
 
 def test_what_an_observer_is_left_nothing_of_is_no_fault():
-    """A speed that never changes its sign: dry friction is a constant, which an observer forgets ("Singular matrix")."""
+    """A speed that never changes its sign: dry friction is a constant, which observers forget ("Singular matrix")."""
     grams = np.zeros((1, 4, 4))
     grams[0, :2, :2] = [[2.0, 0.3], [0.3, 1.0]]
     sources = ("voltage", "speed", "load", "dry friction")
