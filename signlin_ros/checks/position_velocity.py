@@ -15,6 +15,7 @@ from signlin_ros.checks.look import Look
 from signlin_ros.checks.travel import AGREE, CLEAR, EQUAL, Travel
 from signlin_ros.checks.unit_or_sign import divided
 from signlin_ros.records.clean import gaps
+from signlin_ros.records.notes import as_notes
 
 Array = NDArray[np.float64]
 
@@ -46,6 +47,8 @@ class PositionVelocity(Check):
         q, v = look.position, look.velocity
         if q not in look.channels or v not in (*look.channels, *look.record.inputs):
             return
+        if ("derived", v) in {(note.kind, note.channel) for note in as_notes(look.record.notes)}:
+            return  # it is the rate of the position
         found = look.travel
         if found is None or found.clear < CLEAR or {q, v} & set(look.told):
             return

@@ -40,7 +40,8 @@ class UnitOrSign(Check):
     `STRICTER` of either with a factor that is no unit's; the factor that suits best lies within `NEAR` of the unit's.
     What a model lacks, or has wrong by tens of per cent, does not move its prediction that far: none of 200 clean
     records and none of those with hidden effects of the benchmark (benchmarks/checks.py) reads better so. Cure: the
-    conversion (``speed_in_rpm``), the other sign (``reverse_voltage``), or a factor where no unit is known
+    conversion (``speed_in_rpm``; offered only where the motion hardly needs its input, as it may be noise that leaves
+    more than none does), the other sign (``reverse_voltage``), or a factor where no unit is known
     (``scale_speed``).
     """
 
@@ -64,19 +65,20 @@ class UnitOrSign(Check):
         if best >= BETTER * _guesses_moved(look, before):
             return
         likely = sorted((item for item in fits if item[0] <= AS_GOOD * best), key=lambda item: _rank(look, item[1]))
+        needed = best < BETTER * p.left(dict.fromkeys(look.record.inputs, 0.0))  # a noisy input leaves more than none
         for number, (_, reading) in enumerate(likely[:3]):
-            yield self._finding(look, reading, likely[0][1] if number else None)
+            yield self._finding(look, reading, likely[0][1] if number else None, needed)
 
-    def _finding(self, look: Look, r: Reading, first: Reading | None) -> Finding:
+    def _finding(self, look: Look, r: Reading, first: Reading | None, needed: bool) -> Finding:
         names = tuple(r.divided)
         sign = r.only_sign
         doubt = f" (as well as: {first.words})" if first else ""
-        severity = "offer" if sign or (r.far_fetched and _guessed(look.model)) else "refuse"
+        severity = "offer" if sign or not needed or (r.far_fetched and _guessed(look.model)) else "refuse"
         return Finding(
             self.name,
             ", ".join(names),
             severity,
-            f"{r.words}{doubt}" + ("" if sign else "; as it is, it fits no model"),
+            f"{r.words}{doubt}" + ("" if sign or not needed else "; as it is, it fits no model"),
             cure=r.cure,
             remedy="it is taken so",
             action=divided(r.divided),

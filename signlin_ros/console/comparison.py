@@ -128,7 +128,8 @@ def _named(content: dict[str, Any]) -> str:
     shown += [e for e in content["ranking"] if e["effect"] in proposed and e not in shown]
     best = [e for e in content["ranking"] if e["status"] == "rejected" and e not in shown][:3]
     unseen = [e["effect"] for e in content["ranking"] if e["status"] == "not_excited"]
-    words = {"confirmed": "explains a part"} if content["verdict"] == "unexplained" else {}
+    part = content["verdict"] == "unexplained"
+    words = {"confirmed": "explains a part", "rejected": "not confirmed"} if part else {}
     lines = [f"{e['effect']}: {words.get(e['status'], e['status'])}\n    {e['why']}{_in_place(e)}" for e in shown]
     lines += [f"{e['effect']}: {e['status']}\n    {e['why']}" for e in best]
     if unseen:
@@ -141,7 +142,8 @@ def _named(content: dict[str, Any]) -> str:
 def _in_place(entry: dict[str, Any]) -> str:
     """Return what is as good in the place of an effect, in a line of its own; empty where nothing is."""
     names = ", ".join(t.replace("_", " ") for t in entry["indistinguishable_from"])
-    return f"\n    as good in its place: {names}" if names else ""
+    told = "as good in its place" if entry["status"] == "ambiguous" else "no better, for being richer laws"
+    return f"\n    {told}: {names}" if names else ""
 
 
 def _fitted(parameters: dict[str, Any], base: dict[str, Any]) -> str:

@@ -60,9 +60,8 @@ def _unless_turning(w: Witnesses, first: Fitted) -> Fitted:
     """
     turning = {n for n in w.hidden if EFFECTS[n].angular}
     other = _best_of(w, w.base, turning, rival=first) if turning else None
-    if other is None or not _complete(w, other) or w.raises(first, other) or w.motion.refused(first, other):
-        return first
-    return other
+    better = other and _complete(w, other) and not w.raises(first, other) and not w.motion.refused(first, other)
+    return other if other and better else first
 
 
 def _searched(w: Witnesses) -> list[str] | None:

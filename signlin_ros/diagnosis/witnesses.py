@@ -117,10 +117,9 @@ class Witnesses:
         return frozenset(own.keys() - only if current else own)
 
     def comparable(self, f: Fitted) -> bool:
-        """Tell whether the force that a model leaves can be compared with the base model's: not where a sensor was
-        changed, or when the effort acts, a load floats, an unmeasured position matters, waves are beyond the band, nor
-        where noise of the motion is all that is left by what no force shows, but by a law of an effort that was not
-        measured, or by anything beside a `silent` force witness.
+        """Tell whether the force that a model leaves can be compared with the base model's: not where a sensor or the
+        time of the effort was changed, a load floats, an unmeasured position matters, waves are beyond the band, nor of
+        noise of the motion beside a `silent` force witness, or that is left by what no force shows but of the input.
         """
         if self.force is None:
             return False

@@ -163,8 +163,8 @@ def remainder(j: Judgement) -> str:
 
 def _motion_left(j: Judgement) -> str:
     """Return by how many times its sensor's noise the worst channel errs, where one is not near that noise."""
-    times = (j.final.errors / np.maximum(j.motion.unseen.noise, 1e-300)).tolist()
-    most, name = max(zip(times, j.case.problem.channels, strict=True))
+    times = j.final.errors / np.maximum(j.motion.unseen.noise, 1e-300)
+    most, name = max(zip(times.tolist(), j.case.problem.channels, strict=True))
     what = f" Over {j.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise."
     return "" if j.witnesses.near_noise(j.final) else what
 

@@ -582,6 +582,8 @@ def test_what_explains_a_part_is_not_called_confirmed(verdict, told):
     entry = {"effect": "backlash", "status": "confirmed", "why": "falls", "indistinguishable_from": []}
     content = {"verdict": verdict, "ranking": [entry], "ladder": [{"effects": ["backlash"]}], "experiments": []}
     assert _named(content) == f"backlash: {told}\n    falls"
+    entry["status"] = "rejected"  # "explains a part" in the headline, and "rejected" below it
+    assert _named(content) == f"backlash: {'not confirmed' if verdict == 'unexplained' else 'rejected'}\n    falls"
 
 
 def test_what_is_as_good_stands_under_what_is_named_with_what_would_decide():

@@ -603,6 +603,13 @@ def test_a_velocity_that_lags_is_noted() -> None:
     assert "0.08 s behind" in findings["position_velocity"].sentence
 
 
+def test_a_velocity_that_was_derived_from_the_position_lags_behind_nothing() -> None:
+    """A wall on an uneven time base: "the displacement lags 0.213 s behind the velocity", which nobody had recorded."""
+    model, data = changed("speed", lambda v: np.concatenate([np.full(8, v[0]), v[:-8]]))
+    derived = replace(data, notes=(*data.notes, Note("speed is the derivative of position", "derived", "speed")))
+    assert "position_velocity" not in found(model, derived)[1]
+
+
 def test_a_velocity_that_lags_by_less_than_two_samples_is_noted() -> None:
     """Waves at 53 Hz, a sample every ms, a speed 1.75 ms late: 40 % of its variance are gone, and nothing was said."""
     t = np.arange(4000) * 1e-3
