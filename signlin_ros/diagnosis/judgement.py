@@ -222,9 +222,8 @@ class Judgement:
             if large and self.elsewhere:
                 return "elsewhere"
             noise = self.final.clean or (near and self.final.white)
-            more = not (
-                self.final.clean if self.little else self.final.white or not (near or self.changing or self.idle)
-            )
+            more = not self.final.white and (self.little or near or self.changing or self.idle)
+            more = more or (self.little and self.little_motion and not self.final.clean)  # untested is no proof
             return "structure" if ((large or self.flexible.visible) and not noise) or more else ""
         noise = self.witnesses.leaves_noise(self.final)
         near = self.witnesses.near_any_noise(self.final)
