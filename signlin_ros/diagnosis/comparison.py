@@ -272,18 +272,15 @@ def _free(observer: Observer, notes: list[str]) -> list[FreeRun]:
 
 
 def _windowed(observer: Observer, horizon: float, notes: list[str]) -> list[Array]:
-    """Return the channels (T, ny) predicted over windows, from the observer whose states predict best."""
+    """Return the channels (T, ny) predicted over windows, each from the observer whose states predict it best."""
     starts = [[first for first, _ in windows(s.t, horizon)] or [0] for s in observer.stretches]
     if not any(len(at) > 1 for at in starts):
         notes.append(f"no windowed prediction: the record is shorter than two windows of {horizon:g} s")
         return [np.full(s.y.shape, np.nan) for s in observer.stretches]
-
-    def level(shown: list[Array]) -> float:
-        errors = np.concatenate([s.y - p for s, p in zip(observer.stretches, shown, strict=True)])
-        return float(np.sum(np.log(mean_square(errors) + 1e-300)))
-
-    designs = (observer.design(trust) for trust in TRUSTS)
-    return min((_shown_in_windows(observer, observer.states(d), starts) for d in designs), key=level)
+    tried = [_shown_in_windows(observer, observer.states(observer.design(trust)), starts) for trust in TRUSTS]
+    y = np.concatenate([s.y for s in observer.stretches])
+    best = np.argmin([mean_square(y - np.concatenate(shown)) for shown in tried], axis=0)
+    return [np.choose(best, parts) for parts in zip(*tried, strict=True)]
 
 
 def _shown_in_windows(observer: Observer, states: list[Array], starts: list[list[int]]) -> list[Array]:
