@@ -195,7 +195,8 @@ def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     if _complete(w, final):
         return None
     motion, base = w.motion, w.base
-    names = [n for n in EFFECTS if n not in motion.searched.get((), ()) and tryable(motion.problem, n)]
+    leaves = {n for n, fit in w.laws.items() if final.effects and fit.error > w.criteria.sees**2 * w.noise}
+    names = [n for n in EFFECTS if n not in {*motion.searched.get((), ()), *leaves} and tryable(motion.problem, n)]
     w.keep(*(motion.extensions(base, names) if names else []))
     if not final.effects:  # a few steps tell little of what remembers long, or is in another minimum
         rest = {*(_searched(w) or EFFECTS)} - {n for f in w.single for n in f.effects}
