@@ -163,10 +163,11 @@ def remainder(j: Judgement) -> str:
 
 def _motion_left(j: Judgement) -> str:
     """Return by how many times its sensor's noise the worst channel errs, where one is not near that noise."""
-    times = j.final.errors / np.maximum(j.motion.unseen.noise, 1e-300)
-    most, name = max(zip(times.tolist(), j.case.problem.channels, strict=True))
-    what = f" Over {j.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise."
-    return "" if j.witnesses.near_noise(j.final) else what
+    if j.witnesses.near_noise(j.final):
+        return ""
+    times = (j.final.errors / np.maximum(list(j.case.noise.values()), 1e-300)).tolist()  # as the rows have it
+    most, name = max(zip(times, j.case.problem.channels, strict=True))
+    return f" Over {j.case.horizon:.3g} s, {name} errs by {most:.3g} times its sensor's noise."
 
 
 def _left_over(j: Judgement) -> str:

@@ -629,11 +629,9 @@ def test_why_more_than_the_sensors_noise_counts_as_noise(clean, curve, told):
     seen = SimpleNamespace(noise_percent=0.796, near_noise=lambda f: False, of_effort="of the effort")
     curve = SimpleNamespace(percent=curve)
     shown = {"names": (), "refused": "", "asked": "", "reversed": "", "far": {}, "verdict": "adequate"}
-    sides = {
-        "motion": SimpleNamespace(unseen=SimpleNamespace(noise=np.array([0.01, 0.1]))),
-        "case": SimpleNamespace(horizon=0.2, problem=SimpleNamespace(channels=("current", "speed"))),
-    }
-    j = SimpleNamespace(percent=2.93, witnesses=seen, final=final, flexible=curve, **shown, **sides)
+    sensors, channels = {"current": 0.01, "speed": 0.1}, SimpleNamespace(channels=("current", "speed"))
+    shown["case"] = SimpleNamespace(horizon=0.2, problem=channels, noise=sensors)
+    j = SimpleNamespace(percent=2.93, witnesses=seen, final=final, flexible=curve, **shown)
     errs = "Over 0.2 s, speed errs by 4.6 times its sensor's noise."
     assert words.sentence(j).endswith(f"is 2.93 % of the effort, the sensors' noise 0.796 %{told}. {errs}")
 
