@@ -32,6 +32,9 @@ from signlin_ros.records import ModelData
 
 MOST, PARTS = 20_000, 10
 """Most samples that are fitted to, in so many stretches: more only make standard errors too small."""
+SHORT = LEAST_SAMPLES // 4
+"""Least samples of a run that is taken beside others."""
+
 BETTER = 0.5
 """Share of what is left without (RMS, geometric mean) that a reversed signal leaves, if its sign is in doubt."""
 
@@ -77,12 +80,17 @@ def _derived(model: Model, data: Sequence[ModelData], channel: str) -> str:
 
 
 def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[ModelData], tuple[str, ...]]:
-    """Return the pieces of records without gaps, and the notes on what is left out of them."""
-    for d in data:
-        if len(d) < LEAST_SAMPLES:
-            raise RecordError(f"{d.source}: {len(d)} samples; at least {LEAST_SAMPLES} are needed")
-    found = [pieces(d, channels) for d in data]
-    return [part for parts, _ in found for part in parts], tuple(note for _, notes in found for note in notes)
+    """Return the pieces of records without gaps, and the notes on what is left out of them: records of less than
+    `SHORT` too, if the others have `LEAST_SAMPLES` together.
+    """
+    kept = [d for d in data if len(d) >= SHORT]
+    count = sum(map(len, kept))
+    if count < LEAST_SAMPLES:
+        told = f"{len(data[0])} samples" if len(data) == 1 else f"{count} samples in runs of at least {SHORT}"
+        raise RecordError(f"{data[0].source}: {told}; at least {LEAST_SAMPLES} are needed")
+    lost = [f"{d.source}: {len(d)} samples are left out" for d in data if len(d) < SHORT]
+    found = [pieces(d, channels) for d in kept]
+    return [part for parts, _ in found for part in parts], (*lost, *(note for _, notes in found for note in notes))
 
 
 def stretched(problem: Problem) -> Problem:

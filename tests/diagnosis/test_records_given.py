@@ -54,6 +54,15 @@ def test_a_record_that_tells_nothing_is_refused(data, validation, words):
         prepared(MOTOR, *((data, validation) if validation else held_out(data)))
 
 
+def test_runs_that_are_short_are_taken_together():
+    runs = [record().part(0, 60), record().part(60, 120), record("short.csv").part(120, 130)]
+    problem, _ = prepared(MOTOR, runs, [record("other.csv")])
+    assert [s.t.size for s in problem.segments] == [60, 60]
+    assert "short.csv: 10 samples are left out" in problem.notes
+    with pytest.raises(RecordError, match="60 samples in runs of at least 25; at least 100 are needed"):
+        prepared(MOTOR, runs[1:], [record("other.csv")])
+
+
 @pytest.mark.parametrize(
     ("size", "offset", "words"),
     [(0.0, 2.0, ["is 2 V", "constant load"]), (0.0, 0.0, ["is 0 from", "free decay"]), (4.0, 0.0, None)],
