@@ -63,11 +63,16 @@ class Clipped(Check):
             if name not in look.channels:
                 yield self.note(name, f"the {name} is at its limit, {where}")
                 continue
+            lies = "and the true values lie beyond"
+            if name == look.position:
+                if _stands(look, at):
+                    continue
+                lies = "a stop, or the end of its sensor's range: then the true values lie beyond"
             yield Finding(
                 self.name,
                 name,
                 "offer",
-                f"the {name} is clipped: it rests {where}, and the true values lie beyond",
+                f"the {name} is clipped: it rests {where}, {lies}",
                 cure=f"blank_{name}",
                 remedy="samples at the limit are taken for missing",
                 action=changed(name, lambda values, at=at: np.where(at, np.nan, values)),  # type: ignore[misc]
@@ -92,6 +97,14 @@ def _clipped(values: Array, quantum: float, least: float) -> Mask | None:
     sides = [side for side in sides if side.any()]
     found = np.any(sides, axis=0) if sides else np.zeros(0, dtype=bool)
     return found if found.sum() >= max(FEW, SHARE * values.size) else None
+
+
+def _stands(look: Look, at: Mask) -> bool:
+    """Tell whether a machine stands still where its position is at an extreme (T,), by the velocity that it has."""
+    if look.velocity not in look.channels:
+        return False
+    v = look.of(look.velocity)
+    return bool(np.nanmedian(np.abs(v[at] - np.nanmedian(v[at]))) < PACE * np.nanstd(v[~at]))
 
 
 def _changing(values: Array) -> int:

@@ -31,12 +31,12 @@ FARTHEST = 30
 
 class PositionVelocity(Check):
     """The velocity is not the rate of the position: another unit (57.3, 2 pi, 9.55, 60, 1000), a gear, a sign, a lag,
-    or another axis.
+    or another axis; or it has an offset.
 
     Test: over stretches in which it moves most, gaps aside, the change of the position is regressed on the integral of
     the velocity; both exceed `CLEAR` times what their noise does, so that the factor is known to some per cent, and a
     clean record has 1. A factor counts beyond `EQUAL`, 10 of its standard errors or more. Cure: the conversion, a sign
-    (``reverse_NAME``); a velocity of something else is left out (``leave_out_NAME``). A lag is noted.
+    (``reverse_NAME``); a velocity of something else is left out (``leave_out_NAME``). A lag and an offset are noted.
     """
 
     name = "position_velocity"
@@ -50,7 +50,12 @@ class PositionVelocity(Check):
         if ("derived", v) in {(note.kind, note.channel) for note in as_notes(look.record.notes)}:
             return  # it is the rate of the position
         found = look.travel
-        if found is None or found.clear < CLEAR or {q, v} & set(look.told):
+        if found is None or {q, v} & set(look.told):
+            return
+        if found.offset and found.correlation > AGREE and v in look.channels:
+            offset = f"{abs(found.offset):.3g} {look.unit(v)} {'more' if found.offset > 0 else 'less'}"
+            yield self.note(v, f"the {v} reads {offset} than the {q} changes: an offset of its sensor, or a drift")
+        if found.clear < CLEAR:
             return
         if found.correlation < STRANGE and v in look.channels:
             yield self._strange(look, found)

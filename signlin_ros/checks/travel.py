@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ CLEAR = 10.0
 """By how much both must exceed what their noise does, for anything to be said."""
 EQUAL = 0.6
 """Factors nearer to 1 than this are a matter of the sensors' gains, which a diagnosis tells."""
+SURELY, LEAST = 10.0, 0.1
+"""Standard errors of an offset of the velocity that is told, and its least size, as a share of the velocity (RMS)."""
 FEWEST = 100
 """Fewer samples tell nothing."""
 
@@ -25,12 +27,14 @@ FEWEST = 100
 @dataclass(frozen=True)
 class Travel:
     """How the change of the position goes with the integral of the velocity over the same time: ``factor`` of the
-    velocity over the position's rate, squared ``correlation``, and by how much both exceed their noise.
+    velocity over the position's rate, squared ``correlation``, and by how much both exceed their noise; ``offset``: by
+    how much the velocity exceeds that rate on average, 0 where that is not sure.
     """
 
     factor: float
     correlation: float
     clear: float
+    offset: float = 0.0
 
     @property
     def known(self) -> bool:
@@ -56,7 +60,20 @@ def travel(t: Array, q: Array, v: Array, of_q: float, of_v: float) -> Travel | N
     dq, dp = (q[w:] - q[:-w])[whole], (path[w:] - path[:-w])[whole]
     noise = max(np.sqrt(2.0) * of_q, 1e-300), max(of_v * float(np.median(steps)) * np.sqrt(w), 1e-300)
     pairs = [_regressed(dq, dp, noise), _regressed(dq - dq.mean(), dp - dp.mean(), noise)]
-    return max((one for one in pairs if one is not None), key=lambda one: one.correlation, default=None)
+    best = max((one for one in pairs if one is not None), key=lambda one: one.correlation, default=None)
+    return best and replace(best, offset=_offset(dq, dp, w, w * float(np.median(steps))))
+
+
+def _offset(dq: Array, dp: Array, count: int, time: float) -> float:
+    """Return by how much a velocity exceeds the position's rate, of changes (T,) over ``count`` samples and a time."""
+    spread, around = float(dq.std()), dq - dq.mean()
+    if spread == 0.0:
+        return 0.0
+    factor = float(np.mean(around * (dp - dp.mean()))) / spread**2
+    left = dp - factor * dq
+    error = float(left.std()) / np.sqrt(dq.size / count)
+    large = abs(left.mean()) > LEAST * float(np.sqrt(np.mean((factor * dq) ** 2)))
+    return float(left.mean()) / time if large and abs(left.mean()) > SURELY * error else 0.0
 
 
 def _regressed(dq: Array, dp: Array, noise: tuple[float, float]) -> Travel | None:

@@ -300,6 +300,23 @@ def test_an_axis_that_rests_at_its_target_is_not_clipped() -> None:
     assert not clipped(rests)
 
 
+def test_an_axis_whose_velocity_says_that_it_stands_is_not_clipped() -> None:
+    """Ten samples a second show no braking: an axis came to its end at full pace, and stood there."""
+    t = 0.1 * np.arange(1200)
+    way = np.clip(1.6 * np.arcsin(np.sin(0.25 * t)), -1.0, 1.0) + 0.002 * np.sin(0.9 * t) * (np.cos(0.25 * t) > 0.8)
+    way = np.round(np.clip(way, -1.0, 1.0), 6)
+    model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.5, "k": 0.0}})
+    data = ModelData(t, np.ones((t.size, 1)), {"displacement": way}, None, model.inputs, model.states, dict(model.units))
+
+    def clipped(measured: ModelData) -> list[Finding]:
+        return [f for f in check(model, [measured])[1] if f.check == "clipped" and f.channel == "displacement"]
+
+    (finding,) = clipped(data)
+    assert "a stop, or the end of its sensor's range" in finding.sentence
+    assert not clipped(replace(data, measured={**data.measured, "velocity": np.gradient(way, 0.1)}))
+    assert clipped(replace(data, measured={**data.measured, "velocity": 0.4 * np.cos(0.25 * t)}))
+
+
 def test_a_drive_that_friction_holds_where_it_turns_back_is_not_clipped() -> None:
     base = motor()[0]
     stuck = base.with_effect("coulomb_friction", mu=0.2)
@@ -601,6 +618,22 @@ def test_a_velocity_that_lags_is_noted() -> None:
     _, findings = found(model, data)
     assert findings["position_velocity"].severity == "note"
     assert "0.08 s behind" in findings["position_velocity"].sentence
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.02, -0.5, 2.0])
+def test_an_offset_of_the_velocity_is_noted(offset: float) -> None:
+    """A feed axis that reads 4 mm/s at rest; what is a tenth of the velocity is for a diagnosis."""
+    base, data = motor()
+    wrong = with_channel(data, "speed", data.measured["speed"] + offset * np.std(data.measured["speed"]))
+    findings = found(base, wrong)[1]
+    if abs(offset) < 0.1:
+        assert "position_velocity" not in findings
+        return
+    size = abs(offset) * np.std(data.measured["speed"])
+    said = findings["position_velocity"].sentence
+    assert findings["position_velocity"].severity == "note"
+    assert float(said.split("reads ")[1].split()[0]) == pytest.approx(size, rel=0.05)
+    assert f"rad/s {'more' if offset > 0 else 'less'} than the position changes" in said
 
 
 def test_a_velocity_that_was_derived_from_the_position_lags_behind_nothing() -> None:
