@@ -160,6 +160,8 @@ def _diagnosed(
             write_text(output, result.yaml)
         except OSError as error:
             raise InputError(f"-o: cannot write {output}: {error.strerror}") from error
+    if len(result.ladder) > 1:  # standard errors of what was found tell more of it
+        findings = [f for f in findings if f.check != "excitation"]
     if report is not None:
         from signlin_ros.report import diagnosis_report
 

@@ -14,6 +14,7 @@ import numpy as np
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion
+from signlin_ros.diagnosis.motion.deciding import simpler
 from signlin_ros.diagnosis.motion.trials import completed, free_key, tryable
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.witnesses import HALF, Witnesses
@@ -30,6 +31,7 @@ def agree(w: Witnesses) -> tuple[Fitted, str]:
         w.motion.heard = {n: w.force.values(f, n) for n, f in w.laws.items() if np.any(f.theta[f.spans[n]])}
     final, conflict = _stood_for(w)
     final = fewest(w, final)
+    conflict = conflict.format(listed(final.effects))
     whole = alone(w, final)
     final = w.valued(whole or final)
     return w.base if final.unreal else final, "" if whole else conflict
@@ -103,7 +105,7 @@ def _chosen(w: Witnesses, first: Sequence[Fitted], second: Fitted) -> tuple[Fitt
         if force is not None and force.effects and _overruled(w, force, second):
             return base, _both(w, force, second)
         if second.effects and w.raises(base, second):
-            told = "would follow the motion, but leaves more force than the model as it is"
+            told = f"would follow the motion, but {_leaves(second)} more force than the model as it is"
             return base, f"{listed(second.effects)} {told}"
         return second, ""
     now = first[0]
@@ -112,9 +114,13 @@ def _chosen(w: Witnesses, first: Sequence[Fitted], second: Fitted) -> tuple[Fitt
             now = other
     g = w.motion.gain(now, second)
     if now is not second and g.certainty >= w.criteria.certainty and g.share >= HALF and second.effects:
-        told = f"would follow the motion better than {listed(now.effects)}, but leaves more force"
+        told = f"would follow the motion better than {{}}, but {_leaves(second)} more force"
         return now, f"{listed(second.effects)} {told}"
     return now, ""
+
+
+def _leaves(f: Fitted) -> str:
+    return "leaves" if len(f.effects) == 1 else "leave"
 
 
 def _overruled(w: Witnesses, force: Testimony, second: Fitted) -> bool:
@@ -171,14 +177,13 @@ def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
 
 
 def fewest(w: Witnesses, final: Fitted) -> Fitted:
-    """Return the model with the fewest effects that is as good; what no force shows displaces nothing that one does,
-    unless it leaves nothing but tested noise.
+    """Return the model with the fewest effects, and the simplest law, that is as good; what no force shows displaces
+    nothing that one does, unless it leaves nothing but tested noise.
     """
-    if len(final.effects) < 2:
-        return final
-    motion = w.motion
-    options = [*_as_one(motion, final), *(f for f in w.tried if len(f.effects) < len(final.effects))]
-    for name in final.effects:
+    motion, several = w.motion, len(final.effects) > 1
+    options = [f for f in w.tried if (several and len(f.effects) < len(final.effects)) or simpler(f, final)]
+    options += _as_one(motion, final) if several else []
+    for name in final.effects if several else ():
         with contextlib.suppress(SignlinError):
             options.append(motion.fitted([n for n in final.effects if n != name], final.model))
         motion.check()

@@ -16,7 +16,7 @@ from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.score import elsewhere, gain, of_windows
-from signlin_ros.diagnosis.witnesses import Witnesses
+from signlin_ros.diagnosis.witnesses import HALF, Witnesses
 from signlin_ros.effects import find_effect
 from signlin_ros.errors import InputError
 from signlin_ros.fitting.prepare import reversed_signal
@@ -193,9 +193,14 @@ class Judgement:
 
     @cached_property
     def elsewhere(self) -> bool:
-        """Whether the model follows unseen data far worse than those that it was fitted to."""
-        noise, final = (self.motion.problem.noise, self.motion.unseen.noise), self.final
-        return elsewhere(final.known_squares, final.unseen_squares, *noise, self.criteria.near)
+        """Whether the model follows unseen data far worse than those that it was fitted to: of its force, too."""
+        noise, final, force = (self.motion.problem.noise, self.motion.unseen.noise), self.final, self.witnesses.force
+        if not elsewhere(final.known_squares, final.unseen_squares, *noise, self.criteria.near):
+            return False
+        if force is None or self.percent is None:
+            return True
+        known = float(np.sqrt(np.mean(force.written_left(final.model, known=True)))) / force.search.r.known.effort
+        return 100.0 * known < HALF * self.percent
 
     @cached_property
     def unexplained(self) -> str:
@@ -216,6 +221,8 @@ class Judgement:
             return "noise"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
+        if self.most:
+            return "structure"
         if self.witnesses.sees(self.final):
             large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
             near = self.witnesses.near_noise(self.final)
@@ -267,6 +274,22 @@ class Judgement:
         """Whether a proposal leaves the larger part of the force that is missing."""
         part = self.witnesses.remaining(self.left(self.final))
         return bool(self.names) and part is not None and part > self.criteria.part
+
+    @cached_property
+    def imposed(self) -> float | None:
+        """What is left of the force of an imposed motion, where only its row tells, in per cent of its spread."""
+        told = self.percent is not None and self.percent > self.witnesses.noise_percent
+        if told or not self.case.model.plant.motion_is_imposed():
+            return None
+        (score,) = self.witnesses.row(self.final, None).validation.channels.values()
+        near = score.rmse_over_noise is not None and score.rmse_over_noise <= self.criteria.near
+        return None if near or score.fit_percent is None else 100.0 - score.fit_percent
+
+    @property
+    def most(self) -> bool:
+        """Whether a proposal leaves most of the effort, beyond the noise, or of the force of an imposed motion."""
+        effort = 0.0 if self.percent is None else self.percent**2 - self.witnesses.noise_percent**2
+        return bool(self.names) and max(effort, (self.imposed or 0.0) ** 2) > 100.0**2 * self.criteria.part
 
     @property
     def idle(self) -> bool:

@@ -238,7 +238,11 @@ class Witnesses:
     # ------------------------------------------------------------ rows of the tables
 
     def row(self, f: Fitted, left: Array | None) -> Rung:
-        """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of unseen data."""
+        """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of unseen data, which is
+        not told of an effect where the base leaves less than the noise.
+        """
+        base = self.left(self.base) if f.effects else None
+        left = None if base is not None and float(np.mean(base)) < self.noise else left
         case, noise = self.case, np.array(list(self.case.noise.values()))
         sides = ((case.problem, f.known_squares), (case.unseen, f.unseen_squares))
         first, second = (Scores(of_windows(problem, squares, noise)) for problem, squares in sides)

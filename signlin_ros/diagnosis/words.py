@@ -20,6 +20,8 @@ from signlin_ros.model.numbers import declared
 from signlin_ros.par import gathered
 
 NOTHING = "Nothing is missing that this record could show"
+MANY = 100
+"""Times the sensors' noise above which the number tells no more."""
 FEW = 3
 """Most effects that are told where none is sure, the simplest."""
 ONE_CYCLE = (
@@ -146,9 +148,11 @@ def _errors_fall(j: Judgement, before: Fitted, after: Fitted, parts: list[str]) 
 def remainder(j: Judgement) -> str:
     """Return what is left, and what would take it away."""
     noise = j.witnesses.noise_percent
-    if j.percent is None and j.names:
+    if j.names and j.imposed is not None:
+        return f" Over {j.case.horizon:.3g} s, {j.imposed:.3g} % of the spread of the force is left."
+    if j.names and j.percent is None:
         return _motion_left(j)
-    if j.percent is None or not j.witnesses.sees(j.final):
+    if j.percent is None or j.percent <= j.criteria.sees * noise:
         return ""
     left, curve = f" What is left is {j.percent:.3g} % {j.witnesses.of_effort}", j.flexible
     if curve.visible and curve.percent < (1 - j.criteria.alike) * j.percent:
@@ -158,7 +162,10 @@ def remainder(j: Judgement) -> str:
         return f"{left}; a flexible curve would leave {curve.percent:.3g} %: {LEARN}."
     if j.changing:
         return f"{left}; most of it goes with a {j.changing} that changes slowly along the record."
-    return f"{left}, {j.percent / noise:.3g} times what the sensors' noise makes of it." if noise else f"{left}."
+    if noise == 0.0:
+        return f"{left}."
+    times = f"over {MANY}" if j.percent > MANY * noise else f"{j.percent / noise:.3g}"
+    return f"{left}, {times} times what the sensors' noise makes of it."
 
 
 def _motion_left(j: Judgement) -> str:

@@ -50,10 +50,11 @@ class Fit:
     tested: bool = True
     residual: float = 0.0
     unreal: tuple[str, ...] = ()
+    parameters: int = 0
 
     @property
     def size(self) -> int:
-        return 2 * len(self.effects)
+        return self.parameters or 2 * len(self.effects)
 
     @cached_property
     def level(self) -> float:
@@ -290,6 +291,25 @@ def test_a_richer_model_that_gains_nothing_gains_nothing():
 # ---------------------------------------------------------------- the verdict
 
 
+class Asking(Motion):
+    """A motion witness for which a model is a step beyond another one if it is surely better."""
+
+    def refused(self, before: Fit, after: Fit) -> str:
+        return "" if self.certainty(before, after) > DEFAULT.certainty else "no step"
+
+    def as_good(self, best: Fit, other: Fit) -> bool:
+        return self.certainty(other, best) < DEFAULT.tie
+
+
+@pytest.mark.parametrize(("rms", "taken"), [(0.9, "coulomb_friction"), (1.5, "stribeck_friction")])
+def test_the_simpler_law_that_is_as_good_is_named(rms, taken):
+    """LuGre friction that could not be told from Stribeck's hid Coulomb friction, which erred less."""
+    richer = Fit(("stribeck_friction",), (1.0,), 1.0, parameters=3)
+    simpler = Fit(("coulomb_friction",), (rms,), 1.0, parameters=1)
+    w = both(Asking(BASE), force_witness(), BASE, richer, simpler, tried=[simpler])
+    assert agreement.fewest(w, richer).effects == (taken,)
+
+
 def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", given: Fit | None = None) -> Judgement:
     return Judgement(both(Motion(base, given), force, base, final), final, conflict)
 
@@ -331,6 +351,37 @@ def test_what_is_found_with_a_far_parameter_held_at_nominal_too_is_missing(monke
     found = judged(Fit(("coulomb_friction",), (0.5,), 0.4, away={"c": -5.1}), force=sees())
     assert found.verdict == "missing"
     assert words.sentence(found).startswith("Check this first: c ends 5.1 tolerances")
+
+
+@pytest.mark.parametrize(("force", "why"), [(0.45 * EFFORT, ""), (0.55 * EFFORT, "structure")])
+def test_what_leaves_most_of_the_effort_explains_a_part(force, why):
+    """A weight that was called two springs: the missing force falls from 278 % of the effort to 77.9 %."""
+    base = Fit((), (3.0,), 3.0 * EFFORT)
+    j = judged(Fit(("linear_stiffness",), (1.0,), force), base, force=force_witness(effects=("linear_stiffness",)))
+    assert j.unexplained == why
+    if why:
+        assert "explains a part" in words.sentence(j)
+
+
+@pytest.mark.parametrize(("rms", "why"), [(0.45, ""), (0.55, "structure")])
+def test_what_leaves_most_of_an_imposed_force_explains_a_part(rms, why, monkeypatch):
+    """A tribometer whose load cell rings: Coulomb friction left 54.7 % of the spread, of which no word was said."""
+    base, final = Fit((), (SPREAD,), 1.0), Fit(("coulomb_friction",), (rms * SPREAD,), 1.0)
+    monkeypatch.setattr(Case, "noise", {"speed": NOISE})
+    monkeypatch.setattr(Case, "_swings", [])
+    j = Judgement(both(Motion(base, imposed=True), None, base, final), final)
+    assert j.unexplained == why
+    assert f"{j.imposed:.3g} % of the spread of the force is left" in words.sentence(j)
+
+
+@pytest.mark.parametrize(("percent", "times"), [(60.0, "6"), (2000.0, "over 100")])
+def test_how_far_above_the_noise_is_told_as_far_as_it_tells(percent, times):
+    seen = SimpleNamespace(noise_percent=10.0, of_effort="of the effort")
+    curve = SimpleNamespace(visible=False, percent=25.0, along="")
+    j = SimpleNamespace(
+        percent=percent, names=(), witnesses=seen, final=None, flexible=curve, changing="", criteria=DEFAULT
+    )
+    assert words.remainder(j).endswith(f"of the effort, {times} times what the sensors' noise makes of it.")
 
 
 def test_near_the_sensors_noise_what_is_left_must_be_noise():
@@ -604,7 +655,9 @@ def test_what_is_left_is_told_where_the_noise_of_the_force_is_not_known():
     """A current that was held: "falls from 79.2 % to 25.3 %", and no word of the 25.3 %."""
     seen = SimpleNamespace(noise_percent=0.0, sees=lambda f: True, of_effort="of the effort")
     curve = SimpleNamespace(visible=False, percent=25.0, along="")
-    j = SimpleNamespace(percent=25.3, witnesses=seen, final=None, flexible=curve, changing="", criteria=DEFAULT)
+    j = SimpleNamespace(
+        percent=25.3, names=(), witnesses=seen, final=None, flexible=curve, changing="", criteria=DEFAULT
+    )
     assert words.remainder(j) == " What is left is 25.3 % of the effort."
     seen.noise_percent = 10.0
     assert words.remainder(j).endswith("of the effort, 2.53 times what the sensors' noise makes of it.")

@@ -52,11 +52,14 @@ class Testimony:
         """Return the force left of unseen data in per cent of the effort."""
         return self.search.r.percent(fit or self.fit)
 
-    def written_left(self, model: Model) -> Array:
-        """Return the squared force (blocks,) that a model as written leaves of unseen data, at the effort as given."""
+    def written_left(self, model: Model, known: bool = False) -> Array:
+        """Return the squared force (blocks,) that a model as written leaves of unseen data, or of ``known`` ones, at
+        the effort as given.
+        """
         r = self.search.r
-        left = r.unseen.missing(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
-        return r.unseen.by_block(stamped(left, r.unseen.X[:, -1]))
+        side = r.known if known else r.unseen
+        left = side.missing(model) * effort_gain(r.model, r.current) / effort_gain(model, r.current)
+        return side.by_block(stamped(left, side.X[:, -1]))
 
     def values(self, fit: Fit, name: str) -> dict[str, float]:
         """Return the parameters of a law as a fit has them."""

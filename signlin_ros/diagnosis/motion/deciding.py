@@ -7,6 +7,7 @@ from operator import attrgetter
 
 import numpy as np
 
+from signlin_ros.comparison.equations import depends_on_place
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.fitted import Fitted
 from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain, told_change
@@ -63,14 +64,33 @@ class Decisions:
         return after.vague(c) or self._elsewhere(after)
 
     def _elsewhere(self, f: Fitted) -> str:
-        """Return which force has no shape of its own where the records were: a limit that was always passed, a wave of
-        too few periods, unless all that it leaves was tested, and is its sensors' noise.
+        """Return which force has no shape of its own where the records were: a limit that was always passed, a zero
+        beyond all that a motion of unknown place went through, a wave of too few periods, unless all that is left was
+        tested, and is its sensors' noise.
         """
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.problem.stretch):
                 return f"the records lie all beyond {key}"
+        if away := self._away(f):
+            return away
         few = {} if f.clean and f.near(self.criteria.near) else self.few_waves(f)
         return next((f"{key} has {waves:.1f} waves in the record" for key, waves in few.items()), "")
+
+    def _away(self, f: Fitted) -> str:
+        """Return how far from its zero a force over a position that nobody measured starts, if records never go as
+        far: any load is one then.
+        """
+        problem, place = self.problem, self.problem.base.plant.position
+        steady = any(EFFECTS[use.type].periodic for use in f.added.values())
+        if steady or depends_on_place(problem.base.structure) or not depends_on_place(f.model.structure):
+            return ""
+        starts = [one.x for one in f.fit.candidate.starts.values() if place not in one.record.start]
+        most = max((abs(float(x[f.model.states.index(place)])) for x in starts), default=0.0)
+        way, unit = max(float(np.ptp(one.stretch)) for one in (problem, self.unseen)), problem.units.get(place, "")
+        told = (
+            f"{place} was not measured: its zero would be {most:.3g} {problem.shown(unit)} from where a record starts"
+        )
+        return f"{told}, which goes {way:.3g}" if most > way else ""
 
     def few_waves(self, f: Fitted) -> dict[str, float]:
         """Return how many periods the records hold of each periodic force of a model, of those of too few."""
@@ -87,7 +107,7 @@ class Decisions:
         best = min(good, key=attrgetter("level"), default=None)
         near = [one for one in good if best and self.as_good(best, one)]
         rest = [one for one in good if one not in near]
-        near += [one for one in rest if any(_simpler(one, other) and self.refused(one, other) for other in near)]
+        near += [one for one in rest if any(simpler(one, other) and self.refused(one, other) for other in near)]
         near = [one for one in near if not one.far(self.criteria)] or near
         return sorted(near, key=lambda one: (len(one.effects), one.size, one.level + one.strain / self.unseen.samples))
 
@@ -98,7 +118,7 @@ class Decisions:
         return other is best or g.certainty < self.criteria.tie or alike
 
 
-def _simpler(one: Fitted, other: Fitted) -> bool:
+def simpler(one: Fitted, other: Fitted) -> bool:
     """Tell whether a model has a simpler law of the same family in the place of one of another model's."""
     mine, its = set(one.effects) - set(other.effects), set(other.effects) - set(one.effects)
     if len(mine) != 1 or len(its) != 1:
@@ -107,4 +127,4 @@ def _simpler(one: Fitted, other: Fitted) -> bool:
     return bool(family) and family == EFFECTS[its.pop()].family and one.size < other.size
 
 
-__all__ = ["Decisions"]
+__all__ = ["Decisions", "simpler"]
