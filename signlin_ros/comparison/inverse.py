@@ -50,8 +50,7 @@ class Efforts:
     @classmethod
     def of(cls, model: Model, parts: Sequence[ModelData], share: float, cutoff: float | None = None) -> Efforts | None:
         """Return the efforts of records without gaps; None where motion or effort is not known, or nothing moves.
-        ``cutoff`` in Hz, below half the sampling rate (`InputError`); by default noise is a ``share`` of the effort
-        below it.
+        ``cutoff`` in Hz, under half the sampling rate (`InputError`); by default noise is a ``share`` of effort there.
         """
         name, known = model.plant.effort or "current", recorded(model, parts)
         if name not in known or not tells_force(model, known):

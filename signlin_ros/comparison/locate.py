@@ -136,9 +136,7 @@ def _band(scene: Scene) -> tuple[Region, ...]:
             inside = (f >= low) & (f < high)
             share, other = error[inside].sum() / error[1:].sum(), motion[inside].sum() / max(motion[1:].sum(), 1e-300)
             found.append((float(share - other), rounded(low), rounded(high), float(share), float(other)))
-    if not found:
-        return ()
-    _, low, high, share, other = max(found)
+    _, low, high, share, other = max(found, default=(0.0,) * 5)
     if share < BAND_ERROR or other > BAND_MOTION:
         return ()
     m, name = scene.missing, f"{low:g} to {high:g} Hz"

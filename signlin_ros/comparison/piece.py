@@ -15,14 +15,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import binary_dilation, grey_opening
 
-from signlin_ros.comparison.equations import (
-    arriving_tape,
-    depends_on_place,
-    inertia,
-    mass,
-    rate_tape,
-    surfaces_tape,
-)
+from signlin_ros.comparison.equations import arriving_tape, depends_on_place, inertia, mass, rate_tape, surfaces_tape
 from signlin_ros.effects import find_effect
 from signlin_ros.effects.base import Effect
 from signlin_ros.engine.tape import Tape
@@ -30,7 +23,6 @@ from signlin_ros.filters import low_pass, sensor_noise, slope
 from signlin_ros.follow.data import corrected
 from signlin_ros.follow.tracking import driven, filled
 from signlin_ros.model import Model
-from signlin_ros.model.uses import EffectUse
 from signlin_ros.noise import derivative_noise
 from signlin_ros.plants import Plant
 from signlin_ros.records import ModelData
@@ -329,7 +321,8 @@ def asked_effort(model: Model, piece: Piece) -> Array:
     """Return the missing force (K,) as the effort that it asks for: more where friction follows the load, or where the
     model lets less of the input act: no effort explains itself.
     """
-    left, own = piece.seen(missing_force(model, piece)), [k for k, use in model.effects.items() if _bends_input(use)]
+    left, effects = piece.seen(missing_force(model, piece)), model.effects.items()
+    own = [k for k, use in effects if find_effect(use.type, "effects").input is not Effect.input]
     if own and "current" not in piece.values:
         whole = functools.reduce(lambda m, key: m.without_effect(key), own, model)
         before, after = (float(np.mean(_driven_by(m, piece) ** 2)) for m in (whole, model))
@@ -339,10 +332,6 @@ def asked_effort(model: Model, piece: Piece) -> Array:
         return left
     slopes = piece.evaluated(model, tape, piece.states(model), model.p)[0]
     return left / np.maximum(piece.seen(slopes * mass(model) / effort_unit(model)), LEAST_PART)
-
-
-def _bends_input(use: EffectUse) -> bool:
-    return find_effect(use.type, "effects").input is not Effect.input
 
 
 def _driven_by(model: Model, piece: Piece) -> Array:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from signlin_ros.comparison.scene import Scene, Split, time_to
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 JUMP, OF_ALL, LEAST_JUMPS, RARE = 10, 0.05, 3, 0.02
 """A jump of the input: times its usual step and part of its range at least; how many, and which part of the samples."""
@@ -33,18 +32,15 @@ def rounded(value: float) -> float:
     return float(f"{value:.2g}")
 
 
-def _limits(scene: Scene, name: str, shown: str, kind: str, values: Array) -> Splits:
-    """Below and above limits of values (N,) that have the unit of ``name``."""
-    for limit in dict.fromkeys(rounded(float(q)) for q in np.quantile(values, QUANTILES)):
-        yield scene.split(f"{shown} < {limit:g} {scene.unit(name)}", kind, values < limit)
-        yield scene.split(f"{shown} > {limit:g} {scene.unit(name)}", kind, values > limit)
-
-
-def _sizes(scene: Scene, name: str, kind: str) -> Splits:
-    """Below and above limits of the size of a quantity, if the model has it."""
-    values = scene.column(name)
-    if values is not None:
-        yield from _limits(scene, name, f"|{name}|", kind, np.abs(values))
+def _limits(scene: Scene, name: str, kind: str, signed: bool = False) -> Splits:
+    """Below and above limits of the size of a quantity, and of itself where it is ``signed``, if the model has it."""
+    own = scene.column(name)
+    if own is None:
+        return
+    for shown, values in [*([(name, own)] if signed else []), (f"|{name}|", np.abs(own))]:
+        for limit in dict.fromkeys(rounded(float(q)) for q in np.quantile(values, QUANTILES)):
+            yield scene.split(f"{shown} < {limit:g} {scene.unit(name)}", kind, values < limit)
+            yield scene.split(f"{shown} > {limit:g} {scene.unit(name)}", kind, values > limit)
 
 
 def _signs(scene: Scene, name: str, kind: str, least: float) -> Splits:
@@ -66,18 +62,6 @@ def _near(scene: Scene, events: NDArray[np.int64], what: str, kind: str) -> Spli
     for reach in NEAR:
         if reach >= 0.5 * scene.resolution:
             yield scene.split(f"within {1e3 * reach:g} ms {what}", kind, away <= reach)
-
-
-def _reversals(scene: Scene) -> Splits:
-    return _near(scene, scene.turns, f"of a reversal of {scene.model.plant.velocity}", "reversal")
-
-
-def _position(scene: Scene) -> Splits:
-    name = scene.model.plant.position
-    q = scene.column(name)
-    if q is not None:
-        yield from _limits(scene, name, name, "position", q)
-        yield from _sizes(scene, name, "position")
 
 
 def _input_steps(scene: Scene) -> Splits:
@@ -152,10 +136,12 @@ def _period(scene: Scene, q: Array) -> tuple[float, float] | None:
 
 FAMILIES: tuple[Callable[[Scene], Splits], ...] = (
     lambda scene: _signs(scene, scene.model.plant.velocity, "direction", scene.slow),
-    lambda scene: _sizes(scene, scene.model.plant.velocity, "speed"),
-    *(_reversals, _position, _pattern),
-    lambda scene: _sizes(scene, "current", "load"),
-    lambda scene: _sizes(scene, _driver(scene), "input"),
+    lambda scene: _limits(scene, scene.model.plant.velocity, "speed"),
+    lambda scene: _near(scene, scene.turns, f"of a reversal of {scene.model.plant.velocity}", "reversal"),
+    lambda scene: _limits(scene, scene.model.plant.position, "position", signed=True),
+    _pattern,
+    lambda scene: _limits(scene, "current", "load"),
+    lambda scene: _limits(scene, _driver(scene), "input"),
     lambda scene: _signs(scene, _driver(scene), "input sign", 0.0),
     *(_input_steps, _branch, _power, _time),
 )

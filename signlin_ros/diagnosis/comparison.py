@@ -303,17 +303,11 @@ def _scored(
     sigmas = {**own, **sigmas}
     y = np.concatenate([s.y for s in observer.stretches])
     runs, windowed = np.concatenate([run.shown for run in free]), np.concatenate(window)
-    failed = any(run.why for run in free)
-    return {
-        name: Channel(
-            units[name],
-            sigmas[name],
-            noise,
-            None if failed else score(y[:, j], runs[:, j], sigmas[name]),
-            score(y[:, j], windowed[:, j], sigmas[name]),
-        )
-        for j, (name, noise) in enumerate(zip(observer.channels, observer.noise, strict=True))
-    }
+    failed, found = any(run.why for run in free), {}
+    for j, (name, noise) in enumerate(zip(observer.channels, observer.noise, strict=True)):
+        whole, ahead = (score(y[:, j], predicted[:, j], sigmas[name]) for predicted in (runs, windowed))
+        found[name] = Channel(units[name], sigmas[name], noise, None if failed else whole, ahead)
+    return found
 
 
 __all__ = ["Channel", "Comparison", "Traces", "compare", "compare_efforts", "lost"]

@@ -62,8 +62,7 @@ class Choice:
                 one = self._fitted(rest, partial(self._started, found, name, other), least)
                 options += [one] if one else []
             better = self.of_one_force(found, options) if self.imposed else w.motion.alike(found, options)
-            shown = [one for one in better if self.imposed or not w.sees(found) or self._shows(found, one)]
-            found = shown[0] if shown else found
+            found = next((one for one in better if self.imposed or not w.sees(found) or self._shows(found, one)), found)
         return found
 
     def worth_it(self, found: Fitted, name: str, richer: Sequence[str]) -> list[str]:

@@ -127,8 +127,7 @@ class FirstRows:
 class Diagnosis:
     """What a model lacks: the ``verdict`` (adequate, missing or unexplained) and its ``sentence``, estimates of the
     ``base`` and of the proposal (``parameters``, ``model``), ``range`` that the records visited, ``noise`` by channel,
-    what ``experiments`` would decide, the model as ``given``, the ``horizon`` in s of its motion, ``findings`` for
-    pictures.
+    what ``experiments`` would decide, the model as ``given``, ``horizon`` in s of its motion, ``findings`` to picture.
     """
 
     verdict: str

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from signlin_ros.diagnosis import words
 from signlin_ros.diagnosis.judgement import REASONS, Judgement
@@ -56,11 +57,12 @@ def _ranking(j: Judgement) -> tuple[Entry, ...]:
     others, absent = list[Entry](), list[Entry]()
     for name in (n for n in EFFECTS if n not in j.names):
         if name in single:
-            others.append(_other(j, name, single[name], tied.get(name, "")))
+            others.append(_other(j, name, single[name]))
         elif name in laws:
-            others.append(_by_force(j, name, tied.get(name, "")))
+            others.append(_by_force(j, name))
         elif not _applies(j, name):
             absent.append(Entry(name, "not_applicable", why=f"does not apply to {j.case.model.plant.name}"))
+    others = [_beside(e, tied[e.effect]) if e.effect in tied else e for e in others]
     levels = dict.fromkeys(tied, 0.0) | {name: f.level for name, f in single.items()}
     others.sort(key=lambda e: (e.status != "ambiguous", levels.get(e.effect, math.inf)))
     return (*(_named(j, e, ties[e]) for e in j.names), *others, *absent)
@@ -106,17 +108,14 @@ def _richer(a: str, b: str) -> bool:
     return bool(first.family) and first.family == second.family
 
 
-def _other(j: Judgement, name: str, f: Fitted, tied: str) -> Entry:
-    """Return the entry of an effect that was fitted out by itself; ``tied``: the effect that it is as good as."""
+def _other(j: Judgement, name: str, f: Fitted) -> Entry:
+    """Return the entry of an effect that was fitted out by itself."""
     beyond = find_effect(name, "effects").only_beyond and j.motion.refused(j.base, f)
-    status, why = "not_excited" if beyond else "rejected", ""
-    if tied:
-        status, why = _beside(name, tied)
-    own, tie = words.own_parameters(f, name), (tied,) if tied else ()
-    return Entry(name, status, own, j.witnesses.row(f, None).validation, tie, why or words.why_not(j, f))
+    status, own = "not_excited" if beyond else "rejected", words.own_parameters(f, name)
+    return Entry(name, status, own, j.witnesses.row(f, None).validation, why=words.why_not(j, f))
 
 
-def _by_force(j: Judgement, name: str, tied: str) -> Entry:
+def _by_force(j: Judgement, name: str) -> Entry:
     """Return the entry of an effect that only the force witness tried."""
     w, force = j.witnesses, j.witnesses.force
     assert force is not None  # noqa: S101  it tried the effect
@@ -124,16 +123,14 @@ def _by_force(j: Judgement, name: str, tied: str) -> Entry:
     told = f"{b:.3g} %" if b <= ALL else "more than all"
     why = f"by the force it would leave {told} {w.of_effort} on unseen data, the model without it {a:.3g} %"
     unseen = find_effect(name, "effects").only_beyond and b > (1.0 - j.criteria.alike) * a
-    status, why = ("not_excited", f"{why}{_beyond(j)}") if unseen else ("rejected", why)
-    if tied:
-        status, why = _beside(name, tied)
-    return Entry(name, status, indistinguishable_from=(tied,) if tied else (), why=why)
+    return Entry(name, "not_excited", why=f"{why}{_beyond(j)}") if unseen else Entry(name, "rejected", why=why)
 
 
-def _beside(name: str, tied: str) -> tuple[str, str]:
-    """Return the status of what is as good as an effect that is named, and why."""
-    why = f"as good on unseen data as {listed([tied])}"
-    return ("rejected", f"{why}, which is the simpler law") if _richer(name, tied) else ("ambiguous", why)
+def _beside(e: Entry, tied: str) -> Entry:
+    """Return the entry of what is as good as an effect that is named."""
+    why, richer = f"as good on unseen data as {listed([tied])}", _richer(e.effect, tied)
+    status, why = ("rejected", f"{why}, which is the simpler law") if richer else ("ambiguous", why)
+    return replace(e, status=status, indistinguishable_from=(tied,), why=why)
 
 
 def _beyond(j: Judgement) -> str:

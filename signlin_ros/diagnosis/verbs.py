@@ -40,8 +40,7 @@ def diagnose(
 
     data, validation: records in the model's terms (`signlin_ros.records.read_for_model`). ``jobs``: threads;
     ``progress``: told of what is done, and how much of all; ``cancelled``: asked whether to stop, which raises
-    `CancelledError`; ``seen``: told, from any thread, of every fit. Raises `RecordError` for records that cannot be
-    used.
+    `CancelledError`; ``seen``: told, from any thread, of every fit. Raises `RecordError` for unusable records.
     """
     prepared, tell = case(model, data, validation), _stages(progress)
     motion = Motion(prepared.problem, prepared.unseen, criteria, jobs, tell, cancelled, seen)

@@ -24,8 +24,6 @@ Followed = tuple[list[Array], list[Array], list[Array]]
 
 APART, WANDER = 0.3, 0.05
 """How uncertain the start of a floating load is, and how far it wanders in a second: parts of excursion, velocity."""
-
-
 TURN, FASTER = 0.8, 1.5
 """Largest phase in rad by which a periodic force may turn in a substep, at that multiple of the RMS velocity."""
 RESTING, MEMORY, REMEMBERED = 0.02, 400, 3.0
@@ -219,9 +217,7 @@ def _late_states(problem: Problem, s: Segment, lags: Array) -> dict[int, tuple[i
 def _sought(
     run: Callable[[Array], tuple[Array, Array]], x: Array, unknown: Mapping[int, tuple[int, float]], angular: int
 ) -> Start:
-    """Return where the errors of what is ``run`` from x (n,) are least, one unknown state after the other; ``angular``:
-    the one that is sought among the waves of a force.
-    """
+    """Return where errors of a ``run`` from x (n,) are least, state by state; ``angular``: one sought among `WAVES`."""
     e, X = run(x)
     near = np.zeros((0, x.size))
     for i, (other, known) in unknown.items():

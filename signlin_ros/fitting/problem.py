@@ -40,9 +40,8 @@ FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 @dataclass(frozen=True)
 class Problem:
     """Everything that is the same for every candidate: the model as given (``base``), with a measured position as a
-    state; ``noise`` (ny), white; ``levels``: gains from high to low; ``x_scale``: size of every state; ``units`` as the
-    records have them; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as
-    given.
+    state; ``noise`` (ny), white; ``levels``: gains from high to low; ``x_scale``: size of every state; ``units`` of the
+    records; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as given.
     """
 
     base: Model
@@ -206,14 +205,12 @@ def _scale(model: Model, segments: Sequence[Segment], columns: dict[str, Array],
     parts = np.split(velocity, np.cumsum([s.t.size for s in segments])[:-1])
     acceleration = np.concatenate([np.gradient(v, s.t) for v, s in zip(parts, segments, strict=True)])
     position = columns.get(model.plant.position, np.cumsum(velocity) * dt)
-    force, current, motor = u, 1.0, model.parameters if "K_t" in model.parameters else {}
-    if motor:
+    force, current, motor = columns.get("force", u), 1.0, model.parameters
+    if "K_t" in motor:
         i = columns.get("current")
         if i is None:  # without inductance it follows from the voltage
             i = quasi_static_current(u, velocity, motor["K_m"], motor["R_a"])
         force, current = motor["K_t"] * i, rms(i)
-    elif "force" in columns:
-        force = columns["force"]
     travel, largest, mass = float(np.nanmax(np.abs(position))), float(np.max(np.abs(u))), inertia(model)
     drive = rms(force) if force.any() else rms(mass * acceleration)  # what moves freely is driven by what it has stored
     sizes = (drive, travel or 1.0, rms(velocity), rms(acceleration), current, largest or 1.0)

@@ -19,8 +19,6 @@ from signlin_ros.follow.tracking import filled
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
-Motion = tuple[Array, Array, Array]
-"""Position, velocity and what is missing, each (T,)."""
 
 LEAST, APART = 4.0, 6.0
 """Least order, and least distance of two of them, times the way: two thirds of a wave, and about a line's width."""
@@ -31,7 +29,7 @@ SLOWEST, TRACE, SEEN = 0.8, 5.0, 30.0
 trace, and what that must take from the squares, in means of these: noise takes less at any of a thousand orders."""
 
 
-def _missing_force(problem: Problem, model: Model) -> Motion:
+def _missing_force(problem: Problem, model: Model) -> tuple[Array, Array, Array]:
     """Return position, velocity and the force that the model lacks, each (T,), where the motion is imposed."""
     plant, rows = model.plant, []
     at, output = model.states.index(plant.position), problem.channels.index(plant.effort)
@@ -47,8 +45,7 @@ def _matched(problem: Problem, model: Model, highest: float, count: int) -> list
 
     An observer is too slow for them, but it leaves a trace of each: what it leaves is filtered backwards with its own
     response to a force that acts between two samples (a matched filter), and the amplitudes are those whose response
-    fits best. Positions are those of a high and of a lower gain: the ones are noisier, the others off by what the model
-    lacks.
+    fits best. Positions are of a high and of a lower gain: the ones are noisier, the others off by what is missing.
     """
     lines = whole_orders(problem, highest)
     c, (high, lower) = candidate(problem, model, ()), problem.levels[:2]
@@ -121,8 +118,7 @@ def periodic_starts(problem: Problem, model: Model) -> list[tuple[float, float, 
         for order in _orders(q, v, a, highest, MOST - 1, lines):
             N, A, phase = _start(q, a, order, mass)
             starts += [(N, A, phase), (N, A, phase + np.pi / 2)]  # the observer is late; the sign of A is free
-    fast = _matched(problem, model, highest, MOST // 2)
-    return starts + [(N, A * mass, phase) for N, A, phase in fast]
+    return starts + [(N, A * mass, phase) for N, A, phase in _matched(problem, model, highest, MOST // 2)]
 
 
 def finest(problem: Problem) -> float:

@@ -48,8 +48,7 @@ WEIGHTS = (1e-3, 1e-2, 1e-1, 1.0, 10.0)
 FOLDS = 5
 """each on so many parts of the record, left out in turn."""
 CHANGES = (6, 24)
-"""Fewest and most spline functions of time that a size follows along a record, one for each `APART` blocks and two
-reversals at most."""
+"""Fewest and most splines of time that a size follows in a record, one for `APART` blocks and two reversals at most."""
 APART, HALF = 3, 0.5
 """Blocks that a spline function spans; part of what is left beyond the noise that such a change takes away."""
 
@@ -142,10 +141,8 @@ def _along_the_way(search: Search, left: Array) -> tuple[Columns | None, list[st
         waving = [FORCES[n](piece) * f(N * piece.q) for n, N in waves for f in (np.sin, np.cos)]
         return piece.seen(np.column_stack(waving))
 
-    def told(name: str, N: float) -> str:
-        return f"{name} that repeats {f'{N:g} times a turn' if search.whole else f'every {2 * np.pi / N:.3g} {unit}'}"
-
-    return columns if waves else None, [told(*wave) for wave in waves]
+    often = [f"{N:g} times a turn" if search.whole else f"every {2 * np.pi / N:.3g} {unit}" for _, N in waves]
+    return columns if waves else None, [f"{n} that repeats {how}" for (n, _), how in zip(waves, often, strict=True)]
 
 
 def _unseen_after(search: Search, fit: Fit) -> tuple[Array, str]:
@@ -221,7 +218,8 @@ def _changed(piece: Piece, left: Array, force: Array) -> Array:
     """Return what is left (K,) after a force whose size is a spline of time, each block predicted from the others; all
     of it where the motion comes back too rarely: what changes with time is then not told from what goes with it.
     """
-    number = min((int(piece.blocks.max()) + 1) // APART, _reversals(piece) // 2, CHANGES[1])
+    reversals = int(np.count_nonzero(np.diff(np.sign(piece.sign[np.abs(piece.sign) > HALF]))))
+    number = min((int(piece.blocks.max()) + 1) // APART, reversals // 2, CHANGES[1])
     if number < CHANGES[0]:
         return np.array(left)
     of_time = _splines(piece.t / max(float(piece.t[-1]), TINY), np.linspace(0.0, 1.0, number - 2))
@@ -232,12 +230,6 @@ def _changed(piece: Piece, left: Array, force: Array) -> Array:
         if out.any() and not out.all():
             after[out] = left[out] - A[out] @ _ridge(A[~out], left[~out], weight)
     return np.asarray(after)
-
-
-def _reversals(piece: Piece) -> int:
-    """Return how often a motion turns back."""
-    side = np.sign(piece.sign[np.abs(piece.sign) > HALF])
-    return int(np.count_nonzero(np.diff(side)))
 
 
 __all__ = ["Curve", "changing", "structured"]

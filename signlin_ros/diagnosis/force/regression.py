@@ -18,13 +18,12 @@ from signlin_ros.comparison.equations import inertia
 from signlin_ros.comparison.piece import APART, LEAST_PART, Piece, asked_effort, missing_force
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.laws import Law, Shape
+from signlin_ros.fitting.candidate import KNOWN_EFFECT
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
 Member = tuple[str, Shape]
 
-KNOWN_EFFECT = 0.2
-"""Relative tolerance of the parameters of effects that the model has already."""
 STEP = 1e-4
 """Relative step of the derivative with respect to a parameter."""
 SWEEPS = 9
@@ -59,8 +58,7 @@ def base_of(model: Model, current: bool) -> dict[str, float]:
 class Side:
     """The records of one side, fitted or unseen, stacked: y (K,), base columns X (K, b), block of each sample (K,).
 
-    ``effort``: root mean square of what drives, that forces are compared with; of the inertial force where nothing does
-    (``free``).
+    ``effort``: RMS of what drives, that forces are compared with; of the inertial force where nothing does (``free``).
     """
 
     pieces: tuple[Piece, ...]
@@ -101,8 +99,7 @@ class Side:
 
     def by_block(self, left: Array) -> Array:
         """Return the mean squares (blocks,) of what is left (K,)."""
-        count = np.bincount(self.blocks)
-        return np.asarray(np.bincount(self.blocks, left**2)[count > 0] / count[count > 0])
+        return np.asarray(np.bincount(self.blocks, left**2) / np.bincount(self.blocks))
 
     def missing(self, model: Model) -> Array:
         """Return the force (K,) that a model lacks, as the effort that it asks for."""
@@ -222,8 +219,7 @@ class Regression:
 
     def surely(self, a: Fit, b: Fit) -> float:
         """Return by how many standard errors a is better than b on unseen data, by blocks of time."""
-        there = np.bincount(self.unseen.blocks) > 0
-        first, second = (np.bincount(self.unseen.blocks, f.unseen**2)[there].astype(float) for f in (a, b))
+        first, second = (np.bincount(self.unseen.blocks, f.unseen**2).astype(float) for f in (a, b))
         return mean_certainty(second, first)
 
     def percent(self, fit: Fit) -> float:

@@ -8,20 +8,16 @@ from dataclasses import dataclass, field
 from itertools import chain
 
 import numpy as np
-from numpy.typing import NDArray
 
 from signlin_ros.diagnosis.force.laws import Ripple, Shape
 from signlin_ros.diagnosis.force.regression import TINY, Fit, Member, Regression
 from signlin_ros.diagnosis.force.subsets import Subsets
 from signlin_ros.diagnosis.force.waves import Waves
 
-Array = NDArray[np.float64]
-
 REFINED = 2
 """The best so many times `Criteria.beam` of a step are refined."""
 STEPS, MOVES, NOTHING = (0.25, 0.1, 0.04), 3, 1 - 1e-4
-"""Relative steps by which shapes are refined, and how often in a row, unless one leaves more than this of the squared
-error."""
+"""Relative steps that refine a shape, and how often in a row, unless one leaves more than this of the squared error."""
 LITTLE = 0.97
 """A step that leaves more than this of the squared error of the one before ends the search."""
 HARMONICS = 8
@@ -156,11 +152,9 @@ class Search:
             apart = 2 * np.pi / self.r.known.travel / dict(f.members[j][1])[n] * step
             factors, least = (1 - apart, 1 + apart), self.waves.slowest
         for _ in range(MOVES):
-            tried = []
-            for factor in factors:
-                value = float(f"{effect.pars()[n].nearest(dict(f.members[j][1])[n] * factor):.12g}")
-                if value >= least:
-                    tried.append((factor, self.r.fitted(_put(f.members, j, n, value))))
+            now, par = dict(f.members[j][1])[n], effect.pars()[n]
+            values = {factor: float(f"{par.nearest(now * factor):.12g}") for factor in factors}
+            tried = [(k, self.r.fitted(_put(f.members, j, n, v))) for k, v in values.items() if v >= least]
             factor, best = min(tried, key=lambda one: one[1].trained, default=(1.0, f))
             if best.trained >= f.trained * NOTHING:
                 break
@@ -175,7 +169,7 @@ class Search:
 
     def _known(self, members: Sequence[Member]) -> Fit:
         """Return the best fit known of some laws, whatever their shapes; with these, if there is none yet."""
-        return self.models.get(_names(members)) or self._keep(self.r.fitted(members))
+        return self.models.get(frozenset(dict(members))) or self._keep(self.r.fitted(members))
 
     def _simpler(self, f: Fit, name: str) -> list[Fit]:
         """Return the fits with a simpler law of the same family in a law's place."""
@@ -183,7 +177,7 @@ class Search:
         kin = [n for n, other in self.r.laws.items() if other.family == law.family and n not in f.names]
         first = [(n, shape) for n in kin for shape in self.shapes[n][:1]]
         simple = [m for m in first if self.r.laws[m[0]].free(m[1]) < law.free(dict(f.members)[name])]
-        known = [m for m in simple if len(self.shapes[m[0]]) == 1 or _names([*rest, m]) in self.models]
+        known = [m for m in simple if len(self.shapes[m[0]]) == 1 or frozenset(dict([*rest, m])) in self.models]
         return [self._known([*rest, m]) for m in known]
 
     @functools.cached_property
@@ -206,15 +200,11 @@ class Search:
 
     def needed(self, f: Fit, name: str) -> bool:
         """Tell whether a law's level is known, its parameters are possible, and it takes away a sure and visible part
-        of the unseen error: of what is left without it; and of all that is missing, where a simpler law of its family
-        stands in its place.
+        of the unseen error: of what is left without it; of all that is missing, beside a simpler law of its family.
         """
-        if not self._told(f, name):
+        free, shown = self.r.laws[name].free(dict(f.members)[name]), self.r.criteria.each * self.base.error
+        if not self._told(f, name) or not self.worth(f, self.without(f, name), free):
             return False
-        free = self.r.laws[name].free(dict(f.members)[name])
-        if not self.worth(f, self.without(f, name), free):
-            return False
-        shown = self.r.criteria.each * self.base.error
         return all(self.worth(f, g, free) and g.error - f.error > shown for g in self._simpler(f, name))
 
     def _told(self, f: Fit, name: str) -> bool:
@@ -226,8 +216,7 @@ class Search:
 
     def worth(self, f: Fit, reference: Fit, free: int, whole: bool = False) -> bool:
         """Tell whether a fit takes away a sure and visible part of a simpler one's unseen error, and of all that is
-        missing where more than noise is seen to be left: a small part beside that has no name, but where it is one more
-        of an effect that has one (``whole``).
+        missing where more than noise is left: a small part beside that has no name, but one more wave (``whole``).
         """
         c, gone = self.r.criteria, reference.error - f.error
         clean = whole or f.error < c.sees**2 * self.r.unseen.noise
@@ -273,10 +262,6 @@ class Search:
             self._keep(self.r.fitted(members))
         tried = {n: self.models.get(rest.names | {n}) for n in others}
         return tuple(sorted(n for n, g in tried.items() if g and self.alike(f, g) and self._told(g, n)))
-
-
-def _names(members: Iterable[Member]) -> frozenset[str]:
-    return frozenset(n for n, _ in members)
 
 
 def _put(members: Sequence[Member], j: int, n: str, value: float) -> tuple[Member, ...]:

@@ -212,9 +212,8 @@ def coordinates_of(f: Fit, covariances: Sequence[Array]) -> tuple[Known, ...]:
 
 
 def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
-    """Return covariances of the coordinates: as of white noise, and one that allows for whatever correlation and change
-    of size the residual has: the sandwich of White with sums over blocks [Econometrica 48 (1980) 817; Newey and West
-    1987].
+    """Return covariances of the coordinates: as of white noise, and one for any correlation and change of size that the
+    residual has: the sandwich of White with sums over blocks [Econometrica 48 (1980) 817; Newey and West 1987].
     """
     bread = covariance(f.hessian)
     found = follow_records(problem, f.candidate, f.theta, f.gains, True)
@@ -230,8 +229,7 @@ def covariances(problem: Problem, f: Fit) -> tuple[Array, ...]:
         sums += [products[i : i + block].sum(axis=0) for i in range(0, len(products), block)]
     g = np.array(sums)
     g -= g.mean(axis=0)
-    whole = bread @ (g.T @ g) @ bread
-    return bread, np.asarray(whole, dtype=np.float64)
+    return bread, np.asarray(bread @ (g.T @ g) @ bread, dtype=np.float64)
 
 
 def covariance(information: Array) -> Array:

@@ -52,9 +52,7 @@ def cheapest(fits: Iterable[Fit | None]) -> Fit | None:
 
 
 def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], check: Callable[[], None]) -> Found | None:
-    """Return a candidate fitted from the best of some starts at all gains but the highest, one after the other;
-    ``check`` is called in between, and may raise.
-    """
+    """Return a candidate fitted from the best start at all gains but the highest, one by one; ``check`` may raise."""
     tried = []
     for theta in starts:
         check()

@@ -30,8 +30,7 @@ from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
 
 SERIOUS, FIRST, FINISHED = 0.25, 3, 8
-"""Share of the best candidate's gain that makes another one worth a thorough fit; how many get one in any case, and at
-most."""
+"""Share of the best candidate's gain that makes another worth a thorough fit; how many get one anyway, and at most."""
 BEAM = 2
 """How many single effects a search tries with every other one where none is enough by itself."""
 
@@ -42,8 +41,7 @@ class Motion(Decisions, Running):
     """Fits of a model, with effects added, to the known records, and their errors on the unseen ones.
 
     ``problem``, ``unseen``: the records, prepared; ``short``: what is fitted to, stretches where records are long.
-    ``heard``: values of effects that the force witness found, one by one. ``searched``: the effects that were tried on
-    top of some others.
+    ``heard``: values of effects that the force witness found, one by one; ``searched``: effects tried on top of others.
     """
 
     def __init__(
@@ -122,9 +120,7 @@ class Motion(Decisions, Running):
         return self._best[mine.kind]
 
     def _told(self, f: Fit, low: Fit) -> Fitted:
-        """Return a fit with all that is told of it, every channel judged from the observer that predicts it best
-        (`_windows`); what is left is that of the fit at the lowest gain.
-        """
+        """Return a fit with all that is told of it: errors are `_windows`, what is left is that of ``low``."""
         f = tidied(f)
         whole, errors, uses = Parts.of(f).whole, covariances(self.short, f), f.candidate.model.effects
         coordinates = coordinates_of(f, errors)
@@ -179,9 +175,7 @@ class Motion(Decisions, Running):
         return self._told(f, f) if f else None
 
     def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> Fitted:
-        """Return a model with the values that it has, and with the same states as the one given; nothing is fitted,
-        and it is judged as all are (`_windows`).
-        """
+        """Return a model of the same states as the one given as it is: nothing is fitted, errors are `_windows`."""
         c = candidate(replace(self.problem, base=model), model, ())
         squares, unseen = self._windows(c, c.start())
         return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=unseen)
@@ -338,9 +332,7 @@ class Motion(Decisions, Running):
             nothing = {n: 0.0 for n in effect.telling if vague and not effect.pars()[n].positive}
             rest, simpler = parts.without(key), effect.simpler(use.parameters | nothing)
             fewer = [rest.extended(n, start) for n, start in simpler.items()]
-            if vague and not fewer and len(f.effects) > 1:
-                fewer = [rest]
-            found += fewer
+            found += fewer or ([rest] if vague and len(f.effects) > 1 else [])
         return [one.candidate(self.problem) for one in found]
 
     def _promising(self, of: Fitted, fits: Sequence[Fit], rival: Fitted | None = None) -> list[Fit]:
@@ -368,9 +360,8 @@ class Motion(Decisions, Running):
     # ------------------------------------------------------------ one effect after the other
 
     def search(self, depth: int, names: Sequence[str] | None = None) -> list[list[Fitted]]:
-        """Return the steps from the base to what is proposed: of each what was taken, then the other options that there
-        were, least error first. The first is the base; the last holds what was tried in vain, too. ``names``: of the
-        effects that are tried, all of them by default.
+        """Return the steps from the base to what is proposed: of each what was taken, then the other options, least
+        error first. The first is the base; the last holds what was tried in vain too. ``names``: tried, all by default.
         """
         now = self.base
         path = [[now]]
