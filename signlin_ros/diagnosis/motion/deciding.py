@@ -64,17 +64,17 @@ class Decisions:
         return after.vague(c) or self._elsewhere(after)
 
     def _elsewhere(self, f: Fitted) -> str:
-        """Return which force has no shape of its own where the records were: a limit that was always passed, a zero
-        beyond all that a motion of unknown place went through, a wave of too few periods, unless all that is left was
-        tested, and is its sensors' noise.
+        """Return which force has no shape of its own where the records were: a limit that was always passed; and, unless
+        all that is left was tested, and is its sensors' noise, a zero beyond all that a motion of unknown place went
+        through, or a wave of too few periods.
         """
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.problem.stretch):
                 return f"the records lie all beyond {key}"
-        if away := self._away(f):
-            return away
-        few = {} if f.clean and f.near(self.criteria.near) else self.few_waves(f)
-        return next((f"{key} has {waves:.1f} waves in the record" for key, waves in few.items()), "")
+        if f.clean and f.near(self.criteria.near):
+            return ""
+        few = self.few_waves(f)
+        return self._away(f) or next((f"{key} has {n:.1f} waves in the record" for key, n in few.items()), "")
 
     def _away(self, f: Fitted) -> str:
         """Return how far from its zero a force over a position that nobody measured starts, if records never go as
