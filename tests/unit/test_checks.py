@@ -306,7 +306,8 @@ def test_an_axis_whose_velocity_says_that_it_stands_is_not_clipped() -> None:
     way = np.clip(1.6 * np.arcsin(np.sin(0.25 * t)), -1.0, 1.0) + 0.002 * np.sin(0.9 * t) * (np.cos(0.25 * t) > 0.8)
     way = np.round(np.clip(way, -1.0, 1.0), 6)
     model = Model.from_dict({"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.5, "k": 0.0}})
-    data = ModelData(t, np.ones((t.size, 1)), {"displacement": way}, None, model.inputs, model.states, dict(model.units))
+    u, measured = np.ones((t.size, 1)), {"displacement": way}
+    data = ModelData(t, u, measured, None, model.inputs, model.states, dict(model.units))
 
     def clipped(measured: ModelData) -> list[Finding]:
         return [f for f in check(model, [measured])[1] if f.check == "clipped" and f.channel == "displacement"]

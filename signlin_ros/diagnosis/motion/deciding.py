@@ -64,8 +64,8 @@ class Decisions:
         return after.vague(c) or self._elsewhere(after)
 
     def _elsewhere(self, f: Fitted) -> str:
-        """Return which force has no shape of its own where the records were: a limit that was always passed; and, unless
-        all that is left was tested, and is its sensors' noise, a zero beyond all that a motion of unknown place went
+        """Return which force has no shape of its own where the records were: a limit that was always passed; unless all
+        that is left was tested, and is its sensors' noise, also a zero beyond all that a motion of unknown place went
         through, or a wave of too few periods.
         """
         for key, use in f.added.items():
