@@ -13,6 +13,7 @@ from signlin_ros.checks.readings import Reading, gears, pairs, signs, units
 from signlin_ros.checks.travel import EQUAL
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
+from signlin_ros.records.notes import as_notes
 
 BETTER = 0.4
 """What is left with another unit or sign, as a share of what is left without (geometric mean over the channels)."""
@@ -30,6 +31,8 @@ NEEDED = 0.7
 GUESS = 0.5
 """A tolerance of the model's parameters from which on they are guesses: then a factor, or two units, are no reason to
 refuse."""
+PARTS = (-1.0, -0.5, 0.5, 1.0)
+"""Of its tolerance, by which a guess may be off."""
 
 
 class UnitOrSign(Check):
@@ -73,12 +76,14 @@ class UnitOrSign(Check):
         names = tuple(r.divided)
         sign = r.only_sign
         doubt = f" (as well as: {first.words})" if first else ""
-        severity = "offer" if sign or not needed or (r.far_fetched and _guessed(look.model)) else "refuse"
+        said = {note.channel for note in as_notes(look.record.notes) if note.kind == "converted"} & {*names}
+        doubtful = not needed or said or (r.far_fetched and _guessed(look.model))  # whoever names a unit knows it
+        severity = "offer" if sign or doubtful else "refuse"
         return Finding(
             self.name,
             ", ".join(names),
             severity,
-            f"{r.words}{doubt}" + ("" if sign or not needed else "; as it is, it fits no model"),
+            f"{r.words}{doubt}" + ("" if severity == "offer" else "; as it is, it fits no model"),
             cure=r.cure,
             remedy="it is taken so",
             action=divided(r.divided),
@@ -92,14 +97,19 @@ def _guessed(model: Model) -> bool:
 
 
 def _guesses_moved(look: Look, left: float) -> float:
-    """Return the least that is left where parameters that are guesses are off by their tolerance, one at a time."""
-    model, lefts = look.model, [left]
-    for name, value in model.parameters.items():
-        spread = model.tolerance_of(name)
-        for side in (-spread, spread) if value and spread >= GUESS else ():
-            p = Look(model.with_parameters({name: value * math.exp(side)}), look.record).resisted
-            lefts += [p.left()] if p else []
-    return min(lefts)
+    """Return the least that is left where parameters that are guesses are off by their tolerance or a part of it, each
+    in turn for the best of the others.
+    """
+    nominal = look.model
+    guesses = [n for n, value in nominal.parameters.items() if value and nominal.tolerance_of(n) >= GUESS]
+    best = {n: nominal.parameters[n] for n in guesses}
+    for name in guesses * min(len(guesses), 2):
+        for part in PARTS:
+            moved = {**best, name: nominal.parameters[name] * math.exp(part * nominal.tolerance_of(name))}
+            p = Look(nominal.with_parameters(moved), look.record).resisted
+            other = p.left() if p else left
+            best, left = (moved, other) if other < left else (best, left)
+    return left
 
 
 def divided(factors: Mapping[str, float]) -> Callable[[ModelData], ModelData]:

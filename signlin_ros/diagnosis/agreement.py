@@ -14,7 +14,6 @@ import numpy as np
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion
-from signlin_ros.diagnosis.motion.deciding import simpler
 from signlin_ros.diagnosis.motion.trials import completed, free_key, tryable
 from signlin_ros.diagnosis.results import listed
 from signlin_ros.diagnosis.witnesses import HALF, Witnesses
@@ -33,7 +32,7 @@ def agree(w: Witnesses) -> tuple[Fitted, str]:
     final = fewest(w, final)
     conflict = conflict.format(listed(final.effects))
     whole = alone(w, final)
-    final = w.valued(whole or final)
+    final = w.valued(fewest(w, whole) if whole else final)
     return w.base if final.unreal else final, "" if whole else conflict
 
 
@@ -181,7 +180,7 @@ def fewest(w: Witnesses, final: Fitted) -> Fitted:
     nothing that one does, unless it leaves nothing but tested noise.
     """
     motion, several = w.motion, len(final.effects) > 1
-    options = [f for f in w.tried if (several and len(f.effects) < len(final.effects)) or simpler(f, final)]
+    options = [f for f in w.tried if (len(f.effects), f.size) < (len(final.effects), final.size) and f.effects]
     options += _as_one(motion, final) if several else []
     for name in final.effects if several else ():
         with contextlib.suppress(SignlinError):

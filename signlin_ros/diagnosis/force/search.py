@@ -187,8 +187,15 @@ class Search:
         return frozenset(n for f in fits for n in f.names if self.without(f, n).error > f.error)
 
     def sound(self, f: Fit) -> bool:
-        """Tell whether every law of a fit is needed on unseen data, and its level known; and nothing known is bent."""
-        return not self.bends(f) and all(self.needed(f, n) for n, _ in f.members)
+        """Tell whether every law of a fit is needed on unseen data, and its level known; nothing known is bent, and no
+        law is there but to take away what another one makes.
+        """
+        return not (self.bends(f) or self.cancels(f)) and all(self.needed(f, n) for n, _ in f.members)
+
+    def cancels(self, f: Fit) -> bool:
+        """Tell whether laws all but cancel: together they vary by less than the larger part of what one of them does."""
+        laws = [self.r.unseen.columns(self.r.laws[n], z) @ f.theta[f.spans[n]] for n, z in f.members]
+        return len(laws) > 1 and bool(np.var(sum(laws)) < self.r.criteria.part * max(map(np.var, laws)))
 
     def bends(self, f: Fit) -> bool:
         """Tell whether a fit moves a base parameter that carries force beyond tolerance, and further than the base."""

@@ -107,7 +107,7 @@ class Decisions:
         best = min(good, key=attrgetter("level"), default=None)
         near = [one for one in good if best and self.as_good(best, one)]
         rest = [one for one in good if one not in near]
-        near += [one for one in rest if any(simpler(one, other) and self.refused(one, other) for other in near)]
+        near += [one for one in rest if any(_simpler(one, other) and self.refused(one, other) for other in near)]
         near = [one for one in near if not one.far(self.criteria)] or near
         return sorted(near, key=lambda one: (len(one.effects), one.size, one.level + one.strain / self.unseen.samples))
 
@@ -118,7 +118,7 @@ class Decisions:
         return other is best or g.certainty < self.criteria.tie or alike
 
 
-def simpler(one: Fitted, other: Fitted) -> bool:
+def _simpler(one: Fitted, other: Fitted) -> bool:
     """Tell whether a model has a simpler law of the same family in the place of one of another model's."""
     mine, its = set(one.effects) - set(other.effects), set(other.effects) - set(one.effects)
     if len(mine) != 1 or len(its) != 1:
@@ -127,4 +127,4 @@ def simpler(one: Fitted, other: Fitted) -> bool:
     return bool(family) and family == EFFECTS[its.pop()].family and one.size < other.size
 
 
-__all__ = ["Decisions", "simpler"]
+__all__ = ["Decisions"]
