@@ -65,9 +65,11 @@ def travel(t: Array, q: Array, v: Array, of_q: float, of_v: float) -> Travel | N
 
 
 def _offset(dq: Array, dp: Array, count: int, time: float) -> float:
-    """Return by how much a velocity exceeds the position's rate, of changes (T,) over ``count`` samples and a time."""
+    """Return by how much a velocity exceeds the position's rate, of changes (T,) over ``count`` samples and a time. A
+    drive that runs one way does not tell an offset from a gain, or from a lag at its start.
+    """
     spread, around = float(dq.std()), dq - dq.mean()
-    if spread == 0.0:
+    if spread <= abs(dq.mean()):
         return 0.0
     factor = float(np.mean(around * (dp - dp.mean()))) / spread**2
     left = dp - factor * dq

@@ -224,7 +224,7 @@ class Judgement:
         if self.most:
             return "structure"
         if self.witnesses.sees(self.final):
-            large = not self.names and (self.percent or 0.0) > 100.0 * self.criteria.large
+            large = not self.names and max(self.percent or 0.0, *self.unpredicted) > 100.0 * self.criteria.large
             near = self.witnesses.near_noise(self.final)
             if large and self.elsewhere:
                 return "elsewhere"
@@ -274,6 +274,16 @@ class Judgement:
         """Whether a proposal leaves the larger part of the force that is missing."""
         part = self.witnesses.remaining(self.left(self.final))
         return bool(self.names) and part is not None and part > self.criteria.part
+
+    @property
+    def unpredicted(self) -> list[float]:
+        """What is left of the channels, of which the model leaves more than about their noise, in per cent of their
+        spread.
+        """
+        scores = self.witnesses.row(self.final, None).validation.channels.values()
+        near = self.criteria.near
+        far = [s.fit_percent for s in scores if s.rmse_over_noise is None or s.rmse_over_noise > near]
+        return [0.0, *(100.0 - fit for fit in far if fit is not None)]
 
     @cached_property
     def imposed(self) -> float | None:

@@ -119,7 +119,7 @@ def _unsure(j: Judgement) -> str:
     if not found:
         return ""
     names = list(found)[:FEW]
-    by = f"{'at most ' if len(names) > 1 else ''}{max(found[n] for n in names):.1f} standard errors"
+    by = f"{'at most ' if len(names) > 1 else ''}{np.floor(10 * max(found[n] for n in names)) / 10:.1f} standard errors"
     surely = f"the error on unseen data falls by {by}, {c.certainty:g} are asked"
     told = " or ".join(listed([n]) for n in names)
     return f"Too little was recorded to tell what is missing: {told} would take most of it away, but {surely}"

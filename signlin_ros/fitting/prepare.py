@@ -17,6 +17,7 @@ from signlin_ros.fitting.problem import Problem, looks, prepare, stretch_of
 from signlin_ros.follow.data import measured_channels
 from signlin_ros.follow.segments import (
     LEAST_SAMPLES,
+    SHORT,
     Segment,
     check_moving,
     constant_inputs,
@@ -32,9 +33,6 @@ from signlin_ros.records import ModelData
 
 MOST, PARTS = 20_000, 10
 """Most samples that are fitted to, in so many stretches: more only make standard errors too small."""
-SHORT = LEAST_SAMPLES // 4
-"""Least samples of a run that is taken beside others."""
-
 BETTER = 0.5
 """Share of what is left without (RMS, geometric mean) that a reversed signal leaves, if its sign is in doubt."""
 

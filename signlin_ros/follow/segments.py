@@ -18,8 +18,10 @@ from signlin_ros.records import ModelData
 Array = NDArray[np.float64]
 LEAST_SAMPLES = 100
 """A record needs so many samples."""
-LEAST_PART = LEAST_SAMPLES // 2
-"""Its parts between gaps need half of them where none has as many: what is simulated through a gap tells nothing."""
+LEAST_PART, SHORT = LEAST_SAMPLES // 2, LEAST_SAMPLES // 4
+"""Its parts between gaps, or several records, need half of them, or a quarter, where they have as many only together:
+what is simulated through a gap tells nothing.
+"""
 EVEN = 0.5
 """A channel is shown in steps if more than this share of the distances between its values are the same."""
 SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
@@ -169,14 +171,15 @@ def _first_slope(t: Array, values: Array) -> float:
 
 def pieces(data: ModelData, channels: tuple[str, ...]) -> tuple[list[ModelData], list[str]]:
     """Cut a record at its gaps in time, each piece from where the channels are measured. Pieces of less than
-    `LEAST_SAMPLES` are left out, or where none has as many those of less than `LEAST_PART`, if the others have as many
-    together. Returns notes on outliers, and on what is left out.
+    `LEAST_SAMPLES` are left out, or where none has as many those of less than `LEAST_PART`, or `SHORT`, if the others
+    have as many together. Returns notes on outliers, and on what is left out.
     """
     data, notes = without_outliers(data, channels)
     edges, late = measured_parts(data, channels, np.column_stack([data.measured[c] for c in channels]))
     sizes = [last - first for first, last in edges]
-    least = LEAST_SAMPLES if max(sizes) >= LEAST_SAMPLES else LEAST_PART
-    if sum(size for size in sizes if size >= least) < LEAST_SAMPLES:
+    allowed = (LEAST_SAMPLES, LEAST_PART, SHORT)
+    least = next((n for n in allowed if sum(size for size in sizes if size >= n) >= LEAST_SAMPLES), 0)
+    if not least:
         through = f"{data.source}: the parts between its gaps are too short to be taken by themselves"
         return [data], [*notes, *late, *([through] if len(edges) > 1 else [])]
     parts = [data.part(first, last) for first, last in edges]
@@ -200,6 +203,7 @@ def without(y: Array, unknown: NDArray[np.bool_]) -> Array:
 __all__ = [
     "LEAST_PART",
     "LEAST_SAMPLES",
+    "SHORT",
     "Segment",
     "check_moving",
     "constant_inputs",

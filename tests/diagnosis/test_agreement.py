@@ -301,6 +301,14 @@ class Asking(Motion):
         return self.certainty(other, best) < DEFAULT.tie
 
 
+def test_of_what_is_as_good_the_one_with_the_fewest_parameters_is_named():
+    """A wave of order nine, or a loop, over 0.6 of its period stood for a constant load."""
+    wave = Fit(("bouc_wen_hysteresis",), (1.0,), 1.0, parameters=3)
+    load = Fit(("constant_load",), (1.0,), 1.0, parameters=1)
+    w = both(Asking(BASE), force_witness(), BASE, wave, load, tried=[load])
+    assert agreement.fewest(w, wave).effects == ("constant_load",)
+
+
 @pytest.mark.parametrize(("rms", "taken"), [(0.9, "coulomb_friction"), (1.5, "stribeck_friction")])
 def test_the_simpler_law_that_is_as_good_is_named(rms, taken):
     """LuGre friction that could not be told from Stribeck's hid Coulomb friction, which erred less."""
@@ -316,6 +324,7 @@ def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", 
 
 @pytest.fixture(autouse=True)
 def no_sign_is_wrong(monkeypatch):
+    monkeypatch.setattr(Case, "noise", property(lambda self: dict.fromkeys(self.problem.channels, NOISE)))
     monkeypatch.setattr(judgement, "reversed_signal", lambda problem, base, final: "")
     monkeypatch.setattr(judgement, "changing", lambda r, left: "")
     monkeypatch.setattr(Judgement, "same_at_nominal", False)
@@ -367,7 +376,6 @@ def test_what_leaves_most_of_the_effort_explains_a_part(force, why):
 def test_what_leaves_most_of_an_imposed_force_explains_a_part(rms, why, monkeypatch):
     """A tribometer whose load cell rings: Coulomb friction left 54.7 % of the spread, of which no word was said."""
     base, final = Fit((), (SPREAD,), 1.0), Fit(("coulomb_friction",), (rms * SPREAD,), 1.0)
-    monkeypatch.setattr(Case, "noise", {"speed": NOISE})
     monkeypatch.setattr(Case, "_swings", [])
     j = Judgement(both(Motion(base, imposed=True), None, base, final), final)
     assert j.unexplained == why
@@ -571,6 +579,13 @@ def test_what_follows_nothing_is_not_adequate_however_noisy_its_channel():
 def test_a_large_force_that_nothing_takes_away_is_not_adequate():
     odd = Fit((), (3.0,), 0.1 * EFFORT)
     assert judged(odd, odd, force_witness(*LAWS)).verdict == "unexplained"
+
+
+@pytest.mark.parametrize(("rms", "verdict"), [(0.04 * SPREAD, "adequate"), (0.06 * SPREAD, "unexplained")])
+def test_a_motion_that_is_followed_badly_is_not_adequate_for_its_little_force(rms, verdict):
+    """A motor in steps: 2 % of the effort left, and its speed errs by ten times its sensor's noise, a tenth of it."""
+    odd = Fit((), (rms,), 0.03 * EFFORT)
+    assert judged(odd, odd, force_witness(*LAWS)).verdict == verdict
 
 
 # ---------------------------------------------------------------- words

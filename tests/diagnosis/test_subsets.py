@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -53,6 +54,18 @@ def test_no_coefficient_has_a_sign_that_it_cannot_have():
 def test_three_laws_are_found_of_which_none_stands_alone():
     names = {n for n, _ in search().chosen.members}
     assert names == {"constant_load", "linear_stiffness", "coulomb_friction"}
+
+
+@pytest.mark.parametrize(("weight", "cancel"), [(1.0, False), (-0.97, True)])
+def test_laws_that_all_but_cancel_are_no_set(weight, cancel):
+    """A cubic spring, a weight and a load of 0.5 N·m each were named where a load of 0.01 N·m acted."""
+    r, names = search().r, ("linear_stiffness", "cubic_stiffness")
+    members = tuple((n, search().shapes[n][0]) for n in names)
+    forces = [r.unseen.columns(r.laws[n], shape)[:, 0] for n, shape in members]
+    along = float(forces[0] @ forces[1] / (forces[1] @ forces[1]))
+    spans = {names[0]: slice(1), names[1]: slice(1, 2)}
+    f = SimpleNamespace(members=members, theta=np.array([1.0, weight * along]), spans=spans)
+    assert search().cancels(f) == cancel
 
 
 PROGRAM = """

@@ -193,7 +193,7 @@ class Search:
         return not (self.bends(f) or self.cancels(f)) and all(self.needed(f, n) for n, _ in f.members)
 
     def cancels(self, f: Fit) -> bool:
-        """Tell whether laws all but cancel: together they vary by less than the larger part of what one of them does."""
+        """Tell whether laws all but cancel: together they vary by little of what one of them does."""
         laws = [self.r.unseen.columns(self.r.laws[n], z) @ f.theta[f.spans[n]] for n, z in f.members]
         return len(laws) > 1 and bool(np.var(sum(laws)) < self.r.criteria.part * max(map(np.var, laws)))
 

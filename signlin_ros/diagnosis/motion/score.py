@@ -91,7 +91,7 @@ def told_change(certainty: float, asked: float) -> str:
     """Return by how many standard errors the error on unseen data changes, and by how many it must fall, in words."""
     if round(certainty, 1) < 0:
         return f"the error on unseen data rises by {-certainty:.1f} standard errors"
-    return f"the error on unseen data falls by {certainty:.1f} standard errors, {asked:g} are asked"
+    return f"the error on unseen data falls by {np.floor(10 * certainty) / 10:.1f} standard errors, {asked:g} are asked"
 
 
 def elsewhere(known: Array, unseen: Array, here: Array, there: Array, times: float) -> bool:
