@@ -119,7 +119,7 @@ def test_an_entry_of_a_ranking_shows_itself_as_a_table():
         assert words in shown
 
 
-@pytest.mark.parametrize(("first", "lengths"), [(70, [70, 60]), (110, [110]), (40, [130])])
+@pytest.mark.parametrize(("first", "lengths"), [(70, [70, 60]), (110, [110]), (40, [40, 90]), (20, [130])])
 def test_what_comes_after_a_pause_starts_anew(first: int, lengths: list[int]) -> None:
     """Of 130 samples with a pause of 20 s: the motion after it has nothing to do with that before it."""
     whole = record("paused.csv")
