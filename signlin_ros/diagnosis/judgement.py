@@ -38,7 +38,7 @@ REASONS = {
     "conflict": Reason(rejects=True),
     "lost": Reason(),
     "worse": Reason(
-        " of what is missing, but the error of {j.worse} rises on unseen data: nothing is confirmed.", rejects=True
+        " would lower an error, but that of {j.worse} rises on unseen data: nothing is confirmed.", rejects=True
     ),
     "given": Reason(
         ": beside the refitted model {falls}, but the error {changes} beside the model as given, which is too little: "

@@ -74,7 +74,8 @@ def _unexplained(j: Judgement) -> str:
         what = falls(j, j.base, j.final)
         changes = f"{'rises' if j.beside_given < 0 else 'falls'} by {abs(j.beside_given):.1f} standard errors"
         said = said.format(j=j, falls=what, changes=changes, there=f": {there}" if there else ".")
-        known = f"{listed(j.names).capitalize()} {'explains' if len(j.names) == 1 else 'explain'} a part"
+        part = f" {'explains' if len(j.names) == 1 else 'explain'} a part"
+        known = f"{listed(j.names).capitalize()}{'' if why == 'worse' else part}"
         return known + (said or f": {what}.{remainder(j)}")
     if why == "elsewhere":
         differs = there or "what differs?"
@@ -128,7 +129,7 @@ def _unsure(j: Judgement) -> str:
 def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
     """Return by how much the errors on unseen data fall from one model to another: the force, and the motion."""
     parts = []
-    a, b = j.percent_of(before), j.percent_of(after)
+    a, b = (j.witnesses.row(f, j.left(f)).force for f in (before, after))  # what no row shows is not told
     if a is not None and b is not None and b < (1 - j.criteria.alike) * a:
         parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {j.witnesses.of_effort}")
     parts = _errors_fall(j, before, after, parts)

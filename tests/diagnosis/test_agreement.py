@@ -444,7 +444,7 @@ def test_why_a_record_is_not_explained(final, force, conflict, why):
 SAID = {
     "conflict": "The two witnesses differ: they differ. Nothing is confirmed.",
     "lost": "speed",
-    "worse": "explains a part of what is missing, but the error of speed rises on unseen data: nothing is confirmed.",
+    "worse": "Coulomb friction would lower an error, but that of speed rises on unseen data: nothing is confirmed.",
     "given": "rad/s, but the error falls by 1.2 standard errors beside the model as given, which is too little",
     "once": "but the motion turns back only once in a record",
     "noise": "Coulomb friction explains a part: on unseen data",
@@ -469,7 +469,7 @@ def test_every_reason_is_told(why, monkeypatch):
     monkeypatch.setattr(words, "further", lambda case: "there it is faster.")
     monkeypatch.setattr(words, "why_named", lambda j, effect: "")
     monkeypatch.setattr(words, "own_parameters", lambda f, effect: {})
-    monkeypatch.setattr(Witnesses, "row", lambda w, f, left: SimpleNamespace(validation=None))
+    monkeypatch.setattr(Witnesses, "row", lambda w, f, left: SimpleNamespace(validation=None, force=None))
     j = judged(COULOMB, force=sees(), conflict="they differ")
     assert SAID[why] in words.sentence(j)
     assert told._named(j, "coulomb_friction", ()).status == ("rejected" if REASONS[why].rejects else "confirmed")
