@@ -23,6 +23,8 @@ STRANGE = 0.5
 """Largest squared correlation where they have nothing to do with each other."""
 NEAR = 0.04
 """By how much a factor may miss that of a unit."""
+SURELY = 0.99
+"""Squared correlation by which both exceed their noise, however large that looks in few steps."""
 GAIN = 0.02
 """By how much the squared correlation rises without a lag that counts."""
 FARTHEST = 30
@@ -34,9 +36,10 @@ class PositionVelocity(Check):
     or another axis; or it has an offset.
 
     Test: over stretches in which it moves most, gaps aside, the change of the position is regressed on the integral of
-    the velocity; both exceed `CLEAR` times what their noise does, so that the factor is known to some per cent, and a
-    clean record has 1. A factor counts beyond `EQUAL`, 10 of its standard errors or more. Cure: the conversion, a sign
-    (``reverse_NAME``); a velocity of something else is left out (``leave_out_NAME``). A lag and an offset are noted.
+    the velocity; both exceed `CLEAR` times what their noise does, or share `SURELY` of their variance, so that the
+    factor is known to some per cent, and a clean record has 1. A factor counts beyond `EQUAL`, 10 of its standard
+    errors or more. Cure: the conversion, a sign (``reverse_NAME``); a velocity of something else is left out
+    (``leave_out_NAME``). A lag and an offset are noted.
     """
 
     name = "position_velocity"
@@ -55,7 +58,7 @@ class PositionVelocity(Check):
         if found.offset and found.correlation > AGREE and v in look.channels:
             offset = f"{abs(found.offset):.3g} {look.unit(v)} {'more' if found.offset > 0 else 'less'}"
             yield self.note(v, f"the {v} reads {offset} than the {q} changes: an offset of its sensor, or a drift")
-        if found.clear < CLEAR:
+        if found.clear < CLEAR and found.correlation < SURELY:
             return
         if found.correlation < STRANGE and v in look.channels:
             yield self._strange(look, found)

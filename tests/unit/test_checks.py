@@ -20,6 +20,7 @@ from signlin_ros.checks.base import values_of, with_channel
 from signlin_ros.checks.direction import with_direction
 from signlin_ros.checks.exchanged import exchanged
 from signlin_ros.checks.factors import other_units
+from signlin_ros.checks.look import Look
 from signlin_ros.checks.observer import Prediction
 from signlin_ros.cli import main
 from signlin_ros.errors import InputError, RecordError
@@ -619,6 +620,19 @@ def test_a_velocity_that_lags_is_noted() -> None:
     _, findings = found(model, data)
     assert findings["position_velocity"].severity == "note"
     assert "0.08 s behind" in findings["position_velocity"].sentence
+
+
+def test_a_factor_is_told_of_fast_motion_in_few_samples() -> None:
+    """The drive of an exoskeleton: what it does between samples looked like noise, though the two agreed to 2 %."""
+    base, data = motor()
+    t, waves = 0.05 * np.arange(160), (5.0, 14.0, 25.0)
+    q = sum(np.sin(w * t + i) / w for i, w in enumerate(waves))
+    v = 1.84 * sum(np.cos(w * t + i) for i, w in enumerate(waves))
+    logged = replace(data, t=t, u=np.cos(3.0 * t)[:, None], measured={"position": q, "speed": v})
+    assert Look(base, logged).travel.clear < 10.0
+    finding = found(base, logged)[1]["position_velocity"]
+    assert finding.cure == "scale_speed"
+    assert 1.8 < float(finding.sentence.split("is ")[1].split()[0]) < 1.9
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.02, -0.5, 2.0])
