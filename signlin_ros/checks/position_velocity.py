@@ -55,7 +55,7 @@ class PositionVelocity(Check):
         found = look.travel
         if found is None or {q, v} & set(look.told):
             return
-        if found.offset and found.correlation > AGREE and v in look.channels:
+        if found.offset and v in look.channels:
             offset = f"{abs(found.offset):.3g} {look.unit(v)} {'more' if found.offset > 0 else 'less'}"
             yield self.note(v, f"the {v} reads {offset} than the {q} changes: an offset of its sensor, or a drift")
         if found.clear < CLEAR and found.correlation < SURELY:

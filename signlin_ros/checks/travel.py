@@ -61,7 +61,9 @@ def travel(t: Array, q: Array, v: Array, of_q: float, of_v: float) -> Travel | N
     noise = max(np.sqrt(2.0) * of_q, 1e-300), max(of_v * float(np.median(steps)) * np.sqrt(w), 1e-300)
     pairs = [_regressed(dq, dp, noise), _regressed(dq - dq.mean(), dp - dp.mean(), noise)]
     best = max((one for one in pairs if one is not None), key=lambda one: one.correlation, default=None)
-    return best and replace(best, offset=_offset(dq, dp, w, w * float(np.median(steps))))
+    if best is None or best.correlation <= AGREE:
+        return best
+    return replace(best, offset=_offset(dq, dp, w, w * float(np.median(steps))))
 
 
 def _offset(dq: Array, dp: Array, count: int, time: float) -> float:

@@ -176,8 +176,8 @@ def _confirmed(w: Witnesses, force: Testimony) -> Fitted | None:
 
 
 def fewest(w: Witnesses, final: Fitted) -> Fitted:
-    """Return the model with the fewest effects, and the simplest law, that is as good; what no force shows displaces
-    nothing that one does, unless it leaves nothing but tested noise.
+    """Return the model with the fewest effects, and of these the fewest parameters, that is as good; what no force
+    shows displaces nothing that one does, unless it leaves nothing but tested noise.
     """
     motion, several = w.motion, len(final.effects) > 1
     options = [f for f in w.tried if (len(f.effects), f.size) < (len(final.effects), final.size) and f.effects]

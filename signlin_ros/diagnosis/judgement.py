@@ -224,7 +224,7 @@ class Judgement:
         if self.most:
             return "structure"
         if self.witnesses.sees(self.final):
-            large = not self.names and max(self.percent or 0.0, *self.unpredicted) > 100.0 * self.criteria.large
+            large = not self.names and max([self.percent or 0.0, *self.unpredicted]) > 100.0 * self.criteria.large
             near = self.witnesses.near_noise(self.final)
             if large and self.elsewhere:
                 return "elsewhere"
@@ -283,7 +283,7 @@ class Judgement:
         scores = self.witnesses.row(self.final, None).validation.channels.values()
         near = self.criteria.near
         far = [s.fit_percent for s in scores if s.rmse_over_noise is None or s.rmse_over_noise > near]
-        return [0.0, *(100.0 - fit for fit in far if fit is not None)]
+        return [100.0 - fit for fit in far if fit is not None]
 
     @cached_property
     def imposed(self) -> float | None:
@@ -291,9 +291,7 @@ class Judgement:
         told = self.percent is not None and self.percent > self.witnesses.noise_percent
         if told or not self.case.model.plant.motion_is_imposed():
             return None
-        (score,) = self.witnesses.row(self.final, None).validation.channels.values()
-        near = score.rmse_over_noise is not None and score.rmse_over_noise <= self.criteria.near
-        return None if near or score.fit_percent is None else 100.0 - score.fit_percent
+        return next(iter(self.unpredicted), None)
 
     @property
     def most(self) -> bool:

@@ -237,16 +237,17 @@ class Witnesses:
 
     # ------------------------------------------------------------ rows of the tables
 
-    def row(self, f: Fitted, left: Array | None) -> Rung:
-        """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of unseen data, which is
-        not told of an effect where the base leaves less than the noise.
-        """
+    def told_percent(self, f: Fitted, left: Array | None) -> float | None:
+        """Return `percent` of what a fit leaves (blocks,); not of effects where the base leaves less than the noise."""
         base = self.left(self.base) if f.effects else None
-        left = None if base is not None and float(np.mean(base)) < self.noise else left
+        return None if base is not None and float(np.mean(base)) < self.noise else self.percent(left)
+
+    def row(self, f: Fitted, left: Array | None) -> Rung:
+        """Return the row of a fit; ``left``: the mean squared force (blocks,) that it leaves of unseen data."""
         case, noise = self.case, np.array(list(self.case.noise.values()))
         sides = ((case.problem, f.known_squares), (case.unseen, f.unseen_squares))
         first, second = (Scores(of_windows(problem, squares, noise)) for problem, squares in sides)
-        return Rung(f.effects, first, second, self.percent(left), self.noise_percent if self.force else None)
+        return Rung(f.effects, first, second, self.told_percent(f, left), self.noise_percent if self.force else None)
 
     def first_rows(self) -> FirstRows:
         """Return the first rows."""

@@ -10,6 +10,7 @@ from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.judgement import REASONS, Judgement, freed
 from signlin_ros.diagnosis.motion import Fitted
+from signlin_ros.diagnosis.motion.score import told_change
 from signlin_ros.diagnosis.results import Estimate, listed
 from signlin_ros.diagnosis.witnesses import HALF
 from signlin_ros.effects import find_effect
@@ -120,8 +121,7 @@ def _unsure(j: Judgement) -> str:
     if not found:
         return ""
     names = list(found)[:FEW]
-    by = f"{'at most ' if len(names) > 1 else ''}{np.floor(10 * max(found[n] for n in names)) / 10:.1f} standard errors"
-    surely = f"the error on unseen data falls by {by}, {c.certainty:g} are asked"
+    surely = told_change(max(found[n] for n in names), c.certainty, "at most " if len(names) > 1 else "")
     told = " or ".join(listed([n]) for n in names)
     return f"Too little was recorded to tell what is missing: {told} would take most of it away, but {surely}"
 
@@ -129,7 +129,7 @@ def _unsure(j: Judgement) -> str:
 def falls(j: Judgement, before: Fitted, after: Fitted) -> str:
     """Return by how much the errors on unseen data fall from one model to another: the force, and the motion."""
     parts = []
-    a, b = (j.witnesses.row(f, j.left(f)).force for f in (before, after))  # what no row shows is not told
+    a, b = (j.witnesses.told_percent(f, j.left(f)) for f in (before, after))  # what no row shows is not told
     if a is not None and b is not None and b < (1 - j.criteria.alike) * a:
         parts.append(f"the missing force falls from {a:.3g} % to {b:.3g} % {j.witnesses.of_effort}")
     parts = _errors_fall(j, before, after, parts)

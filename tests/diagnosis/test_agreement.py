@@ -469,7 +469,7 @@ def test_every_reason_is_told(why, monkeypatch):
     monkeypatch.setattr(words, "further", lambda case: "there it is faster.")
     monkeypatch.setattr(words, "why_named", lambda j, effect: "")
     monkeypatch.setattr(words, "own_parameters", lambda f, effect: {})
-    monkeypatch.setattr(Witnesses, "row", lambda w, f, left: SimpleNamespace(validation=None, force=None))
+    monkeypatch.setattr(Witnesses, "row", lambda w, f, left: SimpleNamespace(validation=None))
     j = judged(COULOMB, force=sees(), conflict="they differ")
     assert SAID[why] in words.sentence(j)
     assert told._named(j, "coulomb_friction", ()).status == ("rejected" if REASONS[why].rejects else "confirmed")
