@@ -18,7 +18,7 @@ from prediction import DATA
 from signlin_ros.diagnosis import diagnose, load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 

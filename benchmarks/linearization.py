@@ -7,7 +7,7 @@ import numpy as np
 from bouc_wen import BoucWenByHand
 from measure import Report, Timing, timed
 
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 
 POINTS = 20_000

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from signlin_ros.model import Model
 from signlin_ros.nodes.linearizer_logic import NANO
 from signlin_ros.nodes.monitor_logic import MonitorLogic, Settings
-from signlin_ros.simulate import Stepper
+from signlin_ros.simulation import Stepper
 
 Array = NDArray[np.float64]
 Reference = Callable[[float], tuple[float, float]]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stick_slip import StickSlipMotor
 
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 Array = NDArray[np.float64]
 Run = Callable[[float], Array]

@@ -11,16 +11,16 @@ from pathlib import Path
 from measure import Report, timed
 
 HELP = [str(Path(sys.executable).parent / "signlin"), "--help"]
-IMPORT = [sys.executable, "-c", "import signlin_ros.linearize"]
+IMPORT = [sys.executable, "-c", "import signlin_ros.linearization"]
 LINEARIZE_CODE = """
 from signlin_ros.model import Model
-from signlin_ros.linearize import linearize
+from signlin_ros.linearization import linearize
 linearize(Model.load("dc_motor"), [0.4, 20.0])
 """
 SIMULATE_CODE = """
 import sys, numpy as np
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 model = Model.load("dc_motor").with_options(operating_point="midpoint")
 simulate(model, np.arange(10) * 0.1, np.ones((10, 1)), kind=sys.argv[1])
 """
@@ -37,7 +37,7 @@ def start(command: list[str], cache: str = "") -> None:
 
 def run(report: Report) -> None:
     report.section("Start-up, wall time of a fresh process")
-    calls = {"signlin --help": HELP, "import signlin_ros.linearize": IMPORT, "one linear model": LINEARIZE}
+    calls = {"signlin --help": HELP, "import signlin_ros.linearization": IMPORT, "one linear model": LINEARIZE}
     calls["exact simulation, compiled before"] = [*SIMULATE, "exact"]
     found = timed({name: (lambda c=command: start(c), 1) for name, command in calls.items()}, repeats=5)  # type: ignore[misc]
     for name, timing in found.items():

@@ -106,7 +106,7 @@ def motor_record(folder: Path) -> tuple[Path, Path]:
     """Write a model with dry friction and a record of 10,000 samples."""
     from signlin_ros.model import Model
     from signlin_ros.records import Record, Signal, write_record
-    from signlin_ros.simulate import simulate
+    from signlin_ros.simulation import simulate
 
     model, t = Model.load("dc_motor"), np.arange(LONG) / 500.0
     voltage = 2.0 * np.sin(2 * np.pi * 0.4 * t) + np.sin(2 * np.pi * 1.7 * t)

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis import load_records
 from signlin_ros.model import Model
 from signlin_ros.predict import causal_states, predict
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 Array = NDArray[np.float64]
 DOCS = Path(__file__).resolve().parent

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from signlin_ros.engine.slopes import causal_slopes, slope_at_end
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
-from signlin_ros.simulate import Stepper
+from signlin_ros.simulation import Stepper
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from signlin_ros.estimate import StateEstimator
 from signlin_ros.model import Model
 from signlin_ros.observe.observer import KalmanObserver
-from signlin_ros.simulate import KINDS, simulate
+from signlin_ros.simulation import KINDS, simulate
 
 
 def warm_up(model: Model) -> float:

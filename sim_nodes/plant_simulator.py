@@ -20,7 +20,7 @@ from signlin_ros.nodes.overrides import Entry
 from signlin_ros.nodes.parameters import ModelNode
 from signlin_ros.nodes.qos import RELIABLE, SENSORS
 from signlin_ros.nodes.runner import run
-from signlin_ros.simulate import Stepper
+from signlin_ros.simulation import Stepper
 from sim_nodes.measuring import Measuring
 from sim_nodes.signals import INPUT_SIGNALS, input_signal
 

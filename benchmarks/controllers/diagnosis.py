@@ -17,7 +17,7 @@ from signlin_ros.control.designs import DEFAULT, DESIGNS
 from signlin_ros.control.drive import friction_free
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 RATE, LENGTH = 200.0, 16.0
 """Samples per second and length in s of the record that is diagnosed."""

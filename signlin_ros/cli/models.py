@@ -36,7 +36,7 @@ def linearize(model: str, at: tuple[str, ...], inputs: tuple[str, ...], method: 
     """
     points = numbers_of(at, "--at"), numbers_of(inputs, "--input")
     from signlin_ros import console
-    from signlin_ros.linearize import Linearizer
+    from signlin_ros.linearization import Linearizer
     from signlin_ros.model import Model
 
     loaded = Model.load(model)
@@ -86,7 +86,7 @@ def simulate(
     from signlin_ros.guard import check_files
     from signlin_ros.model import Model
     from signlin_ros.records import SUFFIXES, read_for_model, write_record
-    from signlin_ros.simulate import simulate as run
+    from signlin_ros.simulation import simulate as run
 
     loaded = Model.load(model)
     check_files(loaded, (data,), output=output, kinds=SUFFIXES)

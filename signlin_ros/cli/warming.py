@@ -13,7 +13,7 @@ from signlin_ros.diagnosis.verbs import diagnose
 from signlin_ros.fitting.prepare import prepared
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 STEP, SAMPLES = 0.005, 800
 """Sampling time in s, and how many samples a record has."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from signlin_ros.compiled import surface_scales, weights
 from signlin_ros.console.tables import number, per_second, table
-from signlin_ros.linearize import Linearization
+from signlin_ros.linearization import Linearization
 from signlin_ros.model import Model
 from signlin_ros.sign import valid_reach
 

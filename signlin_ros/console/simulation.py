@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from signlin_ros.console.tables import number, table
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, Record, Signal
-from signlin_ros.simulate import Trajectory
+from signlin_ros.simulation import Trajectory
 
 
 def trajectory_record(model: Model, run: Trajectory, source: str) -> Record:

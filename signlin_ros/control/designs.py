@@ -23,7 +23,7 @@ from signlin_ros.control.law import Law
 from signlin_ros.control.lqr import Weights, lqr_gains, lqr_rows, pid_gains
 from signlin_ros.control.reference import Profile
 from signlin_ros.errors import InputError, choices, suggest
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]

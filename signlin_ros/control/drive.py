@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model
-from signlin_ros.simulate import exact_plan_of
+from signlin_ros.simulation import exact_plan_of
 
 Array = NDArray[np.float64]
 NONE = -1

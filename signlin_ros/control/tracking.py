@@ -1,6 +1,6 @@
 """A control law on the exact plant, compiled: what a design is worth, in milliseconds a run.
 
-The plant is that of `signlin_ros.simulate`, kind exact, marched by the same kernel from sample to sample.
+The plant is that of `signlin_ros.simulation`, kind exact, marched by the same kernel from sample to sample.
 """
 
 # Numba infers the types in here; mypy cannot see through its decorators.

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.demo.processes import RATE
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.predict import without_dry_friction
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 if TYPE_CHECKING:
     from signlin_ros.nodes.linearizer_logic import Update

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros import plotting
-from signlin_ros.linearize import Linearization, Linearizer, linearize
+from signlin_ros.linearization import Linearization, Linearizer, linearize
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 Array = NDArray[np.float64]
 SPEED, FASTEST, COASTING = 2.0, 8.0, 0.25

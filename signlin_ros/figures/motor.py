@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from signlin_ros import plotting
 from signlin_ros.figures.shared import Array, options, rms
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.predict import without_dry_friction
-from signlin_ros.simulate import Trajectory, simulate
+from signlin_ros.simulation import Trajectory, simulate
 
 MOTOR_VOLTAGE, MOTOR_HALF, MOTOR_STEP = 2.0, 3.0, 0.005
 """+2 V for 3 s, then -2 V for 3 s; sampled every 5 ms."""

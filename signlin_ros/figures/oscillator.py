@@ -12,7 +12,7 @@ import numpy as np
 from signlin_ros import plotting
 from signlin_ros.figures.shared import Array, options, rms
 from signlin_ros.model import Model
-from signlin_ros.simulate import Trajectory, simulate
+from signlin_ros.simulation import Trajectory, simulate
 
 FORCE, FORCE_RATE, OSCILLATOR_SPAN, OSCILLATOR_STEP = 1.0, 1.0, 40.0, 0.0025
 """The input sin t: force in N, its rate in rad/s; length of the run and sampling, for which it is held, in s."""

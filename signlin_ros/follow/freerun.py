@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from signlin_ros.errors import SimulationError
 from signlin_ros.follow.tracking import Tracker, mean, mean_square
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 Array = NDArray[np.float64]
 

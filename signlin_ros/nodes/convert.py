@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
-from signlin_ros.linearize import Linearization
+from signlin_ros.linearization import Linearization
 from signlin_ros.nodes.linearizer_logic import Refusal, Update
 
 Array = NDArray[np.float64]

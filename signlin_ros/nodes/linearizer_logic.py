@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.errors import InputError
 from signlin_ros.estimate import StateEstimator
-from signlin_ros.linearize import Linearization, Linearizer
+from signlin_ros.linearization import Linearization, Linearizer
 from signlin_ros.model import Model
 from signlin_ros.observe import KalmanObserver
 from signlin_ros.sensors import Sensor

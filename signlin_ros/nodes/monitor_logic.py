@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from signlin_ros.errors import InputError
-from signlin_ros.linearize import Linearization, Linearizer
+from signlin_ros.linearization import Linearization, Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.linearizer_logic import ERROR, NANO, OK, WARN, Health, Refusal, Update
 from signlin_ros.observe.detect import Alarm

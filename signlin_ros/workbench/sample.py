@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.model import Model
 from signlin_ros.records import Record, Signal, write_record
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.errors import SignlinError
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 from signlin_ros.workbench import arrays
 
 Array = NDArray[np.float64]

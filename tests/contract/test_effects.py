@@ -15,7 +15,7 @@ from signlin_ros.effects import CATALOGUE, EFFECTS, SensorEffect
 from signlin_ros.effects.base import Effect, Shown
 from signlin_ros.effects.declared import check_declared
 from signlin_ros.errors import ModelError
-from signlin_ros.linearize import METHODS, Linearizer
+from signlin_ros.linearization import METHODS, Linearizer
 from signlin_ros.mathops import NumpyMath, SympyMath
 from signlin_ros.model import Model
 from signlin_ros.nodes.overrides import entries_of

@@ -5,7 +5,7 @@ import pytest
 
 from signlin_ros.console import catalogue
 from signlin_ros.errors import ModelError
-from signlin_ros.linearize import METHODS, linearize
+from signlin_ros.linearization import METHODS, linearize
 from signlin_ros.model import Model
 from signlin_ros.plants import PLANTS
 
@@ -195,7 +195,7 @@ def test_a_free_drive_takes_the_loop_with_a_stiffness_of_its_own():
 
 @pytest.mark.parametrize("effects", [{}, {"coulomb_friction": {"mu": 3.0}}, {"constant_load": {"F0": 2.0}}])
 def test_a_force_elements_output_is_the_force_that_moves_it(effects):
-    from signlin_ros.simulate import simulate
+    from signlin_ros.simulation import simulate
 
     model = Model.from_dict({"plant": "force_element", "parameters": {"c": 5.0, "k": 100.0}, "effects": effects})
     t = np.linspace(0.0, 1.0, 101)

@@ -13,7 +13,7 @@ from signlin_ros.control.lqr import Weights
 from signlin_ros.control.reference import ramps, sine, swing, triangle
 from signlin_ros.control.tracking import Bench
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 PERIOD = 0.02
 MOTOR = Model.load("dc_motor").with_options(with_position=True)

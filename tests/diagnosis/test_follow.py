@@ -9,7 +9,7 @@ from signlin_ros.follow.equations import equations, neutral_sensors
 from signlin_ros.follow.loop import NONE_LATE, _allocated, follow
 from signlin_ros.follow.steps import padded
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 T, DT = 1200, 0.005
 TIMES = np.arange(T) * DT

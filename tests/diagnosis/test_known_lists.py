@@ -8,7 +8,7 @@ from signlin_ros.fitting.fit import fit
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 T = np.arange(3000) * 5e-3
 TRUE = {"A": [0.3, 0.15], "values": [-0.5, -0.1, 0.4, 0.9]}

@@ -23,7 +23,7 @@ from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 BASE = {"plant": "mass_spring_damper", "parameters": {"m": 2.0, "c": 3.0, "k": 40.0}}
 NOISE = 1e-3

@@ -15,7 +15,7 @@ from signlin_ros.fitting.prepare import held_out, prepared
 from signlin_ros.follow.outliers import without_outliers
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 MOTOR = Model.load("dc_motor")
 T = np.arange(1200) * 0.005

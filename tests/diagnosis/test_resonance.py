@@ -10,7 +10,7 @@ from signlin_ros.follow.equations import equations, neutral_sensors
 from signlin_ros.follow.tracking import Tracker
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 OWN, DT, SAMPLES = 2 * np.pi * 40.0, 1 / 320.0, 3000
 PLANT = Model.load("mass_spring_damper").without_effect("coulomb_friction")

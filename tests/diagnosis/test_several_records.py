@@ -10,7 +10,7 @@ from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.noise import fourth_difference_noise
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 QUANTUM, NOISE = 0.00153, 5e-4
 UNITS = {"force": "N·m", "displacement": "rad"}

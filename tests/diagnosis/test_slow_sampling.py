@@ -11,7 +11,7 @@ from signlin_ros.diagnosis.comparison import compare
 from signlin_ros.follow.tracking import discrete
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 DT, FRICTION = 0.01, 0.02
 

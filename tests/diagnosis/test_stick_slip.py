@@ -8,7 +8,7 @@ import pytest
 from signlin_ros.diagnosis import diagnose
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 DT, SAMPLES, NOISE = 0.004, 5000, 1.6e-4
 VALVE = Model.load("mass_spring_damper").without_effect("coulomb_friction")

@@ -10,7 +10,7 @@ from signlin_ros.fitting.fit import fit
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 STEP, SAMPLES = 0.005, 4000
 

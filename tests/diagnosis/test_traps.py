@@ -17,7 +17,7 @@ from signlin_ros.errors import RecordError, SimulationError
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate as our_simulation
+from signlin_ros.simulation import simulate as our_simulation
 from tests.diagnosis.test_hidden_effects import records
 
 SMALL = Drive(MOTOR, {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}, 5.0, 4.0)

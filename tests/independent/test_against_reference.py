@@ -58,7 +58,7 @@ def assert_same(A, B, c, expected, where):
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", CASES)
 def test_linearize_is_the_reference(name, method, tmp_path):
-    from signlin_ros.linearize import linearize
+    from signlin_ros.linearization import linearize
     from signlin_ros.model import Model
 
     reference = Reference(CASES[name])
@@ -75,7 +75,7 @@ def test_linearize_is_the_reference(name, method, tmp_path):
 
 @pytest.mark.parametrize("name", ["motor", "quasi_static", "oscillator", "bouc_wen", "element_dahl"])
 def test_midpoint_is_where_f_j_arrives_after_half_a_period(name, tmp_path):
-    from signlin_ros.linearize import linearize
+    from signlin_ros.linearization import linearize
     from signlin_ros.model import Model
 
     content = {**CASES[name], "operating_point": "midpoint", "update_period": 0.1}

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from signlin_ros import demo
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
-from signlin_ros.simulate import Trajectory, simulate
+from signlin_ros.simulation import Trajectory, simulate
 
 
 @pytest.fixture(scope="module")

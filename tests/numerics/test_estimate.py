@@ -8,7 +8,7 @@ import pytest
 from signlin_ros.errors import InputError
 from signlin_ros.estimate import CausalDerivative, StateEstimator
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 
 def test_a_parabola_is_differentiated_exactly_even_if_sampled_unevenly() -> None:

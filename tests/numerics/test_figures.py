@@ -19,9 +19,9 @@ from signlin_ros.figures import motor as figure_4
 from signlin_ros.figures import oscillator as figure_5
 from signlin_ros.figures.motor import MotorRuns
 from signlin_ros.figures.oscillator import OscillatorRuns
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 
 @pytest.fixture(scope="module")

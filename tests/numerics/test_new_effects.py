@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 ELEMENT = Model.from_dict({"plant": "force_element", "parameters": {"c": 0.0, "k": 0.0}})
 

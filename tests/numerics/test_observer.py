@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 
 from signlin_ros.errors import InputError
 from signlin_ros.estimate import StateEstimator
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.observe import KalmanObserver, observed_states
 from signlin_ros.observe.meter import NoiseMeter
-from signlin_ros.simulate import Trajectory, simulate
+from signlin_ros.simulation import Trajectory, simulate
 
 Array = NDArray[np.float64]
 ENCODER = 2 * np.pi / 2**16

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from signlin_ros.effects.bouc_wen_hysteresis import BoucWenHysteresis
-from signlin_ros.linearize import linearize
+from signlin_ros.linearization import linearize
 from signlin_ros.mathops import NumpyMath
 from signlin_ros.model import Model
 from signlin_ros.sign import sign_j, sign_j_slope

@@ -13,7 +13,7 @@ from signlin_ros.effects import EFFECTS, Effect, register
 from signlin_ros.errors import InputError, SimulationError
 from signlin_ros.model import Model
 from signlin_ros.par import Par
-from signlin_ros.simulate import SmoothFlow, Stepper, simulate
+from signlin_ros.simulation import SmoothFlow, Stepper, simulate
 
 MOTOR = {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}
 

@@ -7,11 +7,11 @@ import pytest
 
 from signlin_ros.control.controller import Controller, Settings
 from signlin_ros.errors import InputError
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.controller_logic import ControllerLogic
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
-from signlin_ros.simulate import Stepper
+from signlin_ros.simulation import Stepper
 
 MODEL = Model.load("dc_motor")
 PERIOD = 20_000_000

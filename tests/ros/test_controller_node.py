@@ -18,11 +18,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray, String
 
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert
 from signlin_ros.nodes.linearizer_logic import NANO, Update
-from signlin_ros.simulate import Stepper
+from signlin_ros.simulation import Stepper
 
 EXECUTABLE = Path(sys.prefix) / "lib" / "signlin_ros" / "controller"
 pytestmark = pytest.mark.skipif(not EXECUTABLE.exists(), reason="the package is not installed with a controller")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.errors import InputError
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.joint import joint_values, measured_states
 from signlin_ros.nodes.linearizer_logic import ERROR, MOST_LATE, NANO, OK, WARN, LinearizerLogic, Refusal

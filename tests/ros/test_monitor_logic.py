@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.errors import InputError, SignlinError
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
 from signlin_ros.nodes.diagnosing import Naming
 from signlin_ros.nodes.linearizer_logic import ERROR, NANO, OK, WARN, Refusal, Update

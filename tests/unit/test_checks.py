@@ -27,7 +27,7 @@ from signlin_ros.errors import InputError, RecordError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_for_model
 from signlin_ros.records.notes import Note
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 Array = NDArray[np.float64]
 FIELD = Path(os.environ.get("SIGNLIN_DATA", "../shared/data")) / "field"

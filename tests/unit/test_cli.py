@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 
 import signlin_ros.figures
-import signlin_ros.linearize
-import signlin_ros.simulate
+import signlin_ros.linearization
+import signlin_ros.simulation
 from signlin_ros import cli
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, MissingExtraError
-from signlin_ros.linearize import METHODS, linearize
+from signlin_ros.linearization import METHODS, linearize
 from signlin_ros.model import Model
 from signlin_ros.plants import PLANTS
 
@@ -341,7 +341,7 @@ def test_a_fault_of_ours_is_exit_code_1_without_a_traceback(run, monkeypatch):
     def broken(*_):
         raise ZeroDivisionError("inside")
 
-    monkeypatch.setattr(signlin_ros.linearize, "Linearizer", broken)
+    monkeypatch.setattr(signlin_ros.linearization, "Linearizer", broken)
     monkeypatch.delenv("SIGNLIN_DEBUG", raising=False)
     code, out, err = run("linearize", "dc_motor")
     assert (code, out) == (1, "")
@@ -357,7 +357,7 @@ def test_a_missing_extra_is_exit_code_2_with_the_install_command(run, monkeypatc
     def broken(*_):
         raise MissingExtraError("drawing", "plot")
 
-    monkeypatch.setattr(signlin_ros.linearize, "Linearizer", broken)
+    monkeypatch.setattr(signlin_ros.linearization, "Linearizer", broken)
     code, _, err = run("linearize", "dc_motor")
     assert code == 2
     assert 'pip install "signlin_ros[plot]"' in err
@@ -521,7 +521,7 @@ def test_a_bad_output_is_refused_before_anything_is_simulated(run, data, tmp_pat
         raise ZeroDivisionError("simulated")
 
     (tmp_path / "folder.csv").mkdir()
-    monkeypatch.setattr(signlin_ros.simulate, "simulate", never)
+    monkeypatch.setattr(signlin_ros.simulation, "simulate", never)
     code, out, err = run("simulate", "dc_motor", data, "-o", tmp_path / name)
     assert (code, out) == (2, "")
     assert name.split("/")[0] in err

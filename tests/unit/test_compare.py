@@ -24,7 +24,7 @@ from signlin_ros.errors import InputError, RecordError
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ from signlin_ros.diagnosis.comparison import compare, compare_efforts
 from signlin_ros.follow.data import load_records
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 DATA = Path(os.environ.get("SIGNLIN_DATA", "../shared/data")) / "emps"
 real = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measurement records at {DATA} (set SIGNLIN_DATA)")

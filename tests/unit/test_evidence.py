@@ -11,7 +11,7 @@ from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.report.diagnosis_pictures import evidence_picture
 from signlin_ros.report.evidence import _unexplained, evidence
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 pytestmark = pytest.mark.slow
 

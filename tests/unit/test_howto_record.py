@@ -14,7 +14,7 @@ from scipy.io import savemat
 
 from signlin_ros.cli import signlin
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 pytestmark = pytest.mark.slow
 

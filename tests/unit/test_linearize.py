@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from signlin_ros.errors import InputError
-from signlin_ros.linearize import METHODS, Linearizer, linearize
+from signlin_ros.linearization import METHODS, Linearizer, linearize
 from signlin_ros.model import Model
 from signlin_ros.sign import sign_j
 

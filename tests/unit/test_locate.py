@@ -12,7 +12,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 from signlin_ros.report import curves
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 pytestmark = pytest.mark.slow
 

@@ -15,7 +15,7 @@ import yaml
 from signlin_ros import effects as registry
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import EffectError, InputError, ModelError
-from signlin_ros.linearize import linearize
+from signlin_ros.linearization import linearize
 from signlin_ros.model import Model, shipped_models
 from signlin_ros.plants import find_plant
 
@@ -632,7 +632,7 @@ def test_a_bad_entry_point_is_named(load, monkeypatch, catalogue):
         ("signlin_ros.cli", "casadi numpy numba scipy yaml rclpy matplotlib sympy rosbags"),
         ("signlin_ros.effects signlin_ros.plants", "casadi numpy numba rclpy matplotlib sympy"),
         (
-            "signlin_ros.linearize signlin_ros.simulate signlin_ros.records signlin_ros.console.catalogue",
+            "signlin_ros.linearization signlin_ros.simulation signlin_ros.records signlin_ros.console.catalogue",
             "rclpy matplotlib sympy std_msgs",
         ),
     ],

@@ -50,7 +50,7 @@ KINDS_IN_A_PROCESS = """
 import sys
 import numpy as np
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 t = np.linspace(0.0, 0.2, 21)
 for kind in sys.argv[1:]:
     run = simulate(Model.load("dc_motor"), t, np.full((t.size, 1), 6.0), kind=kind)

@@ -8,7 +8,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.follow.data import arriving
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, Record, Series, Signal
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 MOTOR = Model.load("dc_motor")
 STEP, SIZE = 0.01, 400

@@ -21,7 +21,7 @@ from signlin_ros.report import compare_report, diagnosis_report
 from signlin_ros.report.files import write_report
 from signlin_ros.report.formulas import _plain_brackets, formula
 from signlin_ros.report.page import Code, Fold, Formula, Items, Page, Picture, Section, Table, Text, rendered
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 MASS = Model.from_dict(
     {"plant": "mass_spring_damper", "parameters": {"m": 1.0, "c": 0.8, "k": 30.0}, "update_period": 0.1}

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from signlin_ros.errors import ModelError
-from signlin_ros.linearize import linearize
+from signlin_ros.linearization import linearize
 from signlin_ros.model import Model
 from signlin_ros.sensors import Sensor
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 MOTOR = Model.load("dc_motor")
 MASS = Model.load("mass_spring_damper")

@@ -20,6 +20,6 @@ def test_coefficients_are_scipys() -> None:
 
 
 def test_a_process_that_simulates_does_without_scipys_integrators() -> None:
-    code = "import sys, signlin_ros.simulate; print([m for m in sys.modules if m.startswith('scipy.integrate')])"
+    code = "import sys, signlin_ros.simulation; print([m for m in sys.modules if m.startswith('scipy.integrate')])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=300)
     assert done.stdout == "[]\n"

@@ -368,7 +368,7 @@ def hidden_effect(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     from signlin_ros.model import Model
     from signlin_ros.records import Record, Signal, write_record
-    from signlin_ros.simulate import simulate
+    from signlin_ros.simulation import simulate
 
     folder = tmp_path_factory.mktemp("hidden")
     truth = Model.load("dc_motor")

@@ -18,7 +18,7 @@ from signlin_ros.errors import InputError, ModelError
 from signlin_ros.model import Model
 from signlin_ros.nodes.feed_logic import POINTS, Feed, predicted
 from signlin_ros.records import Record, Signal
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 from signlin_ros.workbench import commands, proposing, stages, tuning
 from signlin_ros.workbench.project import MODELS, RECORDS, Project, safe_name
 
@@ -243,7 +243,7 @@ def test_sliders_stay_within_what_is_declared() -> None:
 
 def test_the_bench_shows_what_simulation_and_linearization_say() -> None:
     pytest.importorskip("tsdownsample")
-    from signlin_ros.linearize import Linearizer
+    from signlin_ros.linearization import Linearizer
 
     model = Model.load("dc_motor")
     t = np.arange(800) / 200.0
