@@ -144,5 +144,33 @@ class Linearizer:
 
 
 def linearize(model: Model, x: ArrayLike, u: ArrayLike | None = None, method: str | None = None) -> Linearization:
-    """Linearize once; keep a `Linearizer` for repeated calls. See `Linearizer.__call__`."""
+    """Return x' = A x + B u + c of a model at an operating point.   [paper eqs. (26), (27), (33)]
+
+    Parameters
+    ----------
+    model : Model
+        The model; a `Linearizer` of it serves repeated calls.
+    x : array_like (n,)
+        State in the model's units.
+    u : array_like (m,), optional
+        Input, zero if not given.
+    method : str, optional
+        ``optimal``, ``termwise`` or ``jacobian``; by default the model's.
+
+    Returns
+    -------
+    Linearization
+        A (n, n), B (n, m), c (n,), the point x, u, f(x, u), ``in_valid_range`` and the input's ``delay`` in s.
+
+    Raises
+    ------
+    InputError
+        Wrong lengths, numbers that are not finite, or an unknown method.
+
+    Examples
+    --------
+    >>> from signlin_ros import Model, linearize
+    >>> linearize(Model.load("dc_motor"), [0.4, 10.0]).A.shape
+    (2, 2)
+    """
     return Linearizer(model, method)(x, u)

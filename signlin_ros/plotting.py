@@ -81,3 +81,16 @@ def shade(axes: Any, t: Any, where: Any, label: str) -> None:
     axes.fill_between(
         t, 0, 1, where=where, transform=axes.get_xaxis_transform(), color=SHADE, alpha=0.18, lw=0, label=label
     )
+
+
+def trajectory_figure(trajectory: Any) -> Any:
+    """Return a figure of a `signlin_ros.simulation.Trajectory`: inputs and outputs over time, one below the other."""
+    names = list(dict.fromkeys((*trajectory.inputs, *trajectory.outputs)))
+    with styled(7.0, 1.3 * len(names) + 0.6) as figure:
+        rows = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, name in zip(rows, names, strict=True):
+            steps = "steps-post" if name in trajectory.inputs else "default"
+            axes.plot(trajectory.t, trajectory[name], color=EXACT, drawstyle=steps)
+            axes.set_ylabel(name)
+        rows[-1].set_xlabel("t [s]")
+    return figure

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -21,6 +22,7 @@ from signlin_ros.engine.piecewise import run_piecewise
 from signlin_ros.engine.smooth import flow_many, run_smooth, smooth_plan
 from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.errors import InputError, SimulationError, choices, suggest
+from signlin_ros.lazy import drawn_by, frame
 from signlin_ros.model import Model
 from signlin_ros.recording.trace import Structure, trace
 
@@ -57,6 +59,13 @@ class Trajectory:
                 return np.asarray(values[:, names.index(name)])
         raise KeyError(name)
 
+    def to_frame(self) -> Any:
+        """Return inputs, states and outputs (T,) by name as a pandas DataFrame over t in s."""
+        names = dict.fromkeys((*self.inputs, *self.states, *self.outputs))
+        return frame({"t": self.t, **{name: self[name] for name in names}}, index="t")
+
+    plot = drawn_by("signlin_ros.plotting", "trajectory_figure")
+
 
 def simulate(
     model: Model,
@@ -67,12 +76,36 @@ def simulate(
     rtol: float = 1e-6,
     acts: ArrayLike | None = None,
 ) -> Trajectory:
-    """Simulate at times t (T,) with inputs u (T, m) held from each time to the next, or as ``input_hold`` says.
+    """Simulate a model under inputs that are held from each time to the next, or as its ``input_hold`` says.
 
-    Where the inputs have a clock of their own, ``acts`` (T,) says from when each row does.
-    x0 (n,) is the state at t[0], the model's ``initial_state`` by default. An input delay shifts the inputs; before
-    its first sample an input has that sample's value. Raises `InputError` for bad arguments, `SimulationError` when
-    the run diverges, saying when.
+    Parameters
+    ----------
+    model : Model
+        The model; its input delay shifts the inputs, before its first sample an input has that sample's value.
+    t : array_like (T,)
+        Increasing times in s.
+    u : array_like (T, m)
+        Inputs in the model's order and units.
+    x0 : array_like (n,), optional
+        State at t[0]; by default the model's ``initial_state``.
+    kind : str
+        ``exact`` (set-valued: what sticks stands still), ``smooth`` (f_j) or ``piecewise`` (A_k held for a period).
+    rtol : float
+        Relative tolerance of the integrator.
+    acts : array_like (T,), optional
+        From when each row of ``u`` acts, where inputs have a clock of their own.
+
+    Returns
+    -------
+    Trajectory
+        Times, inputs, states (T, n), outputs, and events of sticking and slipping.
+
+    Raises
+    ------
+    InputError
+        Bad arguments.
+    SimulationError
+        The run diverges; the message says when.
     """
     times, inputs, start = _checked(model, t, u, x0)
     if kind not in KINDS:

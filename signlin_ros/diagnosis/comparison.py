@@ -32,6 +32,7 @@ from signlin_ros.follow.observer import TRUSTS, Observer
 from signlin_ros.follow.outliers import without_outliers
 from signlin_ros.follow.segments import pieces
 from signlin_ros.follow.tracking import mean_square
+from signlin_ros.lazy import drawn_by, frame
 from signlin_ros.model import Model
 from signlin_ros.noise import Noise, noise_level, sensor_noise
 from signlin_ros.predict import windows
@@ -122,6 +123,20 @@ class Comparison:
             return self.refit(), ""
         except InputError as error:
             return None, f"the model was not refitted: {error}"
+
+    def to_frame(self) -> Any:
+        """Return the scores as a pandas DataFrame: unit, noise, free-run and windowed RMS error of each channel."""
+        scores = {name: (c.free_run, c.windowed) for name, c in self.channels.items()}
+        columns: dict[str, Any] = {
+            "channel": list(self.channels),
+            "unit": [c.unit for c in self.channels.values()],
+            "noise": [c.sigma for c in self.channels.values()],
+        }
+        for k, kind in enumerate(("free_run", "windowed")):
+            columns[kind] = [np.nan if s[k] is None else s[k].rmse for s in scores.values()]  # type: ignore[union-attr]
+        return frame(columns, index="channel")
+
+    plot = drawn_by("signlin_ros.report.pictures", "measured_and_simulated")
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON object of schemas/compare.json."""

@@ -11,6 +11,7 @@ from typing import Any
 from signlin_ros.comparison.scores import Score
 from signlin_ros.digits import with_error
 from signlin_ros.errors import joined
+from signlin_ros.lazy import drawn_by, frame
 from signlin_ros.markup import html_table
 from signlin_ros.model import Model
 
@@ -150,6 +151,13 @@ class Diagnosis:
     def missing(self) -> tuple[Entry, ...]:
         """The effects that the proposal adds."""
         return tuple(e for e in self.ranking if e.effect in self.ladder[-1].effects)
+
+    def to_frame(self) -> Any:
+        """Return the ranking as a pandas DataFrame: status, reason and ties of each effect."""
+        columns = ("effect", "status", "why", "indistinguishable_from")
+        return frame({name: [getattr(e, name) for e in self.ranking] for name in columns}, index="effect")
+
+    plot = drawn_by("signlin_ros.report.diagnosis_pictures", "ladder")
 
     def to_json(self) -> dict[str, Any]:
         """Return the object of ``signlin diagnose --json``."""

@@ -72,7 +72,29 @@ def read_record(
     wanted: Iterable[str] | None = None,
     base: str | None = None,
 ) -> Record:
-    """As `read_records`, where one record is wanted: the longest run, with a note on the others."""
+    """Read one record: of a file that holds several runs the longest, with a note on the others.
+
+    Parameters
+    ----------
+    path : str or path
+        A table (CSV, MAT, Parquet, ...) or a rosbag2 recording.
+    signals : mapping, optional
+        New name to column, bag path or formula, see `read_records`.
+    wanted : iterable of str, optional
+        The columns that matter, see `read_records`.
+    base : str, optional
+        For a bag, the signal or topic whose stamps become the time base.
+
+    Returns
+    -------
+    Record
+        Times in s and signals with units; ``notes`` say what was done to the data.
+
+    Raises
+    ------
+    RecordError
+        Anything wrong with the file: file, row and column are named.
+    """
     return _longest(read_records(path, signals, wanted=wanted, base=base), os.fspath(path))
 
 

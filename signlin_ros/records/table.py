@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError, suggest
+from signlin_ros.lazy import frame
 from signlin_ros.records.header import heading, tidy
 from signlin_ros.records.notes import Note, as_notes
 
@@ -201,6 +202,11 @@ class Record:
     def nearest(self, name: str) -> str:
         """``; did you mean 'q_meas [m]'?`` or nothing."""
         return nearest(name, self.labels.values())
+
+    def to_frame(self) -> Any:
+        """Return the signals (T,) as a pandas DataFrame over t in s, columns as ``speed [rad/s]``."""
+        heads = {name: f"{name} [{signal.unit}]" if signal.unit else name for name, signal in self.signals.items()}
+        return frame({"t": self.t, **{head: self.signals[name].values for name, head in heads.items()}}, index="t")
 
     def for_model(
         self,

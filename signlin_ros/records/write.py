@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros import units
-from signlin_ros.errors import RecordError
+from signlin_ros.errors import MissingExtraError, RecordError
 from signlin_ros.files import refusal, replacing
 from signlin_ros.records.formats.bag import TIME_TOPIC
 from signlin_ros.records.header import heading
@@ -60,6 +60,19 @@ def write_record(
     inputs and all others states. Units are not stored.
 
     The file is written under a temporary name in the same folder and renamed at the end.
+
+    Parameters
+    ----------
+    record : Record
+        What is written.
+    path : str or path
+        The file, ``.csv`` or ``.mcap``.
+    model : Model, optional
+        Which signals are inputs and states, for ``.mcap``.
+    joint_name : str, optional
+        The joint of ``/joint_states``, for ``.mcap``.
+    with_units : bool
+        Whether the header states every unit, for ``.csv``.
 
     Raises
     ------
@@ -109,8 +122,11 @@ def _header(record: Record, with_units: bool) -> list[str]:
 
 
 def _write_mcap(record: Record, path: Path, model: Model | None, joint_name: str | None) -> None:
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
+    try:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise MissingExtraError("Writing rosbag2 recordings", "formats") from None
 
     store: Any = get_typestore(Stores.ROS2_JAZZY)
     stamps, exact = _stamps(record)

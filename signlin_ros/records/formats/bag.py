@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from signlin_ros.errors import RecordError
+from signlin_ros.errors import MissingExtraError, RecordError
 from signlin_ros.records.align import align, looks_held, named
 from signlin_ros.records.clean import renamed
 from signlin_ros.records.formats.bag_clock import BACK, clocks, restarts, seconds
@@ -106,8 +106,11 @@ class _Bag:
 def _collect(path: Path, source: str, specs: list[str]) -> _Bag:
     """All messages of the topics that hold numbers or that `specs` name."""
     paths = _storage(path, source)
-    from rosbags.highlevel import AnyReader
-    from rosbags.typesys import Stores, get_typestore
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise MissingExtraError(f"{source}: reading rosbag2 recordings", "formats") from None
 
     try:
         with AnyReader(paths, default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
