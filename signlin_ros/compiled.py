@@ -13,6 +13,7 @@ from signlin_ros.engine.symbolic import symbolic
 from signlin_ros.engine.tape import Tape
 from signlin_ros.errors import ModelError
 from signlin_ros.model import Model
+from signlin_ros.recording.arm_linear import arm_terms
 from signlin_ros.recording.smooth import SmoothForm, smooth_form
 from signlin_ros.recording.trace import Structure, Trace, trace
 from signlin_ros.sign import valid_expression
@@ -108,7 +109,10 @@ def linear_function(structure: Structure, order: int, method: str) -> tuple[ca.F
     t = form.trace
     n, m = t.x.numel(), t.u.numel()
     weights = ca.SX.sym("w", n)
-    A, B, c, f = linear_terms(form, weights, method)
+    if t.parts is not None:
+        A, B, c, f = arm_terms(form, t.parts, secant=method == "per_joint")
+    else:
+        A, B, c, f = linear_terms(form, weights, method)
     blocks = {"A": _row_major(A), "B": _row_major(B), "c": c, "f": f, "valid": _valid(form)}
     flat = ca.vertcat(*blocks.values())
     rows, start = {}, 0
@@ -192,6 +196,11 @@ def scales(model: Model) -> NDArray[np.float64]:
     surfaces = model.trace.surfaces
     if model.sign_scale > 0.0 or not surfaces:
         return np.full(len(surfaces), model.sign_scale or 1.0)
+    if model.trace.parts is not None:
+        known = model.operating_range
+        return np.array([3.0 / model.sign_order * s.size if s.size else 1.0 for s in surfaces]) * [
+            known[s.name] / s.size if s.size and s.name in known else 1.0 for s in surfaces
+        ]
     return 3.0 / model.sign_order * _largest(model, model.trace, model.p)
 
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from signlin_ros.compiled import linear_function, linear_tape, scales, weights
 from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.markup import html_table
-from signlin_ros.model import METHODS, Model
+from signlin_ros.model import ARM_METHODS, METHODS, Model
 
 Array = NDArray[np.float64]
 _FALSE = np.False_.tobytes()  # searching bytes is several times quicker than ndarray.all() on a few numbers
@@ -71,8 +71,10 @@ class Linearizer:
 
     def __init__(self, model: Model, method: str | None = None) -> None:
         method = method or model.linearization
-        if method not in METHODS:
-            raise InputError(f"method {method!r}; known: {choices(METHODS)}{suggest(method, METHODS)}")
+        known = ARM_METHODS if model.plant.name == "arm" else METHODS
+        if method not in known:
+            of = f" for the plant {model.plant.name}" if method in (*ARM_METHODS, *METHODS) else ""
+            raise InputError(f"method {method!r}; known{of}: {choices(known)}{suggest(method, known)}")
         self.model, self.method, self.delay = model, method, model.delay
         self.n, self.m = len(model.states), len(model.inputs)
         self.scales, self.weights = scales(model), weights(model)

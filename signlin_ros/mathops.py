@@ -154,16 +154,19 @@ class Surface:
     """A switching surface g = 0 noted by the `Recorder`.
 
     ``kind`` is "switch" (a sign: jumps, can stick), "kink" (continuous) or "contact" (jumps, cannot stick).
+    ``size`` is the largest |g| to expect, 0 where that is not known; ``label`` a name of its own.
     """
 
     symbol: ca.SX
     g: ca.SX
     kind: str
+    label: str = ""
+    size: float = 0.0
 
     @property
     def name(self) -> str:
         """The surface as text, e.g. ``speed`` or ``(displacement-hard_stop.gap)``."""
-        return str(self.g)
+        return self.label or str(self.g)
 
 
 @dataclass

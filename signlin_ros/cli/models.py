@@ -12,7 +12,7 @@ from signlin_ros.cli.telling import progress, tell
 from signlin_ros.cli.values import by_own_name, numbers_of, positive
 from signlin_ros.errors import InputError
 
-METHODS = ("optimal", "termwise", "jacobian")
+METHODS = ("optimal", "termwise", "jacobian", "per_joint")
 KINDS = ("exact", "smooth", "piecewise")
 
 

@@ -86,6 +86,10 @@ class Model:
     @classmethod
     def from_dict(cls, mapping: Mapping[str, Any], source: str = "model", folder: Path = Path()) -> Model:
         """Build a model from what stands below ``ros__parameters``; raise `ModelError` naming source and key."""
+        if mapping.get("plant") == "arm":
+            from signlin_ros.model.arm import ArmModel
+
+            return ArmModel.from_dict(mapping, source, folder)
         try:
             model = Model(**fields_of(mapping, source, folder))
             check_axis(model)

@@ -47,7 +47,7 @@ def check_names(model: Model) -> None:
             if name not in model.parameters:
                 known = f"{choices(model.parameters)}{suggest(name, model.parameters)}"
                 raise ModelError(f"{option}: {name!r} is no base parameter; there are: {known}")
-    if model.sign_scale == 0.0 and not model.operating_range:
+    if model.sign_scale == 0.0 and not model.operating_range and model.plant.velocity:
         example = f"{{{model.plant.velocity}: 30.0}}"
         raise ModelError(f"operating_range: missing; sign_scale 0.0 is chosen from it, e.g. {example}")
 

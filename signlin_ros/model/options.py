@@ -11,7 +11,7 @@ from signlin_ros.errors import InputError, ModelError, suggest
 from signlin_ros.names import TIME
 from signlin_ros.par import Par
 
-METHODS = ("optimal", "termwise", "jacobian")
+METHODS = ("optimal", "termwise", "jacobian", "per_joint")
 OPERATING_POINTS = ("start", "midpoint")
 AXES = ("rotary", "linear")
 TOLERANCE = 0.05

@@ -24,6 +24,10 @@ def fields_of(mapping: Mapping[str, Any], source: str, folder: Path) -> dict[str
         raise ModelError("plant: missing")
     plant = find_plant(mapping["plant"], "plant")
     options = {key: check(mapping[key], key) for key, check in OPTIONS.items() if key in mapping}
+    if options.get("linearization") == "per_joint":
+        raise ModelError(
+            f"linearization: per_joint is for an arm; allowed for {plant.name}: optimal, termwise, jacobian"
+        )
     for name in options.get("effect_files", ()):
         load_effect_file(folder / name)
     table = mapping.get("parameters", {})

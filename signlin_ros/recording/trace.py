@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 
@@ -20,6 +20,9 @@ from signlin_ros.mathops import Recorder, Surface
 from signlin_ros.par import POWERS, Namespace, as_law_sees
 from signlin_ros.plants import Plant
 from signlin_ros.recording.asking import asked
+
+if TYPE_CHECKING:
+    from signlin_ros.recording.arm import Parts
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,7 @@ class Trace:
     """Equations of a model as CasADi expressions of x (n), u (m), p and the surfaces' symbols.
 
     ``f`` (n) state derivatives; ``y`` outputs beside the states; ``delay`` of the input in s, a function of p.
-    Names are plain public names; ``units`` covers states, inputs and outputs.
+    Names are plain public names; ``units`` covers states, inputs and outputs. ``parts``: of an arm, what f is made of.
     """
 
     states: tuple[str, ...]
@@ -65,6 +68,7 @@ class Trace:
     y: ca.SX
     delay: ca.SX
     surfaces: tuple[Surface, ...]
+    parts: Parts | None = None
 
 
 class _Coordinates:
@@ -257,6 +261,12 @@ def trace(structure: Structure) -> Trace:
     What was traced is kept until the process ends, as is its machine code: expressions that are forgotten in one thread
     must not be written in another (`signlin_ros.engine.symbolic`).
     """
+    if structure.plant.name == "arm":
+        from signlin_ros.recording.arm import ArmTracer
+
+        result = ArmTracer(structure).run()
+        _check_switches(result)
+        return result
     tracer = _Tracer(structure)
     results, delay = tracer.run()
     states, inputs = tuple(tracer.symbols), tuple(tracer.input_symbols)
