@@ -14,7 +14,7 @@ from signlin_ros.model.arm_file import KEYS, SECTION, ArmFile, Effort, Payload, 
 from signlin_ros.model.files import relative
 from signlin_ros.model.model import Model
 from signlin_ros.model.names import check_names
-from signlin_ros.model.options import NODE_KEYS, OPTIONS, RESERVED_KEYS
+from signlin_ros.model.options import ARM_METHODS, NODE_KEYS, OPTIONS, RESERVED_KEYS
 from signlin_ros.model.uses import EffectUse, effect_class, effects_of, nominal, slot
 from signlin_ros.par import Par, Pars, check_values, declared_name, gathered, place_of
 from signlin_ros.plants.arm import GAIN, MOTOR_INERTIA, ArmPlant, arm_plant
@@ -22,8 +22,6 @@ from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import Structure, resolve_unit
 from signlin_ros.robots import Robot
 
-METHODS = ("per_joint", "jacobian")
-"""How an arm is linearized: `optimal` and `termwise` depend on where the zeros of its joints are."""
 _UNUSED = ("with_position", "with_load_torque", "axis", "gear", "operating_point")
 
 
@@ -220,9 +218,9 @@ def _fields(mapping: Mapping[str, Any], source: str, folder: Path) -> dict[str, 
             raise ModelError(f"{key}: unknown key; known: {choices(known)}{suggest(str(key), known)}")
     found = {key: check(mapping[key], key) for key, check in options.items() if key in mapping}
     method = found.get("linearization", "per_joint")
-    if method not in METHODS:
+    if method not in ARM_METHODS:
         said = "its A would depend on where the joints' zeros are"
-        raise ModelError(f"linearization: found {method!r}; allowed for an arm: {', '.join(METHODS)} ({said})")
+        raise ModelError(f"linearization: found {method!r}; allowed for an arm: {', '.join(ARM_METHODS)} ({said})")
     for name in found.get("effect_files", ()):
         load_effect_file(folder / name)
     sections = {name: _section(mapping.get(name), name) for name in robot.names}
@@ -284,4 +282,4 @@ def _plant(file: ArmFile, changed: int, units: tuple[tuple[str, str], ...]) -> t
     return arm_plant(robot, file.motors(robot.names), dict(units), file.at_motor(robot.names))
 
 
-__all__ = ["METHODS", "ArmModel"]
+__all__ = ["ArmModel"]

@@ -11,7 +11,9 @@ from signlin_ros.errors import InputError, ModelError, suggest
 from signlin_ros.names import TIME
 from signlin_ros.par import Par
 
-METHODS = ("optimal", "termwise", "jacobian", "per_joint")
+METHODS = ("optimal", "termwise", "jacobian")
+ARM_METHODS = ("per_joint", "jacobian")
+"""How an arm is linearized: the others depend on where the zeros of its joints are."""
 OPERATING_POINTS = ("start", "midpoint")
 AXES = ("rotary", "linear")
 TOLERANCE = 0.05
@@ -121,7 +123,7 @@ OPTIONS: dict[str, Callable[[Any, str], Any]] = {
     "sign_order": _order,
     "sign_scale": lambda v, w: _number(v, w, 0.0, 1e12),
     "operating_range": _number_table(0.0, positive=True),
-    "linearization": _choice(METHODS),
+    "linearization": _choice((*METHODS, "per_joint")),
     "operating_point": _choice(OPERATING_POINTS),
     "input_hold": _hold,
     "update_period": lambda v, w: _number(v, w, 0.0, 3600.0, "s", positive=True),
@@ -138,4 +140,14 @@ OPTIONS: dict[str, Callable[[Any, str], Any]] = {
 }
 
 
-__all__ = ["AXES", "HOLDS", "METHODS", "NODE_KEYS", "OPERATING_POINTS", "OPTIONS", "RESERVED_KEYS", "TOLERANCE"]
+__all__ = [
+    "ARM_METHODS",
+    "AXES",
+    "HOLDS",
+    "METHODS",
+    "NODE_KEYS",
+    "OPERATING_POINTS",
+    "OPTIONS",
+    "RESERVED_KEYS",
+    "TOLERANCE",
+]

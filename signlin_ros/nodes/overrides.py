@@ -19,7 +19,7 @@ import yaml
 
 from signlin_ros import sign
 from signlin_ros.errors import InputError, ModelError, suggest
-from signlin_ros.model import METHODS, OPERATING_POINTS, Model
+from signlin_ros.model import ARM_METHODS, METHODS, OPERATING_POINTS, Model
 from signlin_ros.par import Pars, gathered
 
 
@@ -231,7 +231,9 @@ def _method_entries(model: Model) -> dict[str, Entry]:
             0,
             1e12,
         ),
-        "linearization": free(model.linearization, "method", choices=METHODS),
+        "linearization": free(
+            model.linearization, "method", choices=ARM_METHODS if model.plant.name == "arm" else METHODS
+        ),
         "operating_point": free(model.operating_point, "where A and B are taken", choices=OPERATING_POINTS),
         "update_period": free(model.update_period, "time between two models [s], 0 excluded", 0.0, 3600.0),
     }

@@ -177,7 +177,7 @@ def test_two_joints_stand_still_at_once():
 
 
 def test_another_method_is_refused_for_an_arm_and_per_joint_for_others():
-    with pytest.raises(InputError, match="not for the plant arm"):
+    with pytest.raises(InputError, match="known for the plant arm"):
         Linearizer(MODEL, "optimal")
-    with pytest.raises(InputError, match="not for the plant dc_motor"):
+    with pytest.raises(InputError, match="known for the plant dc_motor"):
         Linearizer(Model.load("dc_motor"), "per_joint")
