@@ -7,9 +7,9 @@ import pytest
 
 from signlin_ros.compiled import scales, smooth_function
 from signlin_ros.errors import InputError, ModelError
-from signlin_ros.linearize import Linearizer
+from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 SMALL = Path(__file__).parents[2] / "config/arm/small_arm.yaml"
 MODEL = Model.load(SMALL)
