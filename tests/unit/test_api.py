@@ -81,11 +81,11 @@ def test_a_table_without_a_time_is_refused():
 
 
 def test_old_modules_are_functions_too_and_warn():
-    import signlin_ros.simulation
+    import signlin_ros.simulate
 
-    assert signlin_ros.simulation is not None
-    with pytest.warns(DeprecationWarning, match="signlin_ros.simulation is signlin_ros.simulation"):
-        from signlin_ros.simulation import Stepper
+    assert signlin_ros.simulate is not None
+    with pytest.warns(DeprecationWarning, match="signlin_ros.simulate is signlin_ros.simulation"):
+        from signlin_ros.simulate import Stepper
     assert Stepper is sl.Stepper
     model = sl.Model.load("dc_motor")
     assert sl.simulate(model, [0.0, 0.1], [1.0, 1.0])["speed"][-1] > 0.0  # called as a function, whichever it is
