@@ -77,8 +77,8 @@ def measured() -> str:
     last = [r for r in pieces if int(r["round"]) == rounds]
     text = (
         f"{len(pieces)} pieces of logs that others have published, in {rounds} rounds, each described (what may be "
-        "expected) before it was asked: all answers are in `docs/results/published_machines.csv`. The last round, nothing "
-        "mended after it:"
+        "expected) before it was asked: all answers are in `docs/results/published_machines.csv`. "
+        "The last round, nothing mended after it:"
     )
     body = [[r["machine"], r["expected"], r["first_answer"]] for r in last]
     return (
