@@ -181,21 +181,27 @@ def compare(
     """Hold a model against one record or several, ``data``.
 
     The first rows are those of `diagnose` with the same ``data`` and ``validation``; they are found when they are asked
-    for, which takes seconds: ``progress`` is told of it, ``cancelled`` asked whether to stop. ``horizon`` of the
-    windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse in Hz, by default that of
+    for, which takes seconds. ``progress`` is told what is done, ``cancelled`` asked then whether to stop. ``horizon``
+    of the windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse in Hz, by default that of
     `diagnose`. Raises `RecordError` where nothing that the model predicts is measured, `InputError` for a horizon or a
     cut-off that the sampling cannot serve.
     """
-    records = as_list(data)
+    records, tell = as_list(data), progress or (lambda what: None)
+    tell("noise of the sensors")
     observer, notes = _observed(model, records)
     units, horizon = dict(records[0].units), _horizon(model, horizon, observer.step)
-    free, window = _free(observer, notes), _windowed(observer, horizon, notes)
+    tell("free run from the start")
+    free = _free(observer, notes)
+    tell("prediction, window by window")
+    window = _windowed(observer, horizon, notes)
+    tell("what is missing")
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
     try:
         prepared: Case | InputError = case(model, data, validation)
     except InputError as error:
         prepared = error  # the records cannot be used as `diagnose` uses them
     scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Case) else {})
+    tell("where it fails")
     parts, channels, noise = observer.stretches, observer.channels, observer.noise
     efforts = compare_efforts(model, records, cutoff)
     effort, where = efforts.inverse(model, units) if efforts else None, locate(observer, lacking, units)

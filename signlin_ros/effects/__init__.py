@@ -12,8 +12,9 @@ import importlib.metadata
 import importlib.util
 import inspect
 from collections import Counter
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 
 from signlin_ros.effects.base import Effect, SensorEffect
 from signlin_ros.effects.declared import check_declared
@@ -137,10 +138,20 @@ def _classes(module: ModuleType) -> list[type[Effect]]:
     return [c for c in own if issubclass(c, Effect)]
 
 
+class _Source(SourceFileLoader):
+    """Runs what a file says: bytecode that lies beside it may be of something else."""
+
+    def get_code(self, fullname: str) -> CodeType:
+        """Return the compiled source."""
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
 @functools.cache
 def _effects_in(path: Path, changed: int) -> tuple[type[Effect], ...]:
     """Return the effects of a file as of when it ``changed``: the same classes each time, so traced once."""
-    spec = importlib.util.spec_from_file_location(f"signlin_effect_{path.stem}", path)
+    name = f"signlin_effect_{path.stem}"
+    loader = _Source(name, str(path))
+    spec = importlib.util.spec_from_file_location(name, path, loader=loader) if path.suffix == ".py" else None
     if spec is None or spec.loader is None:
         raise ModelError(f"effect_files: {path} is not a Python file")
     module = importlib.util.module_from_spec(spec)

@@ -24,6 +24,8 @@ PRIOR = 3.0
 """The reach of an initial state is so many standard deviations of what is known of it beforehand."""
 SAMPLES = 50
 """An initial state is fitted to at least so many samples."""
+LONGEST = 200_000
+"""Samples beyond which a record tells no more of its start."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +44,7 @@ def free_run(tracker: Tracker, rough: Array, reach: Array, noise: Array) -> Free
     """
     first = max(int(np.searchsorted(tracker.t, tracker.t[0] + FIRST_PART)), SAMPLES)
     near = fitted_start(tracker, rough, reach, noise, first)
-    candidates = [fitted_start(tracker, near, reach, noise, tracker.t.size), near, rough]
+    candidates = [fitted_start(tracker, near, reach, noise, min(tracker.t.size, LONGEST)), near, rough]
     runs = [_simulated(tracker, x0) for x0 in candidates]
     good = [run for run in runs if not run.why]
     return min(good, key=lambda run: _cost(tracker, run.shown)) if good else runs[-1]

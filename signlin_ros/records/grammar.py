@@ -30,6 +30,10 @@ Array = npt.NDArray[np.float64]
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.])")
 _WORD = re.compile(r"/?[^\W\d][\w./]*(?:\[[\w/]+\][\w.]*)*|\d+[A-Za-z_]\w*|#\d+")
 _UNIT = re.compile(r"\s*\[(?P<unit>[^\[\]]+)\]\s*\Z")
+SHOWN = 60
+"""Characters of a formula that a message shows."""
+LONGEST, FACTORS = 10_000, 200
+"""Characters of a formula, and numbers and columns in it."""
 DEEPEST = 50
 """Brackets within brackets that a formula may have."""
 
@@ -189,7 +193,10 @@ def parse(text: str, names: Mapping[str, str], where: str) -> Node:
     RecordError
         With the place in the formula, and what it does not know.
     """
-    return _Parser(text, dict(sorted(names.items(), key=lambda pair: -len(pair[0]))), where).whole()
+    parser = _Parser(text, dict(sorted(names.items(), key=lambda pair: -len(pair[0]))), where)
+    if len(text) > LONGEST:
+        raise parser.fault(f"{len(text):,} characters; allowed: {LONGEST:,}")
+    return parser.whole()
 
 
 @dataclass
@@ -201,17 +208,19 @@ class _Parser:
     where: str
     at: int = 0
     depth: int = field(default=0)
+    count: int = field(default=0)
 
     def whole(self) -> Node:
         node = self.sum()
         self.blank()
         if self.at < len(self.text):
-            raise self.fault(f"{self.text[self.at :]!r} is left over")
+            raise self.fault(f"{self.text[self.at : self.at + SHOWN]!r} is left over")
         return node
 
     def fault(self, why: str) -> RecordError:
         known = "numbers, columns, + - * / ( ), " + ", ".join(FUNCTIONS)
-        return RecordError(f"{self.where}: {self.text!r}: {why}; allowed: {known}")
+        shown = self.text if len(self.text) <= SHOWN else f"{self.text[:SHOWN]} ..."
+        return RecordError(f"{self.where}: {shown!r}: {why}; allowed: {known}")
 
     def blank(self) -> None:
         while self.at < len(self.text) and self.text[self.at].isspace():
@@ -256,6 +265,9 @@ class _Parser:
 
     def atom(self) -> Node:
         self.blank()
+        self.count += 1
+        if self.count > FACTORS:
+            raise self.fault(f"more than {FACTORS} factors")
         if self.taken("("):
             return self.closed(self.deeper(self.sum))
         number = _NUMBER.match(self.text, self.at)

@@ -39,6 +39,10 @@ def at(t: float | np.floating) -> str:
     return f"t = {t:.9g} s" if abs(t) < LONG_AGO else f"t = {t:.3f} s"
 
 
+LONGEST = 80
+"""Characters of a name that a message shows."""
+
+
 @dataclass(frozen=True, eq=False)
 class Signal:
     """One measured or commanded quantity.
@@ -192,7 +196,8 @@ class Record:
         """As `find`, but refuses a name that is not there with the names that are, and `advice`."""
         key = self.find(name)
         if key is None:
-            raise RecordError(f"{self.source}: no {role} {name!r}; {self.listing()}{advice or self.nearest(name)}")
+            shown = name if len(name) <= LONGEST else f"{name[:LONGEST]} ..."
+            raise RecordError(f"{self.source}: no {role} {shown!r}; {self.listing()}{advice or self.nearest(name)}")
         return key
 
     def listing(self) -> str:

@@ -13,6 +13,9 @@
 `commands`  command lines that do the same as the clicks, and the script of them all
 `lane`      a worker process that can be cancelled at any moment
 `worker`    what runs in it
+`looking`   what is seen of a record before anything is done with it
+`receiving` files that are dropped, and what a click asks for
+`uploaded`  a model file is looked at before it is read; `trust`: code that was agreed to
 `calls`     the one place that calls the numerics: the functions behind the command line
 `ranking`   what a diagnosis has tried so far
 =========== ====================================================================================

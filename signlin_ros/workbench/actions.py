@@ -8,9 +8,12 @@ from typing import Any
 
 from signlin_ros.errors import InputError
 from signlin_ros.workbench import columns, questions
+from signlin_ros.workbench import trust as trusting
 from signlin_ros.workbench.session import Session
 
 Args = dict[str, Any]
+LONGEST = 10_000
+"""Characters of a formula."""
 
 
 async def take(s: Session, args: Args) -> None:
@@ -31,8 +34,7 @@ async def model(s: Session, args: Args) -> None:
     name = str(args.get("name"))
     if name not in [m["name"] for m in await s.models()]:
         raise InputError(f"no such model: {name!r}")
-    s.project.change(f"choose {name}", model=name, path=[], guessed=False)
-    s.start("record", "reading", s.look)
+    s.change(f"choose {name}", "record", "reading", s.look, model=name, path=[], guessed=False)
 
 
 async def role(s: Session, args: Args) -> None:
@@ -42,8 +44,7 @@ async def role(s: Session, args: Args) -> None:
     record["role"] = "estimation" if record["role"] == "validation" else "validation"
     if all(r["role"] == "validation" for r in records):
         raise InputError("one record at least is needed for estimation")
-    s.project.change(f"{record['file']}: for {record['role']}", records=records)
-    s.start("check", "checking", s.look)
+    s.change(f"{record['file']}: for {record['role']}", "check", "checking", s.look, records=records)
 
 
 async def drop(s: Session, args: Args) -> None:
@@ -53,8 +54,7 @@ async def drop(s: Session, args: Args) -> None:
     records.remove(gone)
     if records and all(r["role"] == "validation" for r in records):
         records[0]["role"] = "estimation"
-    s.project.change(f"without {gone['file']}", records=records)
-    s.start("record", "reading", s.look)
+    s.change(f"without {gone['file']}", "record", "reading", s.look, records=records)
 
 
 def _one(records: list[dict[str, str]], args: Args) -> dict[str, str]:
@@ -79,6 +79,8 @@ async def map_signal(s: Session, args: Args) -> None:
         said = str(args["formula"]).strip() or None
     elif said:
         said = _specification(said, str(args.get("unit") or ""), float(args.get("factor") or 1.0))
+    if said and len(said) > LONGEST:
+        raise InputError(f"a formula of {len(said):,} characters; allowed: {LONGEST:,}")
     _remap(s, table["files"], {signal: said})
 
 
@@ -94,8 +96,7 @@ async def remap(s: Session, args: Args) -> None:
 
 def _remap(s: Session, files: Sequence[str], said: Mapping[str, str | None]) -> None:
     told = ", ".join(f"{signal} = {spec or 'by its name'}" for signal, spec in said.items())
-    s.project.change(told, records=columns.with_signals(s, files, said), path=[])
-    s.start("record", "reading", s.look)
+    s.change(told, "record", "reading", s.look, records=columns.with_signals(s, files, said), path=[])
 
 
 async def apart(s: Session, args: Args) -> None:
@@ -103,8 +104,8 @@ async def apart(s: Session, args: Args) -> None:
     table = columns.of(s, str(args.get("file") or ""))
     if table is None or table["alike"] < 2:
         raise InputError("no such record with others of the same columns")
-    s.project.change("map records apart", records=columns.turned(s, table["files"][0]), path=[])
-    s.start("record", "reading", s.look)
+    turned = columns.turned(s, table["files"][0])
+    s.change("map records apart", "record", "reading", s.look, records=turned, path=[])
 
 
 def _specification(column: str, unit: str, factor: float) -> str:
@@ -120,27 +121,36 @@ async def cure(s: Session, args: Args) -> None:
     if name not in {*offered, *cures, questions.AS_THEY_ARE}:
         raise InputError(f"no such cure: {name!r}")
     changed = [c for c in cures if c != name] if name in cures else [*cures, name]
-    s.project.change(f"{'without ' * (name in cures)}cure {name}", cures=changed)
-    s.start("check", "checking", s.look)
+    s.change(f"{'without ' * (name in cures)}cure {name}", "check", "checking", s.look, cures=changed)
 
 
 async def undo(s: Session, args: Args) -> None:
     """Take the last step back."""
-    _idle(s)
-    s.project.undo()
-    s.errors = {}
+    _turned(s, s.project.undo)
 
 
 async def redo(s: Session, args: Args) -> None:
     """Take again what was taken back."""
-    _idle(s)
-    s.project.redo()
+    _turned(s, s.project.redo)
+
+
+def _turned(s: Session, turn: Callable[[], None]) -> None:
+    """Go a step back or on, and read what is not known of the choices that hold then."""
+    s.idle()
+    turn()
     s.errors = {}
+    s.wake()
 
 
-def _idle(s: Session) -> None:
-    if s.busy is not None:
-        raise InputError(f"{s.busy['stage']} is still running; wait for it or cancel it")
+async def trust(s: Session, args: Args) -> None:
+    """Run the code that a model names, which was shown; ``digests``: of the files that were looked at."""
+    shown = {one["digest"] for one in s.code}
+    digests = [str(one) for one in args.get("digests", ())]
+    if not digests or not shown.issuperset(digests):
+        raise InputError("no such code was shown")
+    s.idle()
+    trusting.agree(digests)
+    s.start("record", "reading", s.look)
 
 
 async def check(s: Session, args: Args) -> None:
@@ -190,7 +200,7 @@ async def cancel(s: Session, args: Args) -> None:
 
 async def clear(s: Session, args: Args) -> None:
     """Begin anew in this project; nothing is deleted but what was exported, and it can be undone."""
-    _idle(s)
+    s.idle()
     shutil.rmtree(s.project.folder / "export", ignore_errors=True)
     s.project.change("clear", model=None, records=[], cures=[], path=[])
     s.errors = {}
@@ -206,7 +216,7 @@ ACTIONS: dict[str, Callable[[Session, Args], Awaitable[None]]] = {
     f.__name__: f
     for f in (
         *(take, sample, model, role, drop, map_signal, remap, apart, cure, undo, redo, check, compare, diagnose),
-        *(add, keep, export, cancel, clear),
+        *(add, keep, export, cancel, clear, trust),
     )
 }
 

@@ -6,7 +6,6 @@ command line prints for a verb is returned unchanged under ``json``; beside it s
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
@@ -21,9 +20,11 @@ from signlin_ros import console
 from signlin_ros.apart import of_record
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model, shipped_models
-from signlin_ros.records import ModelData, Note, Record, read_record, read_runs
-from signlin_ros.workbench import arrays, proposing, tuning, uploaded
+from signlin_ros.records import ModelData
+from signlin_ros.workbench import arrays, tuning
+from signlin_ros.workbench.looking import columns, points, propose, record_curves, span
 from signlin_ros.workbench.ranking import Ranking
+from signlin_ros.workbench.uploaded import opened
 
 Args = Mapping[str, Any]
 Say = Callable[[dict[str, Any]], None]
@@ -54,9 +55,7 @@ def models(args: Args, say: Say) -> Answer:
 def describe(args: Args, say: Say) -> Answer:
     """Return a model: its text, signals with units, parameters with bounds. ``uploaded``: it may not name any code."""
     path = str(args["model"])
-    if args.get("uploaded"):
-        uploaded.check_model(Path(path))
-    model = Model.load(path)
+    model = opened(path, dropped=bool(args.get("uploaded")))
     file = shipped_models().get(path, Path(path))
     signals = dict.fromkeys((*model.inputs, *model.states, *model.outputs))
     return {
@@ -73,96 +72,10 @@ def describe(args: Args, say: Say) -> Answer:
     }
 
 
-def columns(args: Args, say: Say) -> Answer:
-    """Return what a record holds: its columns with units and ranges, its length, what the reader noted.
-
-    ``texts``: columns of text, which a formula may use where they hold a direction.
-    """
-    record = _record(args["file"], args.get("time"))
-    found = [
-        {"name": name, "label": s.label or name, "unit": s.unit, **_range(s.values)}
-        for name, s in record.signals.items()
-    ]
-    step = float(np.median(np.diff(record.t))) if len(record) > 1 else 0.0
-    return {
-        "columns": found,
-        "samples": len(record),
-        "start": float(record.t[0]),
-        "end": float(record.t[-1]),
-        "step": step,
-        "notes": list(record.notes),
-        "texts": [name for name, why in _left_out(record).items() if "infinite" not in why],
-    }
-
-
-def propose(args: Args, say: Say) -> Answer:
-    """Return which column seems to be which signal of the model, and why; ``error``: why it cannot be read so."""
-    model, time = Model.load(args["model"]), args.get("time")
-    records = [_record(file, time) for file in args["files"]]
-    rows = proposing.mapping(model, records, args.get("signals") or {})
-    said = {r["signal"]: r["column"] for r in rows if r["column"] and (r["set"] or r["proposed"])}
-    lacking = any(r["needed"] and not r["column"] for r in rows)
-    return {"mapping": rows, "error": None if lacking else _unreadable(model, args["files"], said, time)}
-
-
-def _unreadable(model: Model, files: Sequence[str], said: Mapping[str, str], time: str | None) -> str | None:
-    """Return why records cannot be read as a mapping says; None where they can."""
-    signals = {**said, **({"t": time} if time else {})}
-    for file in files:
-        record = _record(file, time)
-        with contextlib.suppress(InputError):  # of text, and of fields of a bag, only the reader knows what is wanted
-            if not _left_out(record):
-                record.for_model(model, said)
-                continue
-        try:
-            read_runs(file, model, signals)
-        except InputError as error:
-            return " ".join(str(error).split())
-    return None
-
-
-def _left_out(record: Record) -> dict[str, str]:
-    """Return the columns that were left out, and the notes that say so."""
-    notes = (n for n in record.notes if isinstance(n, Note))
-    return {n.channel: n for n in notes if n.kind == "left_out" and n.channel}
-
-
-def record_curves(args: Args, say: Say) -> Answer:
-    """Return the columns of a record between two times, few enough points to draw."""
-    record = _record(args["file"], args.get("time"))
-    curves = {name: s.values for name, s in record.signals.items()}
-    units = {name: s.unit for name, s in record.signals.items()}
-    plots = [
-        {"name": name, "unit": units[name], **arrays.picture(record.t, {"recorded": y}, _span(args), _points(args))}
-        for name, y in curves.items()
-    ]
-    return {"plots": plots, "span": [float(record.t[0]), float(record.t[-1])]}
-
-
-def _record(file: str, time: str | None = None) -> Record:
-    path = Path(file)
-    stamp = path.stat().st_mtime_ns if path.exists() else 0
-    return _read(file, stamp, time)
-
-
-@lru_cache(maxsize=6)
-def _read(file: str, stamp: int, time: str | None) -> Record:
-    return read_record(file, {"t": time} if time else None, wanted=())
-
-
-def _range(values: Any) -> Answer:
-    good = values[np.isfinite(values)]
-    if not good.size:
-        return {"low": None, "high": None, "missing": int(values.size)}
-    return {"low": float(good.min()), "high": float(good.max()), "missing": int(values.size - good.size)}
-
-
-def _span(args: Args) -> Sequence[float | None]:
-    return args.get("from"), args.get("to")
-
-
-def _points(args: Args) -> int:
-    return int(min(max(args.get("points") or arrays.MOST, 10), arrays.MOST))
+def code(args: Args, say: Say) -> Answer:
+    """Return nothing where a model names no code but what was agreed to; raises `CodeError` otherwise."""
+    opened(str(args["model"]))
+    return {}
 
 
 # -------------------------------------------------------------------- check, compare
@@ -180,7 +93,7 @@ def _loaded(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData], l
 def _as_read(args: Args, files: Sequence[str]) -> tuple[Model, list[ModelData]]:
     from signlin_ros.diagnosis import load_records
 
-    model, records = load_records(Model.load(args["model"]), list(files), args.get("signals") or {})
+    model, records = load_records(opened(args["model"]), list(files), args.get("signals") or {})
     return model, list(records)
 
 
@@ -216,15 +129,22 @@ def _direction(args: Args, files: Sequence[str], finding: Any) -> dict[str, str]
         return None
     file = max((f for f in files if finding.source.startswith(f)), key=len, default=files[0])
     signals = of_record(args.get("signals"), file)
-    return with_direction(Model.load(args["model"]), file, signals, finding.channel)
+    return with_direction(opened(args["model"]), file, signals, finding.channel)
 
 
 def compare(args: Args, say: Say) -> Answer:
     """Compare, keep the curves in ``args["store"]`` (npz), return what `signlin compare --json` prints."""
     from signlin_ros.diagnosis import compare as run
 
+    told: list[str] = []
+
+    def tell(what: str) -> None:
+        told.append(what)
+        say({"what": what, "share": 1 - 0.85 ** len(told)})
+
+    tell("reading the record")
     model, records, _ = _loaded(args, args["data"])
-    result = run(model, records)
+    result = run(model, records, progress=tell)
     parts = [_kept(trace) for trace in result.traces]
     np.savez(args["store"], **{f"{k}/{name}": v for k, part in enumerate(parts) for name, v in part.items()})
     content = result.to_json()
@@ -280,7 +200,7 @@ def compare_curves(args: Args, say: Say) -> Answer:
             "simulated": simulated[:, j],
             "residual": measured[:, j] - simulated[:, j],
         }
-        plots.append({"name": name, "unit": unit, **arrays.picture(t, curves, _span(args), _points(args))})
+        plots.append({"name": name, "unit": unit, **arrays.picture(t, curves, span(args), points(args))})
     return {"plots": plots, "span": [float(t[0]), float(t[-1])]}
 
 
@@ -317,7 +237,7 @@ def _diagnosed(verb: str, args: Args, say: Say) -> Any:
     run, ranking = getattr(diagnosis, verb), Ranking(say)
     more = {"jobs": os.cpu_count() or 1, "progress": ranking.stage, "seen": ranking.seen}
     result = run(*([effect] if effect else []), model, first, second, **more)
-    result = printed(result, Model.load(args["model"]), args.get("output"), records)
+    result = printed(result, opened(args["model"]), args.get("output"), records)
     _LAST[str(args.get("key"))] = (result, model, (first, second), findings)
     return result
 
@@ -350,7 +270,7 @@ def tune(args: Args, say: Say) -> Answer:
     signals = tuple(sorted((args.get("signals") or {}).items()))
     stamps = tuple(Path(p).stat().st_mtime_ns for p in (args["model"], args["file"]) if Path(p).exists())
     bench = _bench(args["model"], args["file"], signals, tuple(args.get("cures") or ()), stamps)
-    return bench.answer(args["values"], args.get("at"), _span(args), _points(args))
+    return bench.answer(args["values"], args.get("at"), span(args), points(args))
 
 
 @lru_cache(maxsize=2)
@@ -362,7 +282,7 @@ def _bench(model: str, file: str, signals: Any, cures: Any, stamps: Any) -> tuni
 def keep(args: Args, say: Say) -> Answer:
     """Write a model with other parameter values to ``args["output"]``."""
     output = Path(args["output"])
-    tuning.changed(Model.load(args["model"]), args["values"]).placed_in(output.parent).save(output)
+    tuning.changed(opened(args["model"]), args["values"]).placed_in(output.parent).save(output)
     return {"output": str(output)}
 
 
@@ -381,6 +301,7 @@ VERBS: dict[str, Callable[[Args, Say], Answer]] = {
             reader,
             models,
             describe,
+            code,
             columns,
             propose,
             record_curves,

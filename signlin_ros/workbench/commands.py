@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +50,9 @@ def script(folder: Path, replay: str, steps: Iterable[Step], texts: Mapping[str,
     for number, step in enumerate(steps, 1):
         if step["verb"] == "set":
             target = made[step["output"]] = f"{replay}/{Path(step['output']).name}"
-            lines.append(
-                f"cat > {shlex.quote(target)} <<'END_OF_MODEL'\n{texts[step['output']].rstrip()}\nEND_OF_MODEL"
-            )
+            text = texts[step["output"]].rstrip()
+            end = next(word for k in count() if (word := f"END_OF_MODEL{k or ''}") not in text)
+            lines.append(f"cat > {shlex.quote(target)} <<'{end}'\n{text}\n{end}")
             continue
         moved = {**step, "model": made.get(step["model"], step["model"])}
         if step.get("output"):

@@ -7,7 +7,7 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,11 @@ Say = Callable[[dict[str, Any]], None]
 
 
 class RefusedError(Exception):
-    """What was given is bad; the text says what, and what is allowed."""
+    """What was given is bad; the text says what, and what is allowed. ``files``: code to be agreed to first, if any."""
+
+    def __init__(self, what: str, files: Sequence[dict[str, str]] = ()) -> None:
+        super().__init__(what)
+        self.files = list(files)
 
 
 class FaultError(Exception):
@@ -92,12 +96,22 @@ class Lane:
                     say(head)
             elif head["kind"] == "result":
                 return body
+            elif head["kind"] == "refused":
+                raise RefusedError(head["what"], head.get("files", ()))
             else:
-                raise (RefusedError if head["kind"] == "refused" else FaultError)(head["what"])
+                raise FaultError(head["what"])
+
+    async def rest(self) -> None:
+        """End the process once it does nothing; the next request starts another one."""
+        async with self._lock:
+            await self._killed()
 
     async def cancel(self) -> None:
         """Kill the process, whatever it does, and refuse what waits for it; the next request starts another one."""
         self._cancels += 1
+        await self._killed()
+
+    async def _killed(self) -> None:
         if self._process is not None and self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError):
                 self._process.kill()

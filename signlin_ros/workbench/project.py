@@ -7,7 +7,9 @@ dropped and models that were made stand beside them.
 
 from __future__ import annotations
 
+import contextlib
 import copy
+import fcntl
 import hashlib
 import json
 import os
@@ -15,9 +17,9 @@ import re
 import secrets
 import time
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from signlin_ros.errors import InputError
 from signlin_ros.files import BAGS, PACKED, TABLES, TEXT, write_text
@@ -53,6 +55,40 @@ def safe_name(name: str) -> str:
     return (plain.stem.lstrip("-.")[:LONGEST].strip() or "file") + suffix
 
 
+def _claimed(file: Path) -> bool:
+    """Make an empty file, and tell whether none was there, nor a link."""
+    try:
+        os.close(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))
+    except FileExistsError:
+        return False
+    return True
+
+
+def lock(store: Path, port: int) -> IO[str]:
+    """Return the open lock of a store, which this process holds until it ends; ``port``: where it listens.
+
+    Raises `InputError` where another server has it: two would overwrite what the other one writes.
+    """
+    store.mkdir(exist_ok=True)
+    file = store / "server.json"
+    descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
+    stream = os.fdopen(descriptor, "r+", encoding="utf-8")
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        said = ""
+        with stream, contextlib.suppress(ValueError, KeyError, TypeError):
+            other = json.loads(stream.read())
+            said = f", pid {int(other['pid'])}, port {int(other['port'])}"
+        raise InputError(f"{store.resolve()}: project is open in another server{said}") from None
+    except OSError:
+        return stream  # a file system without locks
+    stream.truncate(0)
+    stream.write(json.dumps({"pid": os.getpid(), "port": port}))
+    stream.flush()
+    return stream
+
+
 class Project:
     """A folder below ``.signlin`` and what is in it; every change is on the disk before anything else happens."""
 
@@ -61,9 +97,12 @@ class Project:
             raise InputError("no such project")
         self.id, self.folder = identity, store / identity
         self._held: dict[str, Any] = {}
+        self._check_links()
         self.state: dict[str, Any] = json.loads((self.folder / "state.json").read_text(encoding="utf-8"))
         if self.state.get("version") != VERSION:
             raise InputError(f"{self.folder}: was written by another version of signlin")
+        self.interrupted = self.state.get("running")
+        """What ran when the server ended, before it was done."""
 
     # ---------------------------------------------------------------- opening
 
@@ -119,6 +158,12 @@ class Project:
         self.state["choices"] = copy.deepcopy({**self.state["choices"], **choices})
         self._save()
 
+    def running(self, what: dict[str, str] | None) -> None:
+        """Note what runs, so that it is known where the server ends before it is done; None: nothing."""
+        if self.state.get("running") != what:
+            self.state["running"] = what
+            self._save()
+
     def undo(self) -> None:
         """Take the last step back."""
         self._turn("past", "future")
@@ -151,20 +196,54 @@ class Project:
         """Return how the folder, or something in it, is called from where the server was started."""
         return os.path.relpath(self.folder / name)
 
-    def free_name(self, name: str) -> Path:
-        """Return a safe path in the folder for a file that is dropped, beside those of the same name."""
+    def free_names(self, name: str) -> Iterator[Path]:
+        """Yield safe paths in the folder for a file that is dropped, beside those of the same name."""
         plain = Path(safe_name(name))
         for number in range(10_000):
             file = self.folder / (f"{plain.stem}_{number}{plain.suffix}" if number else plain.name)
-            if not file.exists():
-                return file
+            if not os.path.lexists(file):
+                yield file
+        raise InputError(f"{name}: too many files of that name")
+
+    def free_name(self, name: str) -> Path:
+        """Return the first of `free_names`."""
+        return next(self.free_names(name))
+
+    def placed(self, part: Path, name: str) -> str:
+        """Give a file that was received its name, and return it: never that of another file, come at once as it may."""
+        for file in self.free_names(name):
+            if _claimed(file):
+                part.replace(file)
+                return file.name
         raise InputError(f"{name}: too many files of that name")
 
     def next_model(self) -> str:
-        """Return the name of the next model version."""
-        self.state["count"] += 1
-        self._save()
-        return f"model_{self.state['count']}.yaml"
+        """Return the name of the next model version, which no file has."""
+        while True:
+            self.state["count"] += 1
+            name = f"model_{self.state['count']}.yaml"
+            if _claimed(self.folder / name):
+                self._save()
+                return name
+
+    def release(self, name: str) -> None:
+        """Give a name of `next_model` back where nothing was written to it."""
+        file = self.folder / name
+        if file.is_file() and file.stat().st_size == 0:
+            file.unlink()
+
+    def made(self, name: str) -> Path:
+        """Return a folder of the project that results go to, made if need be; a link is refused."""
+        self._check_links()
+        folder = self.folder / name
+        folder.mkdir(exist_ok=True)
+        return folder
+
+    def _check_links(self) -> None:
+        """Refuse symbolic links in the folder: what is written to them is written elsewhere."""
+        for file in (self.folder, *self.folder.rglob("*")):
+            if file.is_symlink():
+                raise InputError(f"{file}: is a symbolic link; a project holds none: copy the file, or remove the link")
 
     def files(self, role: str) -> list[str]:
         """Return the paths of the records of a role."""
@@ -200,4 +279,4 @@ class Project:
         return self.folder / "results" / f"{key}.npz"
 
 
-__all__ = ["EMPTY", "MODELS", "RECORDS", "STORE", "Project", "safe_name"]
+__all__ = ["EMPTY", "MODELS", "RECORDS", "STORE", "Project", "lock", "safe_name"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import shutil
 import socket
 import threading
 import webbrowser
@@ -21,19 +20,18 @@ from starlette.responses import FileResponse, JSONResponse, RedirectResponse, Re
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
-from signlin_ros.errors import InputError
+from signlin_ros.errors import InputError, one_line
 from signlin_ros.workbench import columns, questions, safety
 from signlin_ros.workbench.actions import ACTIONS
 from signlin_ros.workbench.lane import CancelledError, FaultError, RefusedError
 from signlin_ros.workbench.live import Live
-from signlin_ros.workbench.project import STORE, Project
+from signlin_ros.workbench.project import STORE, Project, lock, safe_name
+from signlin_ros.workbench.receiving import asked, received
 from signlin_ros.workbench.session import Session
 
 STATIC = Path(__file__).parent / "static"
-LARGEST = 512 << 20
-"""Bytes of a file that is dropped; a table of 1,000,000 rows and 8 columns has about 75 to 150 million."""
-SPARE = 256 << 20
-"""Bytes that stay free on the disk."""
+AWAKE = 3
+"""Projects that keep their worker processes (some 200 MB each) while others are looked at."""
 OPEN = 8
 """So many projects are open at a time; the one not looked at for longest is closed first."""
 BEAT = 5.0
@@ -55,13 +53,16 @@ class Workbench:
 
     def session(self, identity: str) -> Session:
         """Return the session of a project, opened if need be; raises `InputError` where there is no such project."""
-        found = self.sessions.pop(identity, None)
+        latest = next(reversed(self.sessions), None)
+        found, opened = self.sessions.pop(identity, None), latest != identity
         if found is None:
             if identity not in Project.listed(self.store):
                 raise InputError("no such project")
             found = Session(Project(self.store, identity))
             self._close_one()
         self.sessions[identity] = found
+        if opened:
+            self._let_rest()
         return found
 
     def end(self) -> None:
@@ -71,6 +72,11 @@ class Workbench:
             for listener in session.listeners:
                 listener.put_nowait(ENDED)
         self.live.end()
+
+    def _let_rest(self) -> None:
+        """End the worker processes of projects that were looked at before the latest ones."""
+        for session in [s for s in self.sessions.values() if s.busy is None][:-AWAKE]:
+            session.rest()
 
     def _close_one(self) -> None:
         idle = [k for k, s in self.sessions.items() if s.busy is None and not s.listeners]
@@ -150,10 +156,10 @@ async def projects(request: Request) -> Response:
 
 async def action(request: Request) -> Response:
     """Do what a click asks for."""
-    session, args = _session(request), await request.json()
+    session, args = _session(request), await asked(request)
     name = request.path_params["action"]
-    if name not in ACTIONS or not isinstance(args, dict):
-        raise InputError(f"no such action: {name!r}")
+    if name not in ACTIONS:
+        raise InputError(f"no such action: {name[:80]!r}")
     await ACTIONS[name](session, args)
     session.tell()
     return JSONResponse({"ok": True})
@@ -161,9 +167,9 @@ async def action(request: Request) -> Response:
 
 async def curves(request: Request) -> Response:
     """Return curves, or what the sliders ask for; passed on from the worker unread."""
-    session, args = _session(request), await request.json()
-    verb, asked = _view_question(session, request.path_params["what"], args)
-    return Response(await session.view.raw(verb, asked), media_type="application/json")
+    session, args = _session(request), await asked(request)
+    verb, wanted = _view_question(session, request.path_params["what"], args)
+    return Response(await session.view.raw(verb, wanted), media_type="application/json")
 
 
 def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[str, dict[str, Any]]:
@@ -182,7 +188,7 @@ def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[s
             return "compare_curves", {**wanted, "store": store, "channels": found["channels"]}
     if what == "tune" and columns.complete(session):
         asked = questions.question(session, "compare")
-        values = {str(k): float(v) for k, v in (args.get("values") or {}).items()}
+        values = {str(k): float(v) for k, v in dict(args.get("values") or {}).items()}
         return "tune", {**wanted, **asked, "file": asked["data"][0], "values": values}
     raise InputError(f"nothing to show for {what!r}")
 
@@ -190,36 +196,12 @@ def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[s
 async def upload(request: Request) -> Response:
     """Take a file that was dropped, as the body of the request."""
     session = _session(request)
-    target = session.project.free_name(request.query_params.get("name", ""))
-    await _received(request, target)
-    return JSONResponse({"file": target.name})
-
-
-async def _received(request: Request, target: Path) -> None:
-    """Write the body of a request to a file; too much of it is refused as early as it is known."""
-    stated = int(request.headers.get("content-length") or 0)
-    room = min(LARGEST, shutil.disk_usage(target.parent).free - SPARE)
-    part, size = target.with_name(f".{target.name}.part"), 0
+    name = safe_name(request.query_params.get("name", ""))
+    part = await received(request, session.project.folder, name)
     try:
-        with part.open("wb") as stream:
-            if stated > room:
-                raise InputError(_too_large(target.name, room))
-            async for chunk in request.stream():
-                size += len(chunk)
-                if size > room:
-                    raise InputError(_too_large(target.name, room))
-                stream.write(chunk)
-        if size == 0:
-            raise InputError(f"{target.name}: the file is empty")
-        part.replace(target)
+        return JSONResponse({"file": session.project.placed(part, name)})
     finally:
         part.unlink(missing_ok=True)
-
-
-def _too_large(name: str, room: int) -> str:
-    if room < LARGEST:
-        return f"{name}: the disk has no room for it"
-    return f"{name}: is too large; allowed: {LARGEST >> 20} MiB a file. Give larger ones on the command line"
 
 
 async def events(request: Request) -> Response:
@@ -269,7 +251,7 @@ async def live(request: Request) -> Response:
 
 async def take_live(request: Request) -> Response:
     """Take the last seconds of a running system as a record of the project."""
-    session, args = _session(request), await request.json()
+    session, args = _session(request), await asked(request)
     target = session.project.free_name("live.csv")
     model = questions.described(session) or {}
     names = [list(model.get(k, ())) for k in ("states", "inputs")]
@@ -293,7 +275,7 @@ async def exported(request: Request) -> Response:
 
 async def refused(request: Request, error: Exception) -> Response:
     """Say what was wrong with a request."""
-    return JSONResponse({"what": " ".join(str(error).split())}, 404 if "no such" in str(error) else 400)
+    return JSONResponse({"what": one_line(error)}, 404 if "no such" in str(error) else 400)
 
 
 async def failed(request: Request, error: Exception) -> Response:
@@ -363,6 +345,7 @@ def serve(
     token = None if host is None else safety.new_token()
     bench = Workbench(Path(STORE), given, sample, live)
     listening = _listening(host or "127.0.0.1", port)
+    held = lock(Path(STORE), listening.getsockname()[1])
     shown = host if host not in (None, "0.0.0.0", "::") else "127.0.0.1"
     address = f"http://{shown}:{listening.getsockname()[1]}/" + (f"?token={token}" if token else "")
     print(f"workbench: {address}  (Ctrl+C ends it; the project stays in {STORE}/)", flush=True)  # noqa: T201
@@ -376,7 +359,8 @@ def serve(
             super().handle_exit(sig, frame)
 
     options: Any = {"log_level": "warning", "timeout_graceful_shutdown": 3, "ws": "none"}
-    Server(uvicorn.Config(app, **options)).run(sockets=[listening])
+    with contextlib.closing(held):
+        Server(uvicorn.Config(app, **options)).run(sockets=[listening])
 
 
 def _listening(host: str, port: int) -> socket.socket:
@@ -387,4 +371,4 @@ def _listening(host: str, port: int) -> socket.socket:
         raise InputError(f"cannot listen on {host}, port {port}: {error.strerror or error}") from error
 
 
-__all__ = ["LARGEST", "Workbench", "application", "serve"]
+__all__ = ["Workbench", "application", "serve"]

@@ -9,7 +9,7 @@ from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
-from signlin_ros.errors import InputError
+from signlin_ros.errors import InputError, one_line
 from signlin_ros.files import write_text
 from signlin_ros.workbench import columns, questions, stages
 from signlin_ros.workbench.lane import CancelledError, FaultError, Lane, RefusedError
@@ -32,6 +32,9 @@ class Session:
         self.view, self.work = Lane(Path.cwd()), Lane(Path.cwd(), nice=GIVES_WAY)
         self.busy: dict[str, Any] | None = None
         self.errors: dict[str, dict[str, str]] = {}
+        self.code: list[dict[str, str]] = []
+        if self.project.interrupted:
+            self.errors[self.project.interrupted["stage"]] = stages.interrupted(self.project.interrupted)
         self.shipped: list[dict[str, Any]] = []
         self.tables: list[columns.Table] | None = None
         self.listeners: set[asyncio.Queue[dict[str, Any]]] = set()
@@ -87,11 +90,22 @@ class Session:
 
         Raises `InputError` where something runs already and it does not wait.
         """
-        if self.busy is not None and not waits:
-            raise InputError(f"{self.busy['stage']} is still running; wait for it or cancel it")
+        if not waits:
+            self.idle()
         self.later(lambda: self._guarded({"stage": stage, "what": what, "share": 0.0, "found": None}, job))
         if self.busy is None:
             self.busy = {"stage": stage, "what": what, "share": 0.0, "found": None}
+
+    def idle(self) -> None:
+        """Raise `InputError` where something runs: nothing is changed meanwhile."""
+        if self.busy is not None:
+            raise InputError(f"{self.busy['stage']} is still running; wait for it or cancel it")
+
+    def change(self, label: str, stage: str, what: str, job: Job, **choices: Any) -> None:
+        """Choose something and do what follows from it; nothing of both where something runs already."""
+        self.idle()
+        self.project.change(label, **choices)
+        self.start(stage, what, job)
 
     def later(self, job: Job) -> None:
         """Do something beside all else."""
@@ -106,13 +120,16 @@ class Session:
             self.tell()
             before = self.project.step
             try:
+                self.project.running({"stage": busy["stage"], "what": busy["what"]})
                 await job()
+                self.code = []
             except CancelledError:
                 now = self.project.step
                 kept = "Nothing was changed" if now == before else f'"{now[1]}" was done before; undo takes it back'
                 self.errors[busy["stage"]] = {"what": "Cancelled.", "do": f"{kept}; start it again when you like."}
             except (RefusedError, InputError) as error:
-                self.errors[busy["stage"]] = stages.advice(busy["stage"], str(error))
+                self.code = getattr(error, "files", [])
+                self.errors[busy["stage"]] = stages.advice(busy["stage"], one_line(error), bool(self.code))
             except OSError as error:
                 what = f"{error.filename or self.project.place()}: {error.strerror or error}"
                 do = "Make room, or the right to write there, and try again."
@@ -123,13 +140,15 @@ class Session:
                 self.errors[busy["stage"]] = {"what": f"{type(error).__name__}: {error}", "do": FAULT}
                 raise
             finally:
+                with contextlib.suppress(OSError):
+                    self.project.running(None)
                 self.busy = None
                 self.tell()
 
     def wake(self) -> None:
         """Start the workers: somebody looks; read again what has changed."""
         if (stages.changed(self) or columns.unread(self)) and "record" not in self.errors:
-            self.start("record", "reading", self.look)
+            self.start("record", "reading", self.look_again)
         if not self._awake:
             self._awake = True
             self.later(self._look_around)
@@ -155,6 +174,12 @@ class Session:
             self.busy["cancelled"] = True
         lanes = [self.work, *([self.view] if self.busy and self.busy["stage"] == "record" else [])]
         await asyncio.gather(*(lane.cancel() for lane in lanes))
+
+    def rest(self) -> None:
+        """End the worker processes once they do nothing; they are started again when they are asked."""
+        self._awake = False
+        for lane in (self.view, self.work):
+            self.later(lane.rest)
 
     async def close(self) -> None:
         """End the worker processes."""
@@ -184,10 +209,18 @@ class Session:
         self.project.change("sample", model=None, records=[], cures=[], path=[])
         await self.take([Path(file).name for file in files])
 
+    async def look_again(self) -> None:
+        """Read what is chosen, and keep what was said of other stages: that something was interrupted there."""
+        held = {stage: error for stage, error in self.errors.items() if stage not in ("record", "check")}
+        await self.look()
+        self.errors |= held
+
     async def look(self) -> None:
         """Read what is chosen: columns, model, mapping; then check it."""
         self.errors = {}
         choices = self.project.choices
+        if choices["model"] is not None:
+            await self.view.call("code", {"model": self.project.path(choices["model"])})
         for record in choices["records"]:
             await self.asked(self.view, "columns", columns.asked_of(self, record))
             self.tell()
@@ -239,7 +272,9 @@ class Session:
         """Add an effect, fit it, and compare anew."""
         output = self.project.next_model()
         asked = {**questions.question(self, "add"), "effect": effect, "output": self.project.path(output)}
-        await self.asked(self.work, "add", asked)
+        with contextlib.ExitStack() as then:
+            then.callback(self.project.release, output)
+            await self.asked(self.work, "add", asked)
         path = [*self.project.choices["path"], {"verb": "add", **asked}]
         self.project.change(f"add {effect.replace('_', ' ')}", model=output, path=path, guessed=False)
         await self._map()
@@ -257,7 +292,9 @@ class Session:
         """Make a model version of what the sliders say."""
         output, before = self.project.next_model(), self.project.path(self.project.choices["model"])
         args = {"model": before, "values": values, "output": self.project.path(output)}
-        await self.view.call("keep", args)
+        with contextlib.ExitStack() as then:
+            then.callback(self.project.release, output)
+            await self.view.call("keep", args)
         text = Path(self.project.path(output)).read_text(encoding="utf-8")
         step = {"verb": "set", "model": before, "data": [], "output": args["output"], "text": text}
         path = [*self.project.choices["path"], step]
@@ -268,8 +305,7 @@ class Session:
 
     async def export(self) -> None:
         """Write model, report and script to the folder ``export`` of the project."""
-        folder = self.project.folder / "export"
-        folder.mkdir(exist_ok=True)
+        folder = self.project.made("export")
         model = Path(self.project.path(self.project.choices["model"]))
         described = questions.described(self)
         write_text(folder / "model.yaml", described["yaml"] if described else model.read_text(encoding="utf-8"))

@@ -38,9 +38,15 @@ ADVICE = {
 }
 
 
-def advice(stage: str, what: str) -> dict[str, str]:
-    """Return what failed, and what to do."""
-    return {"what": what, "do": ADVICE[stage]}
+def advice(stage: str, what: str, code: bool = False) -> dict[str, str]:
+    """Return what failed, and what to do; ``code``: a model names code that was not agreed to."""
+    return {"what": what, "do": "It runs with all your rights." if code else ADVICE[stage]}
+
+
+def interrupted(running: dict[str, str]) -> dict[str, str]:
+    """Return what to say of what ran when the server ended."""
+    what = f"The server ended during {running['what']!r}."
+    return {"what": what, "do": "Nothing was changed by it, and nothing found; start it again when you like."}
 
 
 # -------------------------------------------------------------------- what is shown
@@ -61,6 +67,7 @@ def shown(s: Session) -> dict[str, Any]:
         "serial": s.serial,
         "folder": p.place(),
         "busy": s.busy,
+        "code": s.code,
         "undo": past[-1]["label"] if past else None,
         "redo": future[-1]["label"] if future else None,
         "model": described(s),

@@ -1,22 +1,67 @@
-"""What came through the browser is looked at before anything reads it: a model file may name no code, and no bomb."""
+"""A model file is looked at before anything reads it, wherever it lies: no bomb, and no code that was not agreed to."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from signlin_ros.errors import ModelError
+from signlin_ros.model import Model
+from signlin_ros.model.files import find_model_file
+from signlin_ros.workbench import trust
 
 LARGEST = 1 << 20
-"""Bytes of a model file."""
+"""Bytes of a model file, and of a file of effects."""
 MOST, DEEPEST = 20_000, 40
 """Nodes of a model file, and levels."""
 
 
-def check_model(path: Path) -> None:
-    """Refuse an uploaded model file that is too large, uses anchors, or names effect files; raises `ModelError`."""
+class CodeError(ModelError):
+    """A model names code that was not agreed to; ``files``: path, digest and text of each."""
+
+    def __init__(self, model: str, files: list[dict[str, str]]) -> None:
+        names = ", ".join(Path(one["file"]).name for one in files)
+        super().__init__(f"{model}: names code of its own, {names}: look at it in Record, and run it if it is yours")
+        self.files = files
+
+
+def opened(path: str, *, dropped: bool = False) -> Model:
+    """Return the model of a file or of a shipped name.
+
+    ``dropped``: it came through the browser and may name no code at all. Raises `CodeError` for code that was not
+    agreed to, `ModelError` for all else that is wrong.
+    """
+    file = find_model_file(path)
+    names = _checked(file)
+    if names and dropped:
+        raise ModelError(
+            f"{file.name}: effect_files {names[0][:80]!r} is code, and code is not taken from the browser; start"
+            " `signlin workbench MODEL` with the path of the model file instead"
+        )
+    strange = [one for one in map(_shown, (file.parent / name for name in names)) if one]
+    if strange:
+        raise CodeError(file.name, strange)
+    return Model.load(path)
+
+
+def _shown(file: Path) -> dict[str, str] | None:
+    """Return a file of code as it is to be looked at; None where it was agreed to, or is none."""
+    if not file.is_file():
+        return None
+    if file.stat().st_size > LARGEST:
+        raise ModelError(f"{file.name}: {file.stat().st_size} bytes; allowed for a file of effects: {LARGEST}")
+    content = file.read_bytes()
+    found = trust.digest(content)
+    if found in trust.agreed():
+        return None
+    return {"file": str(file.resolve()), "digest": found, "text": content.decode(errors="replace")}
+
+
+def _checked(path: Path) -> list[str]:
+    """Return the files of code that a model file names; raise `ModelError` where it is too large or uses anchors."""
     size = path.stat().st_size
     if size > LARGEST:
         raise ModelError(f"{path.name}: {size} bytes; allowed for a model file: {LARGEST}")
@@ -25,13 +70,8 @@ def check_model(path: Path) -> None:
         _check_shape(text, path.name)
         tree = yaml.safe_load(text)
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path.name}: not a YAML file: {' '.join(str(error).split())[:300]}") from error
-    files = list(_effect_files(tree))
-    if any(files):
-        raise ModelError(
-            f"{path.name}: effect_files {files[0]!r} is code, and code is not taken from the browser; start"
-            " `signlin workbench MODEL` with the path of the model file instead"
-        )
+        raise ModelError(f"{path.name}: not a YAML file: {' '.join(str(error).split())[:200]}") from error
+    return list(dict.fromkeys(_effect_files(tree)))
 
 
 def _check_shape(text: str, name: str) -> None:
@@ -39,23 +79,23 @@ def _check_shape(text: str, name: str) -> None:
     depth = 0
     for count, event in enumerate(yaml.parse(text, Loader=yaml.SafeLoader)):
         if isinstance(event, yaml.events.AliasEvent) or getattr(event, "anchor", None):
-            raise ModelError(f"{name}: anchors and aliases are not taken from the browser; write the values out")
+            raise ModelError(f"{name}: anchors and aliases are not taken by the page; write the values out")
         depth += isinstance(event, yaml.events.CollectionStartEvent)
         depth -= isinstance(event, yaml.events.CollectionEndEvent)
         if depth > DEEPEST or count > MOST:
             raise ModelError(f"{name}: more than {MOST} entries or {DEEPEST} levels are not a model file")
 
 
-def _effect_files(tree: Any) -> Any:
-    """Yield what stands below every key ``effect_files`` of a tree."""
+def _effect_files(tree: Any) -> Iterator[str]:
+    """Yield the names that stand below every key ``effect_files`` of a tree."""
     if isinstance(tree, dict):
         for key, value in tree.items():
-            if key == "effect_files":
-                yield value
+            if key == "effect_files" and value:
+                yield from map(str, value if isinstance(value, list) else [value])
             yield from _effect_files(value)
     elif isinstance(tree, list):
         for value in tree:
             yield from _effect_files(value)
 
 
-__all__ = ["check_model"]
+__all__ = ["CodeError", "opened"]

@@ -18,7 +18,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any, BinaryIO
 
-from signlin_ros.errors import InputError, MissingExtraError
+from signlin_ros.errors import InputError, MissingExtraError, one_line
 
 FRAME = struct.Struct(">II")
 MEMORY = 12 << 30
@@ -46,17 +46,20 @@ def read(stream: BinaryIO) -> dict[str, Any] | None:
 def answer(request: dict[str, Any], say: Callable[[dict[str, Any]], None]) -> tuple[dict[str, Any], bytes]:
     """Run what is asked for; return the head and the body of the answer."""
     from signlin_ros.workbench.calls import VERBS
+    from signlin_ros.workbench.uploaded import CodeError
 
     try:
         result = VERBS[request["verb"]](request["args"], say)
         return {"kind": "result"}, json.dumps(result).encode()
+    except CodeError as error:
+        return {"kind": "refused", "what": one_line(error), "files": error.files}, b""
     except (InputError, MissingExtraError) as error:
-        return {"kind": "refused", "what": " ".join(str(error).split())}, b""
+        return {"kind": "refused", "what": one_line(error)}, b""
     except MemoryError:
         return {"kind": "refused", "what": "this needs more memory than a worker may take"}, b""
     except Exception as error:  # noqa: BLE001 - the page must say what failed, whatever it was
         traceback.print_exc()
-        return {"kind": "fault", "what": f"{type(error).__name__}: {' '.join(str(error).split())}"}, b""
+        return {"kind": "fault", "what": f"{type(error).__name__}: {one_line(error)}"}, b""
 
 
 def _own_streams() -> tuple[BinaryIO, BinaryIO]:

@@ -53,16 +53,21 @@ class Server:
 
     def start(self) -> None:
         command = [sys.executable, "-m", "signlin_ros.cli", "workbench", *self.arguments, "--no-browser"]
+        before = len(self._printed())
         with self.log.open("ab") as out:
             self.process = subprocess.Popen(command, cwd=self.folder, stdout=out, stderr=out, env=environment())
-        self.address = self._address()
+        self.address = self._address(before)
 
-    def _address(self) -> str:
+    def _printed(self) -> list[str]:
+        """Return the addresses that servers in this folder have printed."""
+        return re.findall(r"workbench: (\S+)", self.log.read_text(errors="replace")) if self.log.exists() else []
+
+    def _address(self, before: int) -> str:
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
-            found = re.findall(r"workbench: (\S+)", self.log.read_text(errors="replace"))
-            if found:
-                return str(found[-1])
+            found = self._printed()
+            if len(found) > before:
+                return found[-1]
             assert self.process.poll() is None, self.log.read_text(errors="replace")
             time.sleep(0.05)
         pytest.fail("the server does not start")
@@ -383,3 +388,19 @@ def hidden_effect(tmp_path_factory: pytest.TempPathFactory) -> Path:
         signals = {n: Signal(run[n] + s * random.standard_normal(t.size), truth.units[n]) for n, s in noise.items()}
         write_record(Record(t, {"voltage": Signal(voltage, "V"), **signals}), folder / f"{name}.csv")
     return folder
+
+
+@pytest.fixture(scope="session")
+def longer() -> Callable[[Path, int, Path], Path]:
+    """What writes a record several times over, one after the other: it takes long to diagnose."""
+    import numpy as np
+
+    def write(record: Path, times: int, out: Path) -> Path:
+        header = record.read_text(encoding="utf-8").partition("\n")[0]
+        once = np.loadtxt(record, delimiter=",", skiprows=1)
+        period = np.zeros(once.shape[1])
+        period[0] = once[-1, 0] - once[0, 0] + once[1, 0] - once[0, 0]
+        np.savetxt(out, np.vstack([once + k * period for k in range(times)]), "%.9g", ",", header=header, comments="")
+        return out
+
+    return write

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -107,6 +108,16 @@ def test_a_script_reads_the_models_that_it_has_made(tmp_path: Path) -> None:
     assert lines[1][2] == "re play/m.yaml"
     assert lines[1][-2:] == [">", "re play/2_compare.json"]
     assert "cat > 're play/n.yaml' <<'END_OF_MODEL'\nx: 1\nEND_OF_MODEL" in text
+
+
+def test_the_text_of_a_model_does_not_end_its_place_in_a_script(tmp_path: Path) -> None:
+    text = "a: 1\nEND_OF_MODEL\ntouch hacked\nEND_OF_MODEL1\n"
+    step = {"verb": "set", "model": "m.yaml", "data": [], "output": "n.yaml", "text": text}
+    script = tmp_path / "replay.sh"
+    script.write_text(commands.script(tmp_path, "replay", [step], {"n.yaml": text}))
+    subprocess.run(["sh", str(script)], check=True)
+    assert (tmp_path / "replay" / "n.yaml").read_text() == text
+    assert not (tmp_path / "hacked").exists()
 
 
 @pytest.mark.parametrize(
@@ -319,3 +330,20 @@ def test_the_error_of_a_models_prediction_is_what_it_is_off_by() -> None:
     feed.state.put(0.6, np.add(predicted(A, B, c, x, u, 0.6), [0.0, 0.25]))
     feed.take_model(0.6, 2, 1, True, (A, B, c))
     np.testing.assert_allclose(feed.error.kept[-1][1], [0.0, 0.25], atol=1e-12)
+
+
+# -------------------------------------------------------------------- compare
+
+
+def test_a_comparison_tells_what_it_does_from_the_start(hidden_effect: Path, tmp_path: Path) -> None:
+    from signlin_ros.workbench.calls import VERBS
+
+    told: list[dict[str, Any]] = []
+    data = [str(hidden_effect / "validation.csv")]
+    args = {"model": str(hidden_effect / "model.yaml"), "data": data, "store": str(tmp_path / "curves.npz")}
+    VERBS["compare"](args, told.append)
+    assert told[0]["what"] == "reading the record"
+    assert len(told) >= 6
+    shares = [one["share"] for one in told]
+    assert shares == sorted(shares)
+    assert 0 < shares[0] < shares[-1] < 1

@@ -128,9 +128,9 @@ def test_a_file_that_says_nothing_of_its_size_is_stopped_on_the_way(
     from starlette.requests import Request
 
     from signlin_ros.errors import InputError
-    from signlin_ros.workbench import server
+    from signlin_ros.workbench import receiving
 
-    monkeypatch.setattr(server, "LARGEST", 1000)
+    monkeypatch.setattr(receiving, "LARGEST", 1000)
     given = iter(range(1000))
 
     async def receive() -> dict[str, Any]:
@@ -139,7 +139,7 @@ def test_a_file_that_says_nothing_of_its_size_is_stopped_on_the_way(
 
     request = Request({"type": "http", "method": "PUT", "headers": [], "query_string": b"", "path": "/"}, receive)
     with pytest.raises(InputError, match="too large"):
-        asyncio.run(server._received(request, tmp_path / "a.csv"))
+        asyncio.run(receiving.received(request, tmp_path, "a.csv"))
     assert next(given) <= 4
     assert list(tmp_path.iterdir()) == []
 

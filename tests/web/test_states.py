@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
 
 if TYPE_CHECKING:
@@ -81,18 +80,12 @@ def test_a_record_that_is_too_short_stops_at_compare_with_the_reason(
     page.picture("error_compare", "stage-compare")
 
 
-def longer(record: Path, times: int, out: Path) -> Path:
-    """Write a record several times over, one after the other: what takes long to diagnose."""
-    header = record.read_text(encoding="utf-8").partition("\n")[0]
-    once = np.loadtxt(record, delimiter=",", skiprows=1)
-    period = np.zeros(once.shape[1])
-    period[0] = once[-1, 0] - once[0, 0] + once[1, 0] - once[0, 0]
-    np.savetxt(out, np.vstack([once + k * period for k in range(times)]), "%.9g", ",", header=header, comments="")
-    return out
-
-
 def test_a_diagnosis_is_cancelled_within_a_second_and_nothing_is_left(
-    server: Callable[..., Server], browser: Callable[..., Page], hidden_effect: Path, tmp_path: Path
+    server: Callable[..., Server],
+    browser: Callable[..., Page],
+    hidden_effect: Path,
+    longer: Callable[..., Path],
+    tmp_path: Path,
 ) -> None:
     psutil = pytest.importorskip("psutil")
     record = longer(hidden_effect / "estimation.csv", 10, tmp_path / "long.csv")

@@ -10,15 +10,17 @@ import gzip
 import lzma
 import re
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import RecordError
 from signlin_ros.files import TEXT
+from signlin_ros.records import limits
 from signlin_ros.records.clean import Keep, Table
 from signlin_ros.records.formats.layout import (
     MISSING,
@@ -38,7 +40,10 @@ from signlin_ros.records.table import Rows
 
 Array = npt.NDArray[np.float64]
 
-PACKED = (".gz", ".zip", ".bz2", ".xz")
+OPEN: dict[str, Callable[[Path], Any]] = {".gz": gzip.open, ".bz2": bz2.open, ".xz": lzma.open}
+"""What unpacks a file, by its suffix."""
+MOST_NAMED = 3
+"""So many files of an archive are named."""
 _NUMBER = r"^[-+]?\d*{}\d+(?:[eE][-+]?\d+)?$"
 _WITH_COMMA, _WITH_POINT = (re.compile(_NUMBER.format(mark), re.MULTILINE) for mark in (",", r"\."))
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
@@ -81,6 +86,7 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
         Empty, no rows, ragged rows, a cell that is not a number: with row, line and column named.
     """
     decoded, notes = _decoded(_unpacked(path, source), source)
+    limits.check_cells(decoded, source)
     found = regular(decoded, source)
     if found is not None:
         shape, columns, rows = found.shape, found.columns, found.rows
@@ -117,20 +123,27 @@ def _unpacked(path: Path, source: str) -> bytes:
     try:
         if suffix == ".zip":
             return _from_zip(path, source)
-        raw = path.read_bytes()
-        unpack = {".gz": gzip.decompress, ".bz2": bz2.decompress, ".xz": lzma.decompress}.get(suffix)
-        return raw if unpack is None else unpack(raw)
+        if suffix not in OPEN:
+            return path.read_bytes()
+        with OPEN[suffix](path) as stream:
+            return limits.unpacked(stream, path.stat().st_size, source)
+    except RecordError:
+        raise
     except (EOFError, zipfile.BadZipFile, lzma.LZMAError, gzip.BadGzipFile, ValueError, RuntimeError) as error:
         raise RecordError(f"{source}: cannot be unpacked: {error}") from error
 
 
 def _from_zip(path: Path, source: str) -> bytes:
     with zipfile.ZipFile(path) as archive:
+        limits.check_names(archive.namelist(), source)
         names = [n for n in archive.namelist() if not n.endswith("/") and not n.startswith("__MACOSX")]
         texts = [n for n in names if Path(n).suffix.lower() in TEXT]
         if len(texts) != 1:
-            raise RecordError(f"{source}: an archive must hold one text file; it has {', '.join(names) or 'nothing'}")
-        return archive.read(texts[0])
+            shown = shortened(", ".join(map(shortened, names[:MOST_NAMED])) or "nothing", 100)
+            more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+            raise RecordError(f"{source}: an archive must hold one text file; it has {shown}{more}")
+        with archive.open(texts[0]) as stream:
+            return limits.unpacked(stream, path.stat().st_size, source)
 
 
 def _decoded(raw: bytes, source: str) -> tuple[str, tuple[Note, ...]]:

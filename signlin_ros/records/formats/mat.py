@@ -7,6 +7,8 @@ and the sampling time ``Ts``.
 
 from __future__ import annotations
 
+import math
+import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -16,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import MissingExtraError, RecordError
+from signlin_ros.records import limits
 from signlin_ros.records.clean import Table
 from signlin_ros.records.grammar import words
 from signlin_ros.records.header import TIME_KEYS, Heading, clock, heading
@@ -132,12 +135,15 @@ def _notes(out: Mapping[str, str]) -> tuple[Note, ...]:
 def _load(path: Path, source: str) -> dict[str, Any]:
     if path.suffix.lower() == ".npz":
         return _load_npz(path, source)
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
 
     try:
+        limits.check_size(sum(8 * math.prod(shape) for _, shape, _ in whosmat(str(path))), source)
         return dict(loadmat(str(path)))
     except NotImplementedError:
         return _load_hdf(path, source)
+    except RecordError:
+        raise
     except Exception as error:  # scipy raises nearly anything on a damaged file
         raise RecordError(f"{source}: not a readable MAT file ({error})") from error
 
@@ -145,8 +151,14 @@ def _load(path: Path, source: str) -> dict[str, Any]:
 def _load_npz(path: Path, source: str) -> dict[str, Any]:
     with path.open("rb") as raw:
         try:
+            with zipfile.ZipFile(raw) as archive:
+                limits.check_names(archive.namelist(), source)
+                limits.check_size(sum(info.file_size for info in archive.infolist()), source)
+            raw.seek(0)
             with np.load(raw, allow_pickle=False) as file:
                 return {name: _npz_value(file, name) for name in file.files}
+        except RecordError:
+            raise
         except Exception as error:  # numpy raises nearly anything on a damaged file
             raise RecordError(f"{source}: not a readable .npz file ({error})") from error
 
@@ -168,6 +180,9 @@ def _load_hdf(path: Path, source: str) -> dict[str, Any]:
         raise MissingExtraError(what, "formats") from None
     try:
         with h5py.File(path, "r") as file:
+            sizes: list[int] = []
+            file.visititems(lambda _, item: sizes.append(getattr(item, "nbytes", 0)))
+            limits.check_size(sum(sizes), source)
             return {name: _hdf_value(file, value) for name, value in file.items() if not name.startswith("#")}
     except OSError as error:
         advice = "save it in MATLAB with save(..., '-v7')"

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from signlin_ros.errors import MissingExtraError, RecordError
+from signlin_ros.records import limits
 from signlin_ros.records.clean import Table
 from signlin_ros.records.header import Heading, heading
 from signlin_ros.records.notes import Note
@@ -62,6 +63,8 @@ def _table(source: str, columns: Iterable[Column]) -> Table:
 def _parquet(path: Path) -> Iterable[Column]:
     import pyarrow.parquet
 
+    meta = pyarrow.parquet.read_metadata(path)
+    limits.check_size(8 * meta.num_rows * meta.num_columns, path.name)
     yield from _arrow_columns(pyarrow.parquet.read_table(path))
 
 

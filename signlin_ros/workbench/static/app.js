@@ -45,7 +45,7 @@ async function go(name, args) {
     if (name === "files") await take(args);
     else await api.act(name, args ?? {});
   } catch (error) {
-    const place = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", sample: "record", files: "record", cure: "check", keep: "add", export: "use" }[name] ?? name;
+    const place = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", trust: "record", sample: "record", files: "record", cure: "check", keep: "add", export: "use" }[name] ?? name;
     trouble[place in RENDER ? place : "record"] = error.message;
     say(error.message);
   }

@@ -50,12 +50,21 @@ function record(block, state, go) {
       h("button", { id: "sample", onclick: () => go("sample") }, "Try the sample")));
   const small = state.records.length > 0;
   return [
+    state.code.length > 0 && strange(state.code, go),
     small ? h("details", { id: "more-records" }, h("summary", {}, "Add records, or another model"), drop) : drop,
     models(state, go),
     small && records(state, go),
     small && state.records.some((r) => r.found) && recorded(state),
     state.mapping.length > 0 && mapping(state, block.lacking, go),
   ];
+}
+
+// Code that a model names: shown whole, and run only when that is asked for.
+function strange(files, go) {
+  return h("div", { class: "error", id: "strange" },
+    h("p", {}, h("b", {}, "The model runs code. "), "Read it; run it only if you know whose it is. It is not asked again on this machine until the file changes."),
+    files.map((one) => [h("p", { class: "quiet" }, one.file), h("pre", { tabindex: 0 }, one.text)]),
+    h("button", { id: "trust", onclick: () => go("trust", { digests: files.map((one) => one.digest) }) }, files.length > 1 ? "Run these files" : "Run this file"));
 }
 
 function models(state, go) {
