@@ -182,9 +182,9 @@ def compare(
 
     The first rows are those of `diagnose` with the same ``data`` and ``validation``; they are found when they are asked
     for, which takes seconds. ``progress`` is told what is done, ``cancelled`` asked then whether to stop. ``horizon``
-    of the windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse in Hz, by default that of
-    `diagnose`. Raises `RecordError` where nothing that the model predicts is measured, `InputError` for a horizon or a
-    cut-off that the sampling cannot serve.
+    of the windowed prediction in s, by default the model's update period; ``cutoff`` of the inverse in Hz, by default
+    that of `diagnose`. Raises `RecordError` where nothing that the model predicts is measured, `InputError` for a
+    horizon or a cut-off that the sampling cannot serve.
     """
     records, tell = as_list(data), progress or (lambda what: None)
     tell("noise of the sensors")

@@ -24,7 +24,7 @@ from signlin_ros.records import ModelData
 from signlin_ros.workbench import arrays, tuning
 from signlin_ros.workbench.looking import columns, points, propose, record_curves, span
 from signlin_ros.workbench.ranking import Ranking
-from signlin_ros.workbench.uploaded import opened
+from signlin_ros.workbench.uploaded import CodeError, opened
 
 Args = Mapping[str, Any]
 Say = Callable[[dict[str, Any]], None]
@@ -317,4 +317,4 @@ VERBS: dict[str, Callable[[Args, Say], Answer]] = {
 """What a worker process can be asked for."""
 
 
-__all__ = ["VERBS", "InputError"]
+__all__ = ["VERBS", "CodeError", "InputError"]

@@ -45,8 +45,7 @@ def read(stream: BinaryIO) -> dict[str, Any] | None:
 
 def answer(request: dict[str, Any], say: Callable[[dict[str, Any]], None]) -> tuple[dict[str, Any], bytes]:
     """Run what is asked for; return the head and the body of the answer."""
-    from signlin_ros.workbench.calls import VERBS
-    from signlin_ros.workbench.uploaded import CodeError
+    from signlin_ros.workbench.calls import VERBS, CodeError
 
     try:
         result = VERBS[request["verb"]](request["args"], say)
