@@ -87,7 +87,7 @@ def _centred(record: ModelData) -> ModelData:
 def _goes_on(look: Look) -> bool:
     """Tell whether the model follows the record better with inputs that change evenly between their samples."""
     held = look.resisted
-    if held is None or look.model.input_hold or look.model.plant.motion_is_imposed():
+    if held is None or not look.model.asks_hold or look.model.plant.motion_is_imposed():
         return False
     u = look.record.u.copy()
     u[:-1] = 0.5 * (u[:-1] + u[1:])

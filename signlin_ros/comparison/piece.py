@@ -161,7 +161,8 @@ class _Raw:
             self.noise.setdefault(self.plant.velocity, sensor_noise(v))
         else:
             stamped = 0.0 if data.acts is None else np.interp(t, data.t, data.acts - data.t) / self.step
-            late = 0.5 - model.early + stamped + model.delay / self.step
+            early = 0.5 if model.interpolates else model.early  # at a sample either has the sample's value
+            late = 0.5 - early + stamped + model.delay / self.step
             self.u = np.column_stack([_acting(c, late) for c in self.u.T])
 
     @cached_property

@@ -242,7 +242,7 @@ class Judgement:
     def sampled(self) -> Fitted | None:
         """The same model with inputs that were sampled from what goes on in between, where that is surely better."""
         model = self.final.model
-        if model.input_hold or model.plant.motion_is_imposed() or self.witnesses.near_noise(self.final):
+        if not model.asks_hold or model.plant.motion_is_imposed() or self.witnesses.near_noise(self.final):
             return None
         try:
             found = self.motion.sampled().fitted(self.names, model.with_options(input_hold="centred"))

@@ -14,6 +14,7 @@ from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.problem import Problem
+from signlin_ros.follow.data import acting
 from signlin_ros.follow.loop import MOST, NONE_LATE, follow
 from signlin_ros.follow.segments import Segment, twin
 from signlin_ros.follow.tracking import mean_square
@@ -59,8 +60,9 @@ def follow_records(
         X = np.zeros((0, 0)) if with_s else np.zeros((s.t.size, len(states)))
         late = lags.copy()
         late[:, 3:] = (s.inner or (s.whole and _moving(problem, s))) and not imposed  # nobody saw what was before
-        rest = (p, scale, delay - s.early, ringing, late, belief, variances)
-        x0 = _record_start(problem, c, s, gains.tau, (rows, *rest)).copy()
+        u, acts = acting(problem.base, s.t, s.u, delay - s.early)
+        rest = (p, scale, acts, ringing, late, belief, variances)
+        x0 = _record_start(problem, c, s, gains.tau, (u, rows, *rest)).copy()
         if imposed and delay and plant.position in states:
             x0[states.index(plant.position)] -= delay * s.u[0, c.model.inputs.index(plant.velocity)]
         own = [i for i, name in enumerate(states) if "." in name and not twin(name, tuple(s.start))]
@@ -69,7 +71,7 @@ def follow_records(
             if lead is None:
                 return None
             x0[own] = lead[2][0][-1, own]
-        arguments = (flags, s.t, s.u, s.y, held, x0, *rest)
+        arguments = (flags, s.t, u, s.y, held, x0, *rest)
         if follow(eq.calls(with_s, c.filtered), *arguments, E, D, X) < s.t.size or np.isinf(E).any():
             return None
         E[: len(weights)] *= weights[: len(E)]
@@ -148,7 +150,7 @@ def _record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: 
     unknown is fitted together, to as many samples as an observer of time constant ``tau`` in s remembers it.
     """
     twins = [n if n in s.start else twin(n, tuple(s.start)) for n in c.model.states]
-    x0, (rows, *others) = np.array([s.start.get(n, 0.0) for n in twins]), rest
+    x0, (u, rows, *others) = np.array([s.start.get(n, 0.0) for n in twins]), rest
     unknown = {**_unknown(problem, c, s), **_late_states(problem, s, others[4])} if s.whole else {}
     if not unknown:
         return x0
@@ -158,7 +160,7 @@ def _record_start(problem: Problem, c: Candidate, s: Segment, tau: float, rest: 
 
     def run(x: Array, size: int) -> tuple[Array, Array]:
         E, X = np.zeros((size, ny)), np.zeros((size, x.size))
-        arguments: tuple[Any, ...] = (s.t[:size], s.u[:size], s.y[:size], rows, x, *others, E, none, X)
+        arguments: tuple[Any, ...] = (s.t[:size], u, s.y[:size], rows, x, *others, E, none, X)
         if follow(*fixed, *arguments) < size:
             E[:] = np.inf
         return np.nan_to_num(E / problem.noise, posinf=1e150).ravel(), X

@@ -15,6 +15,7 @@ from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_runs
 from signlin_ros.records.clean import gaps
+from signlin_ros.simulate import interpolated
 
 Array = NDArray[np.float64]
 PathName = str | os.PathLike[str]
@@ -136,7 +137,7 @@ def driving(model: Model, record: ModelData) -> tuple[Array, dict[str, Array], E
     slow = np.interp(t, t[there], (apart - late * u[:, j])[there])
     apart = savgol_filter(slow, DRIFT, 1)
     u[:, j] += np.gradient(apart, t)
-    early = model.early * step if model.input_hold or late < step / 4 else step / 2
+    early = model.early * step if not model.asks_hold or late < step / 4 else step / 2
     return u, {plant.position: apart[0] + travelled(t, u[:, j], early)}, early
 
 
@@ -174,6 +175,14 @@ def _arriving_apart(t: Array, u: Array, acts: Array) -> Array:
     index = np.maximum(np.searchsorted(acts, t, side="right") - 1, 0)
     until = total[index] + u[index] * (t - acts[index])[:, None]
     return np.asarray(np.diff(until, axis=0) / np.diff(t)[:, None])
+
+
+def acting(model: Model, t: Array, u: Array, late: Early) -> tuple[Array, Array]:
+    """Return rows of the inputs (K, m), and from when each acts (K,) until the next does, as ``input_hold`` says: u
+    (T, m) from ``late`` s after its samples t (T,) on, or what lies between these on straight lines.
+    """
+    acts = np.asarray(t + late)
+    return interpolated(u, acts) if model.interpolates else (u, acts)
 
 
 def cut(early: Early, part: slice) -> Early:
@@ -248,6 +257,7 @@ __all__ = [
     "SHORTEST",
     "Early",
     "Stretch",
+    "acting",
     "arriving",
     "as_list",
     "corrected",

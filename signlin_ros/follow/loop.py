@@ -100,7 +100,7 @@ def follow(
     x0: Array,
     p: Array,
     scale: Array,
-    delay: float | Array,
+    acts: Array,
     ringing: float,
     lags: Array,
     belief: Array,
@@ -117,8 +117,8 @@ def follow(
     m, ny, np (sensitivities), index of the delay among them (-1), switched, index of the state that is the switching
     surface (-1), whether derivatives are wanted, least number of substeps between samples, index of the first state
     that is an effect's own, where dF/dx begins, columns w for sensitivities.
-    ``u`` (T, m) held from ``delay`` s after its sample on (before it, if negative; one number, or one for every row),
-    ``ringing``: the largest product of
+    ``u`` (K, m) held from ``acts`` (K,) s, which do not decrease, until the next row acts; ``ringing``: the largest
+    product of
     a substep and the fastest rate of the states that ring, ``y`` (T, ny) with NaN for missing, ``gains`` (G, n, ny):
     those of the first G samples, the last one for all others. X (T, n) gets the state before the correction, if it is
     not empty. ``lags`` (ny, 4): by how much every channel is seen late in s, the state that it shows, the index of its
@@ -130,16 +130,15 @@ def follow(
     Returns how many samples were followed before the run left all bounds.
     """
     # Numba compiles one loop for arrays that may be written to and another for those that may not: these may not.
-    late = np.full(t.size, delay) if np.ndim(delay) == 0 else np.array(delay[: t.size])  # type: ignore[index]
     views = [array.view() for array in (t, u, y)]
     for view in views:
         view.flags.writeable = False
-    rest = (gains, x0, p, scale, late, ringing, lags, belief, noise, E, D, X)
+    rest = (gains, x0, p, scale, acts, ringing, lags, belief, noise, E, D, X)
     return int(_allocated(code, sizes, *views, *rest))
 
 
 @compiled
-def _allocated(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, belief, noise, E, D, X):
+def _allocated(code, sizes, t, u, y, gains, x0, p, scale, acts, ringing, lags, belief, noise, E, D, X):
     """Make the arrays that `_follow` works in, and do it."""
     n, m, ny, count, at, width = sizes[0], sizes[1], sizes[2], sizes[3], sizes[10], sizes[11]
     n_out = at + n * n + n * width + width + n + ny * width
@@ -158,14 +157,14 @@ def _allocated(code, sizes, t, u, y, gains, x0, p, scale, delay, ringing, lags, 
         P[i, i] = belief[1, i]
     kalman = (P, np.zeros((n, ny)), np.zeros(n * n), np.zeros(n * n))
     memory = (z, np.zeros(n_out), x, np.zeros((n, width)), work, past, kalman, ratio, np.zeros((6, n)), np.zeros(2))
-    return _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, noise, E, D, X, memory)
+    return _follow(code, sizes, t, u, y, gains, scale, acts, ringing, lags, belief, noise, E, D, X, memory)
 
 
 @inner
-def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, noise, E, D, X, memory):
+def _follow(code, sizes, t, u, y, gains, scale, acts, ringing, lags, belief, noise, E, D, X, memory):
     """Do what `follow` does, in the arrays of ``memory``."""
     n, m, ny, count, i_delay = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
-    with_s, total = sizes[7] != 0, t.size
+    with_s, total, rows = sizes[7] != 0, t.size, acts.size
     at = sizes[10]
     at_h = 2 * n + 3
     at_hx = at_h + ny
@@ -176,7 +175,7 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
     for k in range(total):
         for i in range(n):
             z[i] = x[i]
-        while active + 1 < total and t[active + 1] + delay[active + 1] <= t[k]:
+        while active + 1 < rows and acts[active + 1] <= t[k]:
             if with_s and i_delay >= 0:
                 evaluated(head, sizes, z, out, mode, s)
                 for i in range(n):
@@ -242,12 +241,12 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             _look(t, t[k], x, out, S, lags, seen, seen_s, looked)
         begin = t[k]
         while True:
-            end, acts = t[k + 1], False
-            if active + 1 < total and t[active + 1] + delay[active + 1] < end - 1e-12:
-                end, acts = t[active + 1] + delay[active + 1], True
+            end, changes = t[k + 1], False
+            if active + 1 < rows and acts[active + 1] < end - 1e-12:
+                end, changes = acts[active + 1], True
             if late:
                 looks = _next_look(t, begin, end, lags, looked)
-                end, acts = looks, acts and looks == end
+                end, changes = looks, changes and looks == end
             if mode == 0 or late:
                 linearized(code, sizes, z, out, mode, s)
             keep(sizes, out, kept)
@@ -297,7 +296,7 @@ def _follow(code, sizes, t, u, y, gains, scale, delay, ringing, lags, belief, no
             for i in range(n):
                 z[i] = x[i]
                 before[i] = out[i]
-            if not acts:
+            if not changes:
                 continue
             active += 1
             for i in range(m):

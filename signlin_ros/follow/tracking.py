@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from signlin_ros.follow.data import Early, Stretch
+from signlin_ros.follow.data import Early, Stretch, acting
 from signlin_ros.follow.equations import equations, neutral_sensors
 from signlin_ros.follow.loop import NONE_LATE, follow
 from signlin_ros.model import Model
@@ -74,8 +74,9 @@ class Tracker:
         e, n, ny, total = self._equations, self.scale.size, len(self.channels), self.t.size
         gains = np.zeros((1, n, ny)) if gains is None else np.ascontiguousarray(gains)
         innovation, state = np.full((total, ny), np.nan), np.full((total, n), np.nan)
-        late, ringing = self.model.delay - self.early, e.ringing(self._p, self.scale)
-        record = (self.t, self.u, self.y, gains, np.array(x0, dtype=float), self._p, self.scale, late, ringing)
+        u, acts = acting(self.model, self.t, self.u, self.model.delay - self.early)
+        ringing, start = e.ringing(self._p, self.scale), np.array(x0, dtype=float)
+        record = (self.t, u, self.y, gains, start, self._p, self.scale, acts, ringing)
         rest = (NONE_LATE, np.zeros((3, 0)), np.ones(ny), innovation, np.zeros((0, ny, 0)), state)
         done = follow(e.calls(False), e.flags(False), *record, *rest)
         innovation[done:], state[done:] = np.nan, np.nan

@@ -2,12 +2,24 @@
 
 from signlin_ros.model.files import SUFFIXES, find_model_file, shipped_models
 from signlin_ros.model.model import Model
-from signlin_ros.model.options import ARM_METHODS, HOLDS, METHODS, NODE_KEYS, OPERATING_POINTS, RESERVED_KEYS, TOLERANCE
+from signlin_ros.model.options import (
+    ARM_METHODS,
+    AUTO,
+    HOLDS,
+    LINEAR,
+    METHODS,
+    NODE_KEYS,
+    OPERATING_POINTS,
+    RESERVED_KEYS,
+    TOLERANCE,
+)
 from signlin_ros.model.uses import EffectUse
 
 __all__ = [
     "ARM_METHODS",
+    "AUTO",
     "HOLDS",
+    "LINEAR",
     "METHODS",
     "NODE_KEYS",
     "OPERATING_POINTS",

@@ -18,7 +18,7 @@ from signlin_ros.files import write_text
 from signlin_ros.markup import html_table
 from signlin_ros.model.files import Dumper, Loader, find_model_file, parameters_of, relative
 from signlin_ros.model.names import check_axis, check_names
-from signlin_ros.model.options import HOLDS, OPTIONS, TOLERANCE
+from signlin_ros.model.options import AUTO, HOLDS, LINEAR, OPTIONS, TOLERANCE
 from signlin_ros.model.reading import fields_of
 from signlin_ros.model.uses import EffectUse, effect_class, has_spring, is_sensor, nominal, own_name, slot
 from signlin_ros.par import Par, Pars, declared_name, gathered, place_of
@@ -42,7 +42,7 @@ class Model:
     operating_range: dict[str, float] = field(default_factory=dict)
     linearization: str = ""
     operating_point: str = "start"
-    input_hold: str | float = ""
+    input_hold: str | float = AUTO
     update_period: float = 0.2
     state_weights: dict[str, float] = field(default_factory=dict)
     initial_state: dict[str, float] = field(default_factory=dict)
@@ -320,9 +320,26 @@ class Model:
         return unit.startswith("rad") if self.is_rotary is None else self.is_rotary
 
     @property
+    def asks_hold(self) -> bool:
+        """Whether the records are to show how their inputs act between the samples."""
+        return self.input_hold == AUTO
+
+    @property
+    def interpolates(self) -> bool:
+        """Whether a recorded input is interpolated between its samples; an imposed motion, of which only the travel
+        from sample to sample counts, is held in halves instead, which is the same.
+        """
+        return self.input_hold == LINEAR and not self.plant.motion_is_imposed()
+
+    @property
     def early(self) -> float:
-        """By how many steps a recorded input precedes its sample (`HOLDS`); 0 where the model does not say."""
-        return HOLDS.get(self.input_hold, 0.0) if isinstance(self.input_hold, str) else self.input_hold
+        """By how many steps a recorded input precedes its sample (`HOLDS`); 0 where the model does not say, or
+        `interpolates`.
+        """
+        if not isinstance(self.input_hold, str):
+            return self.input_hold
+        halves = self.input_hold == LINEAR and not self.interpolates
+        return HOLDS["centred"] if halves else HOLDS.get(self.input_hold, 0.0)
 
     @functools.cached_property
     def delay(self) -> float:

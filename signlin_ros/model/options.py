@@ -21,6 +21,10 @@ TOLERANCE = 0.05
 HOLDS = {"forward": 0.0, "centred": 0.5, "backward": 1.0}
 """By how many steps an input precedes its sample: a command that is held; samples of what goes on in between; what was
 logged beside the state that it led to."""
+AUTO, LINEAR = "auto", "linear"
+"""An input that acts as the records show, and one that is interpolated between its samples (a first-order hold)."""
+NAMED_HOLDS = (AUTO, *HOLDS, LINEAR)
+"""What a model file may say of how an input acts between its samples, beside a number of steps."""
 RESERVED_KEYS = ("use_sim_time", "qos_overrides", "start_type_description_service")
 """Keys of ROS 2 itself, accepted everywhere."""
 NODE_KEYS = (
@@ -111,12 +115,12 @@ def _order(value: Any, where: str) -> int:
 
 
 def _hold(value: Any, where: str) -> str | float:
-    if isinstance(value, str) and value in HOLDS:
-        return value
+    if isinstance(value, str) and value in (*NAMED_HOLDS, "held"):
+        return "forward" if value == "held" else value
     if isinstance(value, (int, float)) and not isinstance(value, bool) and 0.0 <= value <= 1.0:
         return next((name for name, early in HOLDS.items() if early == value), float(value))
-    allowed = f"{', '.join(HOLDS)}, or by how many steps it precedes its sample, 0 to 1"
-    raise ModelError(f"{where}: found {value!r}; allowed: {allowed}{suggest(str(value), HOLDS)}")
+    allowed = f"{', '.join(NAMED_HOLDS)}, or by how many steps it precedes its sample, 0 to 1"
+    raise ModelError(f"{where}: found {value!r}; allowed: {allowed}{suggest(str(value), NAMED_HOLDS)}")
 
 
 OPTIONS: dict[str, Callable[[Any, str], Any]] = {
@@ -142,9 +146,12 @@ OPTIONS: dict[str, Callable[[Any, str], Any]] = {
 
 __all__ = [
     "ARM_METHODS",
+    "AUTO",
     "AXES",
     "HOLDS",
+    "LINEAR",
     "METHODS",
+    "NAMED_HOLDS",
     "NODE_KEYS",
     "OPERATING_POINTS",
     "OPTIONS",

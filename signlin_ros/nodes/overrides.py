@@ -256,7 +256,7 @@ def _fixed_entries(model: Model) -> dict[str, Entry]:
     }
     if model.axis:
         found["axis"] = Entry(model.axis, "rotary or linear; not used by nodes")
-    if model.input_hold:
+    if not model.asks_hold:
         found["input_hold"] = Entry(model.input_hold, "when the input of a record acts; not used by nodes")
     for name, value in model.initial_state.items():
         found[f"initial_state.{name}"] = Entry(value, f"initial {name} [{model.units[name]}]")
