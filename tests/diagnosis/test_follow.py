@@ -45,7 +45,7 @@ def run(model, free=(), change=None, y=None, gains=None, lags=None):
     gains = np.zeros((1, n, 3)) if gains is None else gains
     E, D, X = np.zeros((T, 3)), np.zeros((T if free else 0, 3, padded(count))), np.zeros((T, n))
     lags, ringing = NONE_LATE if lags is None else lags, eq.ringing(p, SCALE[:n])
-    arguments = (eq.flags(bool(free)), TIMES, INPUT, y, gains, np.zeros(n), p, SCALE[:n], delay, ringing, lags)
+    arguments = (eq.flags(bool(free)), TIMES, INPUT, y, gains, np.zeros(n), p, SCALE[:n], TIMES + delay, ringing, lags)
     plain = (np.zeros((3, 0)), np.ones(3))
     assert follow(eq.calls(bool(free)), *arguments, *plain, E, D, X) == T
     return E, D[:, :, :count], X
@@ -151,7 +151,7 @@ def test_a_run_out_of_bounds_says_where():
     p = np.concatenate([model.p, neutral_sensors(1)])
     E, X = np.zeros((T, 1)), np.zeros((T, 2))
     arguments = (eq.flags(False), TIMES, 100 * INPUT, np.zeros((T, 1)), np.zeros((1, 2, 1)), np.zeros(2), p)
-    rest = (np.ones(2), 0.0, np.inf, NONE_LATE, np.zeros((3, 0)), np.ones(1), E, np.zeros((0, 1, 0)), X)
+    rest = (np.ones(2), TIMES.copy(), np.inf, NONE_LATE, np.zeros((3, 0)), np.ones(1), E, np.zeros((0, 1, 0)), X)
     done = follow(eq.calls(False), *arguments, *rest)
     assert 0 < done < T
 
