@@ -34,6 +34,9 @@ _WHY = {
     TOO_STIFF: "it needs too many steps (too stiff)",
     CHATTER: "it crosses switching surfaces without end in no time",
 }
+HALVED = 0.5 - 1.0 / np.sqrt(12.0)
+"""Part of a step after a sample, and before the next, in which a stepwise input has their values, its mean in between:
+over the step its mean and its first moment are then those of a straight line."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ def simulate(
     rtol: float = 1e-6,
     acts: ArrayLike | None = None,
 ) -> Trajectory:
-    """Simulate a model under inputs that are held from each time to the next, or as its ``input_hold`` says.
+    """Simulate a model under inputs that are held from each time to the next, or as its ``input_hold`` says; where that
+    is ``auto`` no record is asked, and they are held.
 
     Parameters
     ----------
@@ -119,11 +123,22 @@ def simulate(
     breaks[1:] -= model.early * np.diff(times)
     breaks[0] = times[0]
     run = {"exact": _run_exact, "smooth": _run_smooth, "piecewise": _run_piecewise}[kind]
-    status, when, events = run(model, times, breaks, inputs, start, rtol, X, Y)
+    rows, breaks = interpolated(inputs, breaks) if model.interpolates else (inputs, breaks)
+    status, when, events = run(model, times, breaks, rows, start, rtol, X, Y)
     if status != OK:
         raise SimulationError(f"{model.source}: the {kind} simulation stops at t = {when:.6g} s: {_WHY[status]}")
     y = Y if extra else X
     return Trajectory(times, inputs, X, y, model.states, model.inputs, model.outputs, events)
+
+
+def interpolated(u: Array, t: Array) -> tuple[Array, Array]:
+    """Return rows of inputs (2 T - 1, m), and from when each acts (2 T - 1,), that stand for straight lines between u
+    (T, m) at t (T,): see `HALVED`.
+    """
+    rows, acts, steps = np.empty((2 * t.size - 1, u.shape[1])), np.empty(2 * t.size - 1), np.diff(t)
+    rows[::2], rows[1::2] = u, 0.5 * (u[1:] + u[:-1])
+    acts[0], acts[1::2], acts[2::2] = t[0], t[:-1] + HALVED * steps, t[1:] - HALVED * steps
+    return rows, acts
 
 
 def _acting(times: Array, acts: ArrayLike | None) -> Array:

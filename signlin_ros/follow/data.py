@@ -15,7 +15,7 @@ from signlin_ros.errors import RecordError
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData, read_runs
 from signlin_ros.records.clean import gaps
-from signlin_ros.simulate import interpolated
+from signlin_ros.simulation import interpolated
 
 Array = NDArray[np.float64]
 PathName = str | os.PathLike[str]
