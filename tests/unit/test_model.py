@@ -653,7 +653,10 @@ def test_numbers_are_read_as_ros_2_reads_them(tmp_path):
     assert Model.load(file).parameters == {"m": 1.0, "c": 0.001, "k": 1e5}
 
 
-@pytest.mark.parametrize(("given", "kept", "early"), [(0, "forward", 0.0), (0.5, "centred", 0.5), (0.4, 0.4, 0.4)])
+@pytest.mark.parametrize(("given", "kept", "early"), [
+    (0, "forward", 0.0), (0.5, "centred", 0.5), (0.4, 0.4, 0.4), ("held", "forward", 0.0), ("auto", "auto", 0.0),
+    ("linear", "linear", 0.0),
+])  # fmt: skip
 def test_an_input_precedes_its_sample_by_steps_or_by_name(given, kept, early):
     model = Model.load("mass_spring_damper").with_options(input_hold=given)
     assert (model.input_hold, model.early) == (kept, early)
@@ -662,7 +665,7 @@ def test_an_input_precedes_its_sample_by_steps_or_by_name(given, kept, early):
 
 @pytest.mark.parametrize("wrong", [-0.1, 1.5, "later", True, None, float("nan")])
 def test_an_input_is_no_more_than_a_step_early(wrong):
-    with pytest.raises(ModelError, match=r"input_hold.*forward, centred, backward, or by how many steps"):
+    with pytest.raises(ModelError, match=r"input_hold.*auto, forward, centred, backward, linear, or by how many steps"):
         Model.load("mass_spring_damper").with_options(input_hold=wrong)
 
 
