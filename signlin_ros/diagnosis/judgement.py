@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -66,7 +66,8 @@ class Judgement:
     """What follows from what both witnesses stand for: the `verdict`, and every number that it rests on.
 
     ``final``: that model; ``conflict``: why they differ; ``asked``: what `add` was asked for; ``untold``: why unseen
-    data do not tell of what they proposed, where the model without it is stood for.
+    data do not tell of what they proposed, where the model without it is stood for; ``dropped``: effects that were
+    proposed beside others and tell nothing, and why.
     """
 
     witnesses: Witnesses
@@ -74,6 +75,7 @@ class Judgement:
     conflict: str = ""
     asked: str = ""
     untold: str = ""
+    dropped: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def case(self) -> Case:
@@ -228,7 +230,8 @@ class Judgement:
             near = self.witnesses.near_noise(self.final)
             if large and self.elsewhere:
                 return "elsewhere"
-            noise = self.final.clean or (near and self.final.white)
+            clean = self.final.clean and (not large or self.follows)
+            noise = clean or (near and self.final.white)
             more = not self.final.white and (self.little or near or self.changing or self.idle)
             more = more or (self.little and self.little_motion and not self.final.clean)  # untested is no proof
             return "structure" if ((large or self.flexible.visible) and not noise) or more else ""
@@ -236,7 +239,22 @@ class Judgement:
         near = self.witnesses.near_any_noise(self.final)
         if self.names and not near and (noise or self.percent is None):
             return "" if not self.little_motion else "elsewhere" if self.elsewhere else "structure"
-        return "" if noise or self.within_noise else "structure"
+        return "" if noise or self.within_noise or self.little_left else "structure"
+
+    @property
+    def follows(self) -> bool:
+        """Whether every channel is predicted near its noise, or but for a small part of what it does: else no test of
+        what is left shows that it is noise.
+        """
+        part = 100.0 * self.criteria.part
+        return self.witnesses.near_any_noise(self.final) or max(self.unpredicted, default=0.0) <= part
+
+    @property
+    def little_left(self) -> bool:
+        """Whether a proposal leaves of every channel no more, beside what the base model does, than a table shows."""
+        beyond = self.final.errors > self.criteria.near * self.motion.unseen.noise
+        less = self.final.errors <= self.criteria.alike * self.base.errors
+        return bool(self.names and beyond.any() and np.all(less[beyond]))
 
     @cached_property
     def sampled(self) -> Fitted | None:

@@ -56,7 +56,9 @@ def _ranking(j: Judgement) -> tuple[Entry, ...]:
     tied = {t: e for e, names in ties.items() for t in names}
     others, absent = list[Entry](), list[Entry]()
     for name in (n for n in EFFECTS if n not in j.names):
-        if name in single:
+        if name in j.dropped:
+            others.append(Entry(name, "rejected", why=j.dropped[name]))
+        elif name in single:
             others.append(_other(j, name, single[name]))
         elif name in laws:
             others.append(_by_force(j, name))

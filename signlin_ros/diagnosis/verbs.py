@@ -13,6 +13,7 @@ from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.judgement import Judgement, judge
 from signlin_ros.diagnosis.motion import Motion
 from signlin_ros.diagnosis.motion.trials import trials
+from signlin_ros.diagnosis.parts import without_idle
 from signlin_ros.diagnosis.results import Diagnosis, listed
 from signlin_ros.diagnosis.told import told
 from signlin_ros.diagnosis.witnesses import Seen, Tell, Witnesses, force_witness
@@ -47,7 +48,7 @@ def diagnose(
     force = force_witness(prepared, criteria, tell, seen)
     tell("motion with what the force shows" if force and force.effects else "motion")
     both = Witnesses(prepared, motion, force).grounded()
-    return told(judge(both, *agree(both)))
+    return told(without_idle(judge(both, *agree(both))))
 
 
 def refine(

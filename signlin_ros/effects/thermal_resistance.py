@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from signlin_ros.effects.base import Effect
 from signlin_ros.par import Par
 from signlin_ros.scale import Scale
+
+QUICKEST = 0.2
+"""Time constant R_th C in s of the smallest windings: some milligrams of copper in air take longer."""
 
 
 class ThermalResistance(Effect):
@@ -34,6 +38,11 @@ class ThermalResistance(Effect):
         """A rise that adds 5 % to the resistance under the record's mean losses, slow or fast in the record."""
         R_th = 0.05 / 0.0039 / (scale.input * scale.current)
         return [{"R_th": R_th, "C": share * scale.duration / R_th} for share in (0.1, 0.5)]
+
+    @classmethod
+    def plausible(cls, p: Mapping[str, float]) -> bool:
+        """A resistance that follows the losses within milliseconds is a voltage that sags, or what a model lacks."""
+        return p["R_th"] * p["C"] >= QUICKEST
 
     def resistance(self, m: Any, x: Any, p: Any, R_a: Any) -> Any:
         return R_a * (1 + p.a * x.own.temperature_rise)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from operator import attrgetter
 
@@ -13,6 +14,9 @@ from signlin_ros.diagnosis.motion.fitted import Fitted
 from signlin_ros.diagnosis.motion.score import Gain, beyond_noise, elsewhere, gain, told_change
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.problem import Problem
+
+SLOWEST = 0.1
+"""Part of the samples, the slowest, in which a wave over the position must pass in no less than two samples."""
 
 
 class Decisions:
@@ -71,6 +75,8 @@ class Decisions:
         for key, use in f.added.items():
             if not EFFECTS[use.type].is_met(use.parameters, *self.problem.stretch):
                 return f"the records lie all beyond {key}"
+        if quick := self._quick(f):
+            return quick
         if f.clean and f.near(self.criteria.near):
             return ""
         few = self.few_waves(f)
@@ -91,6 +97,25 @@ class Decisions:
             f"{place} was not measured: its zero would be {most:.3g} {problem.shown(unit)} from where a record starts"
         )
         return f"{told}, which goes {way:.3g}" if most > way else ""
+
+    @functools.cached_property
+    def _slow(self) -> float:
+        """The speed in rad/s or m/s below which the slowest tenth of the samples is; 0 where none was measured."""
+        plant, found = self.problem.base.plant, []
+        for part in self.problem.parts:
+            v, q = part.measured.get(plant.velocity), part.measured.get(plant.position)
+            if v is None and q is not None and q.size > 1:
+                v = np.gradient(q, part.t)
+            found.append(np.abs(v[np.isfinite(v)]) if v is not None else np.zeros(1))
+        every = np.concatenate(found) if found else np.zeros(0)
+        return float(np.quantile(every, SLOWEST)) if every.size else 0.0
+
+    def _quick(self, f: Fitted) -> str:
+        """Return which wave over the position passes too fast for the samples: they show another one of it."""
+        step = self.problem.scale.step
+        orders = {k: use.parameters[n] for k, use in f.added.items() for n in EFFECTS[use.type].periodic[:1]}
+        quick = [key for key, order in orders.items() if np.max(order) * self._slow * step > np.pi]
+        return f"{quick[0]} passes a wave in less than two samples" if quick else ""
 
     def few_waves(self, f: Fitted) -> dict[str, float]:
         """Return how many periods the records hold of each periodic force of a model, of those of too few."""

@@ -195,6 +195,24 @@ class Fitted:
                 return f"{key} is {surely:.1f} of its own standard errors from nothing"
         return ""
 
+    def certainty(self, effect: str) -> float:
+        """Return by how many standard errors an added effect differs from nothing, as its printed errors say: these
+        allow for any residual, where a likelihood takes what is left for noise. Infinite where no level tells.
+        """
+        cls, sizes = EFFECTS[effect], [np.inf]
+        keys = {k for k, use in self.added.items() if use.type == effect} or set(self.kind)
+        where = {*cls.turning[1:], *cls.periodic[:1]}
+        own = {
+            one.name: (i, one)
+            for i, one in enumerate(self.known)
+            if one.key in keys and one.name not in where and one.k.name.startswith(effect)
+        }
+        levels = [i for i, one in own.values() if not one.k.log or one.name in cls.neutral]
+        told: list[tuple[int, ...]] = [(own[n][0],) for n in cls.telling if n in own and own[n][0] in levels]
+        sizes += [self._together(cls, index) for index in told or ([tuple(levels)] if levels else [])]
+        sizes += [1.0 / one.std for n, (_, one) in own.items() if n in cls.telling and one.k.log and one.std > 0.0]
+        return float(min(sizes))
+
     def _together(self, effect: type[Effect], index: tuple[int, ...]) -> float:
         """Return by how many standard errors coefficients of an effect differ from nothing, all of them together [Wald
         1943, doi:10.1090/S0002-9947-1943-0012401-3]: each may be unknown where only their difference is known.
