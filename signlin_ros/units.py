@@ -174,10 +174,65 @@ _OWN: dict[str, tuple[str, ...]] = {
     "degree": ("degree",),
     "degrees": ("degree",),
     '"': ("inch",),
+    "grad": ("degree",),
+    "gradi": ("degree",),
+    "grados": ("degree",),
+    "graus": ("degree",),
+    "degre": ("degree",),
+    "degres": ("degree",),
+    "degré": ("degree",),
+    "degrés": ("degree",),
+    "gr": ("degree", "gram"),
+    "upm": ("turn/minute",),
+    "1/min": ("turn/minute", "1/minute"),
+    "/min": ("turn/minute",),
+    "min-1": ("turn/minute", "1/minute"),
+    "min^-1": ("turn/minute", "1/minute"),
+    "u/min": ("turn/minute",),
+    "u/s": ("turn/s",),
+    "umin": ("turn/minute",),
+    "umdr": ("turn",),
+    "umdrehung": ("turn",),
+    "umdrehungen": ("turn",),
+    "tr": ("turn",),
+    "trs": ("turn",),
+    "tour": ("turn",),
+    "tours": ("turn",),
+    "giri": ("turn",),
+    "obr": ("turn",),
+    "ot": ("turn",),
+    "omw": ("turn",),
+    "varv": ("turn",),
+    "об": ("turn",),
+    "мин": ("minute",),
+    "с": ("s",),
+    "об/мин": ("turn/minute",),
+    "sek": ("s",),
+    "sekunde": ("s",),
+    "sekunden": ("s",),
+    "seconde": ("s",),
+    "secondes": ("s",),
+    "segundos": ("s",),
+    "secondi": ("s",),
+    "daNm": ("10 Nm",),
+    "dNm": ("0.1 Nm",),
 }
 """What Pint does not know, reads as something else (``Nm``: per kilogram; ``amps``: a velocity), or what is written in
 other letters; looked up as it is written, then in small letters. Nothing: no unit, whatever Pint would make of it.
 """
+
+_MEANT = ("", "kilo", "milli", "micro", "nano")
+"""Prefixes that people write before any unit; before others a word is rather one that Pint takes apart: ``Grad``."""
+_SELDOM = {
+    "centi": ("meter", "newton"),
+    "deci": ("meter",),
+    "mega": ("newton", "pascal", "hertz", "watt", "ohm"),
+    "giga": ("pascal", "hertz"),
+    "hecto": ("pascal",),
+    "deca": ("newton",),
+    "deka": ("newton",),
+}
+"""Prefixes that they write before some units only."""
 
 _ROTARY: dict[Dimension, Dimension] = {
     _M: _RAD,
@@ -264,7 +319,10 @@ def _pint(symbol: str) -> Reading | None:
         return None
     registry = _registry()
     try:
-        scale, base = registry.get_base_units(registry.parse_units("percent" if symbol == "%" else symbol))
+        symbol = "percent" if symbol == "%" else symbol
+        if not any(_meant(prefix, name) for prefix, name, _ in registry.parse_unit_name(symbol)[:1]):
+            return None
+        scale, base = registry.get_base_units(registry.parse_units(symbol))
     except Exception:  # noqa: BLE001 - Pint raises nearly anything on what is no unit
         return None
     exponents = dict(base._units)
@@ -272,6 +330,11 @@ def _pint(symbol: str) -> Reading | None:
         return None
     whole = tuple(round(float(exponents.get(name, 0))) for name in _BASES)
     return float(scale), whole  # type: ignore[return-value]
+
+
+def _meant(prefix: str, name: str) -> bool:
+    """Whether people write a unit with a prefix."""
+    return prefix in _MEANT or name in _SELDOM.get(prefix, ())
 
 
 @lru_cache(maxsize=1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -27,8 +27,12 @@ class Check(ABC):
     name: ClassVar[str]
     needs_time: ClassVar[bool] = False
     """Whether it means nothing where the time is in doubt, or nothing moves."""
+    needs_input: ClassVar[bool] = False
+    """Whether it means nothing where an input is not what it is said to be."""
     holding_out: ClassVar[bool] = False
     """Whether it only means something where a part of the record itself is held out."""
+    of_nothing: ClassVar[bool] = False
+    """Whether it means something where no state and no output is measured."""
     exclusive: ClassVar[bool] = False
     """Whether its findings are alternatives: where one is applied, the others are none."""
 
@@ -36,9 +40,50 @@ class Check(ABC):
     def find(self, look: Look) -> Iterable[Finding]:
         """Yield what is found in a record."""
 
+    def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
+        """Return what is found in each of some records whose columns are the same."""
+        return [list(self.find(look)) for look in looks]
+
     def note(self, channel: str, sentence: str) -> Finding:
         """Return what is to be known, and needs no cure."""
         return Finding(self.name, channel, "note", sentence)
+
+
+class OfColumns(Check):
+    """A check of what belongs to the columns of a log: a unit, a sign, which signal is which.
+
+    What is found in one record holds for all with the same columns; where two of them ask for different things, neither
+    is to be believed.
+    """
+
+    def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
+        """Return what is found in each record, and what is found in another one that has the same columns."""
+        found = super().find_each(looks)
+        first = {f.cure: (f, look) for told, look in zip(found, looks, strict=True) for f in told if f.columns}
+        cures = [{f.cure for f in told if f.columns} for told in found]
+        asked = [own for own in cures if own]
+        if len(looks) < 2 or not asked:
+            return found
+        common = set.intersection(*asked)
+        if not common:
+            return [[self._at_odds(f, first) if f.columns else f for f in told] for told in found]
+        shared = [first[cure] for cure in first if cure in common]
+        return [
+            [f for f in told if not f.columns or f.cure in common]
+            + [_as_in(f, look) for f, look in shared if f.cure not in own]
+            for told, own in zip(found, cures, strict=True)
+        ]
+
+    def _at_odds(self, f: Finding, first: Mapping[str, tuple[Finding, Look]]) -> Finding:
+        """Return a finding beside those of other records that ask for something else."""
+        others = {cure: one for cure, one in first.items() if cure != f.cure}
+        told = "; ".join(f"in {look.record.source} {one.sentence}" for one, look in list(others.values())[:1])
+        why = f"{f.sentence}, but {told}: a unit belongs to the columns, so that neither is to be believed"
+        return replace(f, severity="refuse", sentence=why)
+
+
+def _as_in(f: Finding, look: Look) -> Finding:
+    return replace(f, sentence=f"{f.sentence} (as in {look.record.source}, whose columns are the same)")
 
 
 def with_channel(record: ModelData, name: str, values: Array) -> ModelData:
@@ -96,4 +141,4 @@ def _start(measured: dict[str, Array], states: tuple[str, ...]) -> Array | None:
     return frozen(np.array([measured[name][0] for name in states])) if known else None
 
 
-__all__ = ["Check", "changed", "timed", "values_of", "with_channel", "without_channel", "without_samples"]
+__all__ = ["Check", "OfColumns", "changed", "timed", "values_of", "with_channel", "without_channel", "without_samples"]

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from signlin_ros.checks.base import Check, values_of, with_channel
+from signlin_ros.checks.base import OfColumns, values_of, with_channel
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
 from signlin_ros.checks.unit_or_sign import BETTER, EACH, GOOD, driven
@@ -14,7 +14,7 @@ from signlin_ros.errors import joined
 from signlin_ros.records import ModelData
 
 
-class Exchanged(Check):
+class Exchanged(OfColumns):
     """The model follows the record if two of its signals are exchanged, and not as they are mapped.
 
     Test: that of `UnitOrSign`, with the values of two inputs or channels exchanged, or of three turned round, in place
@@ -25,6 +25,7 @@ class Exchanged(Check):
 
     name = "exchanged"
     needs_time = True
+    needs_input = True
     exclusive = True
 
     def find(self, look: Look) -> Iterator[Finding]:
@@ -42,7 +43,8 @@ class Exchanged(Check):
         cure = f"exchange_{'_and_'.join(order)}"
         remedy = "they are exchanged"
         action = lambda record: exchanged(record, order)  # noqa: E731
-        return Finding(self.name, ", ".join(order), "refuse", sentence, cure=cure, remedy=remedy, action=action)
+        channels = ", ".join(order)
+        return Finding(self.name, channels, "refuse", sentence, cure=cure, remedy=remedy, columns=True, action=action)
 
 
 def exchanged(record: ModelData, order: Sequence[str]) -> ModelData:

@@ -65,6 +65,7 @@ class Excitation(Check):
 
     name = "excitation"
     needs_time = True
+    needs_input = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield one note for the record."""

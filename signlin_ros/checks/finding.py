@@ -20,7 +20,8 @@ class Finding:
 
     ``channel``: of what, empty where it is the whole record. ``cure``: the name by which `check` is asked to apply what
     would help, empty where there is nothing to apply; ``action`` does it. ``harmless``: it is applied without being
-    asked for. ``remedy``: what is done then, in words. ``source``: the record.
+    asked for. ``remedy``: what is done then, in words. ``source``: the record. ``columns``: it is a matter of the
+    columns of the log, and so of every record that has them. ``final``: no cure helps, nor to take the record as it is.
     """
 
     check: str
@@ -32,6 +33,8 @@ class Finding:
     applied: bool = False
     source: str = ""
     harmless: bool = field(default=False, repr=False)
+    columns: bool = field(default=False, repr=False)
+    final: bool = field(default=False, repr=False)
     action: Callable[[ModelData], ModelData] | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any]:

@@ -27,6 +27,7 @@ class MixedClocks(Check):
 
     name = "mixed_clocks"
     needs_time = True
+    needs_input = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the input that is late."""

@@ -213,6 +213,46 @@ class Prediction:
         return whole
 
 
+@dataclass(frozen=True, eq=False)
+class Together:
+    """What several records with the same columns leave, as one `Prediction`: their geometric mean by samples."""
+
+    parts: tuple[Prediction, ...]
+
+    @classmethod
+    def of(cls, parts: Sequence[Prediction]) -> Together:
+        """Return several predictions as one."""
+        return cls(tuple(parts))
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels of all records."""
+        return tuple(n for n in self.parts[0].channels if all(n in p.channels for p in self.parts))
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The sources of all records."""
+        return tuple(n for n in self.parts[0].sources if all(n in p.sources for p in self.parts))
+
+    @property
+    def free(self) -> Mapping[str, str]:
+        """The sources that count with the size that suits best."""
+        return self.parts[0].free
+
+    def lefts(self, scales: Sequence[Mapping[str, float]]) -> Array:
+        """Return `left` for several choices of scales (k,)."""
+        sizes = [p.samples for p in self.parts]
+        return np.asarray(np.exp(np.average([np.log(p.lefts(scales)) for p in self.parts], axis=0, weights=sizes)))
+
+    def left(self, scales: Mapping[str, float] | None = None) -> float:
+        """Return what is left, as a share of what the channels do."""
+        return float(self.lefts([scales or {}])[0])
+
+    def shares(self, scales: Mapping[str, float] | None = None) -> Array:
+        """Return what is left of every channel of every record, as a share of its spread."""
+        return np.concatenate([p.shares(scales) for p in self.parts])
+
+
 def prediction(
     base: Base,
     record: ModelData,
@@ -339,4 +379,4 @@ def _times(small: NDArray[Any], wide: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(np.einsum("ij,jt->it", small, wide))
 
 
-__all__ = ["ONE", "START", "Discrete", "Followed", "Prediction", "follow", "prediction", "run", "summed"]
+__all__ = ["ONE", "START", "Discrete", "Followed", "Prediction", "Together", "follow", "prediction", "run", "summed"]

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from signlin_ros.checks.base import Check, without_channel
+from signlin_ros.checks.base import OfColumns, without_channel
 from signlin_ros.checks.factors import word
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
@@ -31,7 +31,7 @@ FARTHEST = 30
 """Lags that are looked at, in samples."""
 
 
-class PositionVelocity(Check):
+class PositionVelocity(OfColumns):
     """The velocity is not the rate of the position: another unit (57.3, 2 pi, 9.55, 60, 1000), a gear, a sign, a lag,
     or another axis; or it has an offset.
 
@@ -102,6 +102,7 @@ class PositionVelocity(Check):
             f"the {v} {words} the {q}'s rate",
             cure=cure,
             remedy="it is taken so",
+            columns=True,
             action=divided(by),
         )
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from signlin_ros.checks.factors import TOGETHER, other_units, word
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.observer import ONE, Prediction
+from signlin_ros.checks.observer import ONE, Prediction, Together
 
 NEAR = 1.35
 """A unit is meant where the factor that suits best is no more than this away from it."""
@@ -41,7 +41,7 @@ class Reading:
         return all(factor == -1.0 for factor in self.divided.values())
 
 
-def signs(look: Look, p: Prediction) -> Iterator[Reading]:
+def signs(look: Look, p: Prediction | Together) -> Iterator[Reading]:
     """Yield the signals, and position and velocity together, that may be reversed."""
     for name in p.sources:
         if _recorded(name, p):
@@ -53,7 +53,7 @@ def signs(look: Look, p: Prediction) -> Iterator[Reading]:
         yield Reading({q: -1.0, v: -1.0}, words, f"reverse_{q}_and_{v}")
 
 
-def units(look: Look, p: Prediction) -> Iterator[Reading]:
+def units(look: Look, p: Prediction | Together) -> Iterator[Reading]:
     """Yield the units that one signal, or position and velocity together, may be in."""
     for name in p.sources:
         if not _recorded(name, p):
@@ -72,7 +72,7 @@ def units(look: Look, p: Prediction) -> Iterator[Reading]:
             yield Reading(factors, words, f"{q}_in_{word(one)}_{v}_in_{word(other)}")
 
 
-def pairs(look: Look, p: Prediction) -> Iterator[Reading]:
+def pairs(look: Look, p: Prediction | Together) -> Iterator[Reading]:
     """Yield the units that two signals may be in, which are not position and velocity of one kind."""
     one = [
         (name, unit, factor) for name in p.sources if _recorded(name, p) for unit, factor in look.others(name).items()
@@ -83,33 +83,38 @@ def pairs(look: Look, p: Prediction) -> Iterator[Reading]:
             yield Reading({a: of_a, b: of_b}, words, f"{a}_in_{word(first)}_{b}_in_{word(second)}", far_fetched=True)
 
 
-def gears(look: Look, p: Prediction) -> Iterator[Reading]:
+def gears(look: Look, p: Prediction | Together) -> Iterator[Reading]:
     """Yield single signals that fit by a factor that is no unit's."""
     for name in p.sources:
         if not _recorded(name, p):
             continue
         factor = _best(p, name)
         if GEAR < abs(factor) < 1e5 or GEAR < 1.0 / max(abs(factor), 1e-12) < 1e5:
-            by = f"divided by {factor:.3g}" if abs(factor) > 1.0 else f"multiplied by {1.0 / factor:.3g}"
-            words = f"the {name} fits if it is {by}: a gear, a unit, or a wrong scale"
-            if name in look.record.inputs and look.model.plant.scaled_by_effort:
-                words += f" (or {', '.join(look.model.plant.scaled_by_effort)} of the model are all wrong by that)"
-            yield Reading({name: factor}, words, f"scale_{name}", far_fetched=True)
+            yield gear(look, name, factor)
 
 
-def _recorded(name: str, p: Prediction) -> bool:
+def gear(look: Look, name: str, factor: float) -> Reading:
+    """Return a signal divided by a factor that is no unit's."""
+    by = f"divided by {factor:.3g}" if abs(factor) > 1.0 else f"multiplied by {1.0 / factor:.3g}"
+    words = f"the {name} fits if it is {by}: a gear, a unit, or a wrong scale"
+    if name in look.record.inputs and look.model.plant.scaled_by_effort:
+        words += f" (or {', '.join(look.model.plant.scaled_by_effort)} of the model are all wrong by that)"
+    return Reading({name: factor}, words, f"scale_{name}", far_fetched=True)
+
+
+def _recorded(name: str, p: Prediction | Together) -> bool:
     """Tell whether a source is an input or a channel of the record."""
     return name != ONE and name not in p.free
 
 
-def _best(p: Prediction, name: str) -> float:
+def _best(p: Prediction | Together, name: str) -> float:
     """Return by what a signal is to be divided so that the least is left of all channels."""
     grid = [sign * 10.0**k for sign in (1.0, -1.0) for k in [i / 20 for i in range(-90, 91)]]
     best = int(np.argmin(p.lefts([{name: 1.0 / factor} for factor in grid])))
     return float(grid[best])
 
 
-def _suits(p: Prediction, factors: Mapping[str, float]) -> bool:
+def _suits(p: Prediction | Together, factors: Mapping[str, float]) -> bool:
     """Tell whether other factors near those of a unit suit no better, by much, than the unit's."""
     ((name, factor),) = factors.items()
     around = (1.0, 1.0 / NEAR**2, 1.0 / NEAR, NEAR, NEAR**2)
@@ -117,4 +122,4 @@ def _suits(p: Prediction, factors: Mapping[str, float]) -> bool:
     return bool(left[0] <= 1.5 * left[1:].min())
 
 
-__all__ = ["Reading", "gears", "pairs", "signs", "units"]
+__all__ = ["NEAR", "Reading", "gear", "gears", "pairs", "signs", "units"]

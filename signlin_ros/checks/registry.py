@@ -12,6 +12,8 @@ from signlin_ros.checks.integer_overflow import IntegerOverflow
 from signlin_ros.checks.jitter import Jitter
 from signlin_ros.checks.mixed_clocks import MixedClocks
 from signlin_ros.checks.no_motion import NoMotion
+from signlin_ros.checks.nothing_measured import NothingMeasured
+from signlin_ros.checks.position_command import PositionCommand
 from signlin_ros.checks.position_velocity import PositionVelocity
 from signlin_ros.checks.repeated_values import RepeatedValues
 from signlin_ros.checks.short_record import ShortRecord
@@ -21,19 +23,23 @@ from signlin_ros.checks.time_unit import TimeUnit
 from signlin_ros.checks.two_sources import TwoSources
 from signlin_ros.checks.unit_or_sign import UnitOrSign
 from signlin_ros.checks.unsigned_input import UnsignedInput
+from signlin_ros.checks.wild_samples import WildSamples
 from signlin_ros.checks.wrapped_angle import WrappedAngle
 
 CHECKS: tuple[type[Check], ...] = (
     AsRead,
+    NothingMeasured,
     FrozenChannel,
     TwoSources,
     WrappedAngle,
     IntegerOverflow,
+    WildSamples,
     RepeatedValues,
     Clipped,
     NoMotion,
     TimeUnit,
     UnsignedInput,
+    PositionCommand,
     Exchanged,
     UnitOrSign,
     PositionVelocity,

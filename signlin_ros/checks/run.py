@@ -27,11 +27,15 @@ def check(
     ``validated``: whether some of the records are for validation, so that no part of one is held out.
     Raises `InputError` for a cure that nothing here offers.
     """
-    kinds = [kind for kind in CHECKS if not (validated and kind.holding_out)]
-    pairs = [_checked(model, record, frozenset(cures), kinds) for record in records]
-    findings = [finding for _, found in pairs for finding in found]
+    passes = [_Pass(model, record) for record in records]
+    for kind in (kind for kind in CHECKS if not (validated and kind.holding_out)):
+        for group in _of_one_log(passes):
+            ready = [one for one in group if one.takes(kind)]
+            for one, told in zip(ready, kind().find_each([one.look for one in ready]), strict=True):
+                one.treat(kind, told, frozenset(cures))
+    findings = [finding for one in passes for finding in one.found]
     _check_names(cures, findings)
-    return [record for record, _ in pairs], findings
+    return [one.record for one in passes], findings
 
 
 def require_sound(findings: Sequence[Finding], cures: Collection[str] = ()) -> None:
@@ -40,28 +44,47 @@ def require_sound(findings: Sequence[Finding], cures: Collection[str] = ()) -> N
     for finding in blocking[:1]:
         others = ", ".join(dict.fromkeys(one.source for one in blocking[1:]))
         more = f" ({len(blocking) - 1} more, of {others}: signlin check)" if others else ""
-        ways = "; ".join(way for way in (finding.way_out, "--cure none: the record is taken as it is") if way)
-        raise RecordError(f"{finding.source}: {finding.sentence}; {ways}{more}")
+        plain = "" if finding.final else "--cure none: the record is taken as it is"
+        ways = "".join(f"; {way}" for way in (finding.way_out, plain) if way)
+        raise RecordError(f"{finding.source}: {finding.sentence}{ways}{more}")
 
 
-def _checked(
-    model: Model, record: ModelData, cures: frozenset[str], kinds: Sequence[type[Check]]
-) -> tuple[ModelData, list[Finding]]:
-    found: list[Finding] = []
-    look = Look(model, record)
-    if not look.channels or look.t.size < LEAST:  # nothing to look at: what comes next says so
-        return record, found
-    for kind in kinds:
-        if kind.needs_time and ("t" in look.told or any(f.check == NoMotion.name for f in found)):
-            continue
+class _Pass:
+    """A record on its way through the checks: as it is by then, and what was found."""
+
+    def __init__(self, model: Model, record: ModelData) -> None:
+        self.record, self.look = record, Look(model, record)
+        self.found: list[Finding] = []
+        self._enough = self.look.t.size >= LEAST
+
+    def takes(self, kind: type[Check]) -> bool:
+        """Tell whether a check means anything here: there is something to look at, and the time is known."""
+        if not self._enough or (not self.look.channels and not kind.of_nothing):
+            return False
+        if kind.needs_input and any(f.open and f.channel in self.record.inputs for f in self.found):
+            return False
+        return not (kind.needs_time and ("t" in self.look.told or any(f.check == NoMotion.name for f in self.found)))
+
+    def treat(self, kind: type[Check], findings: Sequence[Finding], cures: frozenset[str]) -> None:
+        """Take what a check found, and apply the cures that are to be."""
         told = []
-        for finding in kind().find(look):
-            record, treated = _treated(record, replace(finding, source=record.source), cures)
+        for finding in findings:
+            self.record, treated = _treated(self.record, replace(finding, source=self.record.source), cures)
             told.append(treated)
         applied = [finding for finding in told if finding.applied]
-        found += applied if kind.exclusive and applied else told
-        look = look.on(record, tuple(name for finding in found if finding.doubtful for name in finding.about))
-    return record, found
+        self.found += applied if kind.exclusive and applied else told
+        about = tuple(name for finding in self.found if finding.doubtful for name in finding.about)
+        self.look = self.look.on(self.record, about)
+
+
+def _of_one_log(passes: Sequence[_Pass]) -> list[list[_Pass]]:
+    """Return the records by their columns."""
+    groups: dict[object, list[_Pass]] = {}
+    for one in passes:
+        r = one.record
+        key = (r.inputs, r.states, tuple(sorted(r.units.items())), tuple(sorted(r.labels.items())))
+        groups.setdefault(key, []).append(one)
+    return list(groups.values())
 
 
 def _treated(record: ModelData, finding: Finding, cures: frozenset[str]) -> tuple[ModelData, Finding]:

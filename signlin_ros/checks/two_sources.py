@@ -21,6 +21,11 @@ ALIKE = 0.5
 """The values on both sides of it differ by less than this share of their size."""
 FEW, MOST = 5, 0.6
 """Least number, and largest share, of zeros between values."""
+BRIEF, BURST = 3, 30
+"""Samples from value to value within which zeros stand between them; and where a channel is never 0 otherwise, for its
+noise: so long a reading may fail."""
+SUDDEN = 2.0
+"""How much larger than the usual change (its 90 % quantile) the step into a burst is."""
 TURNS = (2, 3, 4)
 """Numbers of sources that are looked for."""
 SMOOTHER = 0.05
@@ -41,7 +46,7 @@ class TwoSources(Check):
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield channels with zeros between values together, then inputs, then curves by turns."""
-        zeros = {name: found for name in look.channels if (found := _constants(look.of(name))) is not None}
+        zeros = {name: found for name in look.channels if (found := _constants(look.of(name), BURST)) is not None}
         if zeros:
             yield self._dropped(look, zeros)
         for name in look.record.inputs:
@@ -92,16 +97,18 @@ class TwoSources(Check):
 _ORDINAL = {2: "second", 3: "third", 4: "fourth"}
 
 
-def _constants(values: Array) -> NDArray[np.bool_] | None:
+def _constants(values: Array, longest: int = BRIEF) -> NDArray[np.bool_] | None:
     """Return where (T,) values jump to 0, or to the value that is there most often, and back; None if they do not."""
     levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
     often = float(levels[int(np.argmax(counts))]) if levels.size else 0.0
-    found = _zeros(values)
-    return _zeros(values - often) if found is None and often != 0.0 else found
+    found = _zeros(values, longest)
+    return _zeros(values - often, longest) if found is None and often != 0.0 else found
 
 
-def _zeros(values: Array) -> NDArray[np.bool_] | None:
-    """Return where (T,) values are zeros between values; None where they are too few, or too many."""
+def _zeros(values: Array, longest: int = BRIEF) -> NDArray[np.bool_] | None:
+    """Return where (T,) values are zeros between values; None where they are too few, or too many. ``longest``: from
+    value to value, where the noise of the values makes a zero by itself unlikely.
+    """
     zero = values == 0.0
     rest = np.flatnonzero(~zero & np.isfinite(values))
     if not FEW <= zero.sum() <= MOST * values.size or rest.size < LEAST:
@@ -111,15 +118,21 @@ def _zeros(values: Array) -> NDArray[np.bool_] | None:
     inside = (k > 0) & (k < rest.size)
     at, k = at[inside], k[inside]
     before, after = values[rest[k - 1]], values[rest[k]]
-    sigma = noise_level(np.arange(rest.size, dtype=float)[:20_000], values[rest][:20_000]).sigma
+    noise = noise_level(np.arange(rest.size, dtype=float)[:20_000], values[rest][:20_000])
+    sigma = noise.sigma
     size = np.minimum(np.abs(before), np.abs(after))
     close = np.abs(before - after) < ALIKE * size
-    brief = rest[k] - rest[k - 1] <= 3
+    usual = float(np.quantile(np.abs(np.diff(values[rest])), 0.9))
+    same = (np.sign(before) == np.sign(after)) & (size > SUDDEN * usual) & (size > FAR * sigma) & (sigma > 0.0)
+    wide = rest[k] - rest[k - 1]
+    brief = (wide <= BRIEF) | ((wide <= longest) & same)
+    close = close | ((wide > BRIEF) & same)
     jumps = at[brief & close & (size > FAR * sigma)]
     if jumps.size < FEW or jumps.size < 0.3 * at.size or np.unique(values[rest]).size < LEAST:
         return None
     found = np.zeros(values.size, dtype=bool)
-    found[at[brief]] = True
+    never = noise.quantum == 0.0 and sigma > 0.0  # its noise makes no exact 0
+    found[at[(wide <= longest) if never and longest > BRIEF else brief]] = True
     return found
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from signlin_ros.checks.base import Check, values_of, with_channel
+from signlin_ros.checks.base import OfColumns, values_of, with_channel
+from signlin_ros.checks.effort_scale import effort_scale
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
-from signlin_ros.checks.observer import Prediction
-from signlin_ros.checks.readings import Reading, gears, pairs, signs, units
+from signlin_ros.checks.observer import Prediction, Together
+from signlin_ros.checks.readings import NEAR, Reading, gear, gears, pairs, signs, units
 from signlin_ros.checks.travel import EQUAL
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
@@ -35,7 +36,7 @@ PARTS = (-1.0, -0.5, 0.5, 1.0)
 """Of its tolerance, by which a guess may be off."""
 
 
-class UnitOrSign(Check):
+class UnitOrSign(OfColumns):
     """The model follows the record much better if a channel is in another unit, or reversed.
 
     Test: a constant observer of the linear base, beside dry friction, a load and gravity of any size, and from any
@@ -50,22 +51,35 @@ class UnitOrSign(Check):
 
     name = "unit_or_sign"
     needs_time = True
+    needs_input = True
     exclusive = True
 
     def find(self, look: Look) -> Iterator[Finding]:
         """Yield the best reading of the record, and others that are as good."""
-        p = look.resisted
-        if p is None:
+        yield from self._read([look])
+
+    def find_each(self, looks: Sequence[Look]) -> list[list[Finding]]:
+        """Return the best reading of all records with the same columns; where there is none, that of each."""
+        known = [look for look in looks if look.resisted is not None]
+        whole = list(self._read(known)) if len(known) > 1 else []
+        return [list(whole) for _ in looks] if whole else super().find_each(looks)
+
+    def _read(self, looks: Sequence[Look]) -> Iterator[Finding]:
+        parts = [p for p in (look.resisted for look in looks) if p is not None]
+        if not parts:
             return
+        p = parts[0] if len(parts) == 1 else Together.of(parts)
+        look = looks[0]
         before = p.left()
         limit = min(BETTER * before, GOOD)
-        fits = _fitting(look, p, limit, (*signs(look, p), *units(look, p)))
+        fits = _fitting(looks, p, limit, (*signs(look, p), *units(look, p)))
         strict = STRICTER * limit
-        fits = fits or _fitting(look, p, strict, pairs(look, p)) or _fitting(look, p, strict, gears(look, p))
+        fits = fits or _fitting(looks, p, strict, pairs(look, p)) or _fitting(looks, p, strict, gears(look, p))
+        fits = _by_force(looks, p, fits)
         if not fits:
             return
         best = min(left for left, _ in fits)
-        if best >= BETTER * _guesses_moved(look, before):
+        if best >= BETTER * _guesses_moved(looks, before):
             return
         likely = sorted((item for item in fits if item[0] <= AS_GOOD * best), key=lambda item: _rank(look, item[1]))
         needed = best < BETTER * p.left(dict.fromkeys(look.record.inputs, 0.0))  # a noisy input leaves more than none
@@ -86,6 +100,7 @@ class UnitOrSign(Check):
             f"{r.words}{doubt}" + ("" if severity == "offer" else "; as it is, it fits no model"),
             cure=r.cure,
             remedy="it is taken so",
+            columns=True,
             action=divided(r.divided),
         )
 
@@ -96,18 +111,38 @@ def _guessed(model: Model) -> bool:
     return max(tolerance.values(), default=0.0) >= GUESS if isinstance(tolerance, dict) else tolerance >= GUESS
 
 
-def _guesses_moved(look: Look, left: float) -> float:
+def _by_force(
+    looks: Sequence[Look], p: Prediction | Together, fits: list[tuple[float, Reading]]
+) -> list[tuple[float, Reading]]:
+    """Return readings without units of an effort that its forces contradict: with the factor that these tell."""
+    name = next(iter(looks[0].record.inputs), "")
+    of_effort = [one for one in fits if tuple(one[1].divided) == (name,) and not one[1].only_sign]
+    scale = effort_scale(looks) if of_effort else None
+    if scale is None:
+        return fits
+    kept = [(left, r) for left, r in fits if tuple(r.divided) != (name,) or _near(r.divided[name], scale)]
+    if kept and not all(r.far_fetched for _, r in kept):
+        return kept
+    return [*(one for one in kept if one not in of_effort), (p.left({name: 1.0 / scale}), gear(looks[0], name, scale))]
+
+
+def _near(factor: float, scale: float) -> bool:
+    return 1.0 / NEAR < factor / scale < NEAR
+
+
+def _guesses_moved(looks: Sequence[Look], left: float) -> float:
     """Return the least that is left where parameters that are guesses are off by their tolerance or a part of it, each
     in turn for the best of the others.
     """
-    nominal = look.model
+    nominal = looks[0].model
     guesses = [n for n, value in nominal.parameters.items() if value and nominal.tolerance_of(n) >= GUESS]
     best = {n: nominal.parameters[n] for n in guesses}
     for name in guesses * min(len(guesses), 2):
         for part in PARTS:
             moved = {**best, name: nominal.parameters[name] * math.exp(part * nominal.tolerance_of(name))}
-            p = Look(nominal.with_parameters(moved), look.record).resisted
-            other = p.left() if p else left
+            model = nominal.with_parameters(moved)
+            found = [p for p in (Look(model, look.record).resisted for look in looks) if p is not None]
+            other = Together.of(found).left() if found else left
             best, left = (moved, other) if other < left else (best, left)
     return left
 
@@ -123,15 +158,18 @@ def divided(factors: Mapping[str, float]) -> Callable[[ModelData], ModelData]:
     return cure
 
 
-def _fitting(look: Look, p: Prediction, limit: float, readings: Iterable[Reading]) -> list[tuple[float, Reading]]:
+def _fitting(
+    looks: Sequence[Look], p: Prediction | Together, limit: float, readings: Iterable[Reading]
+) -> list[tuple[float, Reading]]:
     """Return the readings with which less than the limit is left, and what is; such as position and velocity allow."""
-    possible = [r for r in readings if _consistent(look, r.divided)]
+    look = looks[0]
+    possible = [r for r in readings if all(_consistent(one, r.divided) for one in looks)]
     left = p.lefts([r.scales for r in possible]) if possible else ()
     good = [(float(value), r) for value, r in zip(left, possible, strict=True) if value < limit]
     return [(value, r) for value, r in good if p.shares(r.scales).max() < EACH and driven(look, p, value, r.scales)]
 
 
-def driven(look: Look, p: Prediction, left: float, scales: Mapping[str, float] | None = None) -> bool:
+def driven(look: Look, p: Prediction | Together, left: float, scales: Mapping[str, float] | None = None) -> bool:
     """Tell whether what is left (of signals times scales) needs the inputs at all: without them more would be left."""
     return left < NEEDED * p.left({**(scales or {}), **dict.fromkeys(look.record.inputs, 0.0)})
 

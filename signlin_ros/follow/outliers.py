@@ -3,7 +3,8 @@
 A lost reading or a filter that runs over the end of a record is no motion, but squares let a single sample outweigh
 thousands. What is left out must be beyond doubt: up to three samples in a row, far beyond the noise and beyond whatever
 else the record does in so short a time, with the signal back where it was or at the end of the record, no step of the
-input nearby, and seldom. A record may begin with a transient: its start is not judged.
+input nearby, and seldom. A record may begin with a transient: its start is not judged. A position or a velocity has
+inertia: of these, samples that are set apart from all others may be more (`wild`).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
 
 from signlin_ros.follow.data import gaps
 from signlin_ros.noise import quantum_of
@@ -36,6 +38,10 @@ SELDOM, FEW = 1e-3, 3
 """Largest share of the samples, and number that is few anyway: what happens more often is what the machine does."""
 LEAST = 100
 """Samples that it takes to know what is usual."""
+OFTEN = 0.1
+"""Largest share of wild samples of what has inertia: beyond, two sources write into one channel."""
+PAIR, OTHERS = 2, 10
+"""Most of them in a row, and peaks of the motion that it takes at least to know what is usual."""
 
 
 def without_outliers(record: ModelData, channels: tuple[str, ...]) -> tuple[ModelData, list[str]]:
@@ -50,6 +56,57 @@ def without_outliers(record: ModelData, channels: tuple[str, ...]) -> tuple[Mode
             when = ", ".join(f"{t:.6g}" for t in record.t[off][:FEW]) + (", ..." if off.size > FEW else "")
             notes.append(f"{record.source}: {name}: {off.size} outlier(s) at t = {when} s left out")
     return (replace(record, measured={**record.measured, **cleaned}) if cleaned else record), notes
+
+
+def wild(record: ModelData, name: str) -> NDArray[np.bool_]:
+    """Return which samples (T,) of a measured position or velocity are off: the seldom ones (`without_outliers`), and
+    more of them where each lies between neighbours that agree, `BEYOND` times further off than any other sample is.
+    """
+    y = record.measured[name]
+    off = _departing(record, y)
+    found = np.zeros(y.size, dtype=np.bool_)
+    found[off if off.size <= max(FEW, SELDOM * y.size) else off[:0]] = True
+    for first, last in pairwise(gaps(record.t)):
+        there = first + np.flatnonzero(np.isfinite(y[first:last]) & ~found[first:last])
+        if there.size >= LEAST:
+            stepping = _stepping(record.u[there])
+            for calm in (~stepping, np.ones_like(stepping)):
+                found[there[_set_apart(y[there], calm)]] = True
+    return found if found.sum() <= max(FEW, OFTEN * y.size) else np.zeros_like(found)
+
+
+def _set_apart(y: Array, calm: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the samples of y (T,), where it is ``calm``, that depart from both neighbours and come back, further than
+    all others: between the least of them and the next peak of the motion there is a factor `BEYOND`.
+    """
+    least, found = STEPS * quantum_of(_core(y)), np.zeros(y.size, dtype=np.bool_)
+    for length in range(1, PAIR + 1):
+        away, apart = _away(y, length)
+        judged = calm[1 : 1 + away.size] & (away > apart)  # at a corner it does not come back
+        peaks = np.flatnonzero(judged & (away >= maximum_filter1d(np.where(judged, away, 0.0), 2 * length + 1)))
+        sizes = np.sort(away[peaks])[::-1]
+        floor = max(FAR * float(np.median(away)) / 0.6745, least)
+        last = np.arange(1, sizes.size)
+        beyond = (sizes[:-1] > floor) & (sizes[:-1] > BEYOND * sizes[1:])
+        beyond &= (last > FEW) & (last <= OFTEN * y.size) & (sizes.size - last >= np.maximum(last, OTHERS))
+        if not beyond.any():
+            continue
+        limit = sizes[:-1][beyond].min()
+        for k in peaks[away[peaks] >= limit].tolist():
+            found[1 + k : 1 + k + length] = True
+    return np.flatnonzero(found)
+
+
+def _away(y: Array, length: int) -> tuple[Array, Array]:
+    """Return how far (K,) so many samples in a row lie from the line between those before and after them, all on one
+    side of it, and how far apart these two are.
+    """
+    before, after = y[: -length - 1], y[length + 1 :]
+    share = np.arange(1, length + 1)[:, None] / (length + 1)
+    inside = np.stack([y[1 + k : 1 + k + before.size] for k in range(length)])
+    away = inside - (before + share * (after - before))
+    size = np.where((np.sign(away) == np.sign(away[0])).all(axis=0), np.abs(away).min(axis=0), 0.0)
+    return np.asarray(size), np.abs(after - before)
 
 
 def _departing(record: ModelData, y: Array) -> NDArray[np.intp]:
@@ -78,13 +135,9 @@ def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
     found: set[int] = set()
     least = STEPS * quantum_of(_core(y))
     for length in range(1, LONGEST + 1):
-        before, after = y[: -length - 1], y[length + 1 :]
-        share = np.arange(1, length + 1)[:, None] / (length + 1)
-        inside = np.stack([y[1 + k : 1 + k + before.size] for k in range(length)])
-        away = inside - (before + share * (after - before))
-        away = np.where((np.sign(away) == np.sign(away[0])).all(axis=0), np.abs(away).min(axis=0), 0.0)
-        limit = np.maximum(max(_unusual(away), least), BACK * np.abs(after - before))
-        for k in np.flatnonzero((away > limit) & ~stepping[1 : 1 + before.size]):
+        away, apart = _away(y, length)
+        limit = np.maximum(max(_unusual(away), least), BACK * apart)
+        for k in np.flatnonzero((away > limit) & ~stepping[1 : 1 + away.size]):
             found |= set(range(k + 1, k + 1 + length))
     ends = 0 if stepping[-LONGEST:].any() else _off_at_the_end(y, least)
     found |= {y.size - 1 - k for k in range(ends)}
@@ -111,4 +164,4 @@ def _off_at_the_end(y: Array, least: float) -> int:
     return count
 
 
-__all__ = ["without_outliers"]
+__all__ = ["wild", "without_outliers"]

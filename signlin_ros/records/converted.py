@@ -23,6 +23,8 @@ Array = npt.NDArray[np.float64]
 
 LARGEST = 1e15
 """Larger values, in SI units, are no measurements; squares of sums of them would overflow."""
+SMALLEST = 1e-30
+"""Smaller values are none either: no sensor resolves them, and their squares underflow."""
 
 
 def converted(
@@ -42,6 +44,7 @@ def converted(
         if how[0] != 1.0:
             notes.append(Note(f"{name} is converted from {unit} to {how[1]}", "converted", name))
         _check_size(record, name, signal, values[name])
+        values[name] = _without_tiny(name, values[name], unit_of[name], notes)
         if unit and units.kind(wanted.split(" or ")[0]) == "linear":
             kinds[name] = units.kind(unit)
     _check_kinds(record, chosen, kinds)
@@ -115,6 +118,16 @@ def _check_size(record: Record, name: str, signal: Signal, values: Array) -> Non
         where = f"{record.source}: {record.where(int(large[0]))}, column {signal.label or name!r}"
         allowed = f"up to {LARGEST:g} in size; leave the cell empty where a sample is missing"
         raise RecordError(f"{where}: {signal.values[large[0]]:g} is no measurement; allowed: {allowed}")
+
+
+def _without_tiny(name: str, values: Array, unit: str, notes: list[Note]) -> Array:
+    """The values with 0 for what is smaller than any measurement: memory that was never written reads 1e-310."""
+    tiny = (np.abs(values) < SMALLEST) & (values != 0.0)
+    if not tiny.any():
+        return values
+    said = f"{name}: {int(tiny.sum())} values smaller than {SMALLEST:g} {unit} are no measurements, and taken as 0"
+    notes.append(Note(said, "nothing", name))
+    return np.where(tiny, 0.0, values)
 
 
 def _check_kinds(record: Record, chosen: Mapping[str, str], kinds: Mapping[str, str]) -> None:

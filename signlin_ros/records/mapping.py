@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,7 +45,8 @@ class ModelData:
     units : name -> unit of the inputs and measurements; rotary (rad, N·m) where a rotary record drives a
         translational model. unused : columns of the record that the model has no use for. notes : what was
         done to the data, one sentence each. acts : (T,) s, from when each row of u acts, where the inputs have a
-        clock of their own; None: from its own sample on.
+        clock of their own; None: from its own sample on. labels : name -> the column's head or the path in a bag that
+        it was read from; records with the same are one log's, however many files that is.
     """
 
     t: Array
@@ -59,6 +60,7 @@ class ModelData:
     unused: tuple[str, ...] = ()
     notes: tuple[Note | str, ...] = ()
     acts: Array | None = None
+    labels: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "notes", as_notes(self.notes))
@@ -149,6 +151,7 @@ def for_model(
         unused=tuple(name for name in record.signals if name not in chosen.values()),
         notes=(*record.notes, *notes),
         acts=None if record.acts is None else frozen(record.acts),
+        labels={name: record.labels.get(key, key) for name, key in chosen.items()},
     )
 
 

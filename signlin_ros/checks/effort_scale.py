@@ -1,0 +1,84 @@
+"""By what an effort is too large, from forces alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from signlin_ros.checks.look import Look
+from signlin_ros.records.clean import gaps
+
+Array = NDArray[np.float64]
+
+WIDTH, ORDER = 7, 2
+"""Samples and order of the local polynomials that the acceleration is taken from."""
+FOLLOWED = 0.5
+"""Part of the effort's square that the equation has to follow, for its factor to be known."""
+CLEAR = 0.1
+"""Part of the usual speed (RMS) from which on the direction is."""
+
+
+def effort_scale(looks: Sequence[Look]) -> float | None:
+    """Return by what the first input of records is to be divided so that it moves the model's inertia against its own
+    forces, dry friction and a load, of whatever size; None where the input is no force, or that is not known.
+
+    The equation error, by least squares [Ljung, System Identification, 1999, ch. 7]. An observer that follows a record
+    tells a factor only to two or three where dry friction makes up for the rest.
+    """
+    rows = [one for one in map(_equation, looks) if one is not None]
+    if not rows:
+        return None
+    A, y = np.concatenate([one[0] for one in rows]), np.concatenate([one[1] for one in rows])
+    found, left, *_ = np.linalg.lstsq(A, y, rcond=None)
+    around = float(np.sum((y - y.mean()) ** 2))
+    known = left.size == 1 and around > 0.0 and float(left[0]) < (1.0 - FOLLOWED) * around
+    return float(found[0]) if known and found[0] != 0.0 else None
+
+
+def _equation(look: Look) -> tuple[Array, Array] | None:
+    """Return the model's own force, dry friction and a load (K, 3) of a record, and its effort (K,)."""
+    base, record, v_name = look.base, look.record, look.velocity
+    if base is None or v_name not in base.states or not record.inputs or look.motion is None:
+        return None
+    row = base.states.index(v_name)
+    push = base.B[row, 0]
+    unknown = [n for n, a in zip(base.states, base.A[row], strict=True) if a != 0.0 and n not in look.channels]
+    if push == 0.0 or [n for n in unknown if n != v_name]:
+        return None
+    parts = []
+    for first, last in pairwise(gaps(record.t)):
+        part = slice(first, last)
+        if last - first > 4 * WIDTH:
+            parts.append(_part(look, part, row, float(push)))
+    return (np.concatenate([a for a, _ in parts]), np.concatenate([y for _, y in parts])) if parts else None
+
+
+def _part(look: Look, part: slice, row: int, push: float) -> tuple[Array, Array]:
+    base, record = look.base, look.record
+    assert base is not None  # noqa: S101  `_equation` asked
+    t, u = record.t[part], record.u[part, 0]
+    step = float(np.median(np.diff(t)))
+    measured = {n: _filled(t, look.of(n)[part]) for n in base.states if n in look.channels}
+    if look.velocity in measured:
+        v = savgol_filter(measured[look.velocity], WIDTH, ORDER)
+        a = savgol_filter(measured[look.velocity], WIDTH, ORDER, deriv=1, delta=step)
+    else:
+        v = savgol_filter(measured[look.position], WIDTH, ORDER + 1, deriv=1, delta=step)
+        a = savgol_filter(measured[look.position], WIDTH, ORDER + 1, deriv=2, delta=step)
+    x = {**measured, look.velocity: v}
+    own = a - sum((base.A[row, base.states.index(n)] * x[n] for n in x if n in base.states), np.zeros(t.size))
+    moving = np.abs(v) > CLEAR * float(np.sqrt(np.mean(v**2)))
+    A = np.column_stack([own / push, np.sign(v), np.ones(t.size)])
+    return A[moving], savgol_filter(u, WIDTH, ORDER)[moving]
+
+
+def _filled(t: Array, y: Array) -> Array:
+    good = np.isfinite(y)
+    return np.interp(t, t[good], y[good]) if good.any() else np.zeros(t.size)
+
+
+__all__ = ["effort_scale"]
