@@ -9,22 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from signlin_ros.checks.look import Look
+from signlin_ros.checks.look import LEAST, Look
 from signlin_ros.records.clean import gaps
 
 Array = NDArray[np.float64]
 
 WIDTH, ORDER = 7, 2
 """Samples and order of the local polynomials that the acceleration is taken from."""
-FOLLOWED = 0.5
-"""Part of the effort's square that the equation has to follow, for its factor to be known."""
+FOLLOWED = 0.6
+"""Squared correlation of both sides of the equation from which on its factor is known: regressed on each other either
+way they differ by as much, and it lies in between [Frisch, Statistical Confluence Analysis, 1934]."""
 CLEAR = 0.1
 """Part of the usual speed (RMS) from which on the direction is."""
 
 
 def effort_scale(looks: Sequence[Look]) -> float | None:
     """Return by what the first input of records is to be divided so that it moves the model's inertia against its own
-    forces, dry friction and a load, of whatever size; None where the input is no force, or that is not known.
+    forces, dry friction, a load and gravity, of whatever size; None where the input is no force, or that is not known.
 
     The equation error, by least squares [Ljung, System Identification, 1999, ch. 7]. An observer that follows a record
     tells a factor only to two or three where dry friction makes up for the rest.
@@ -33,14 +34,17 @@ def effort_scale(looks: Sequence[Look]) -> float | None:
     if not rows:
         return None
     A, y = np.concatenate([one[0] for one in rows]), np.concatenate([one[1] for one in rows])
-    found, left, *_ = np.linalg.lstsq(A, y, rcond=None)
-    around = float(np.sum((y - y.mean()) ** 2))
-    known = left.size == 1 and around > 0.0 and float(left[0]) < (1.0 - FOLLOWED) * around
-    return float(found[0]) if known and found[0] != 0.0 else None
+    if y.size < LEAST * A.shape[1]:
+        return None
+    own, rest = A[:, 0], A[:, 1:]
+    own, y = (x - rest @ np.linalg.lstsq(rest, x, rcond=None)[0] for x in (own, y))
+    both, most = float(own @ y), float(y @ y)
+    known = both * both > max(FOLLOWED * most * float(own @ own), 0.0)
+    return both / float(own @ own) if known else None
 
 
 def _equation(look: Look) -> tuple[Array, Array] | None:
-    """Return the model's own force, dry friction and a load (K, 3) of a record, and its effort (K,)."""
+    """Return the model's own force, dry friction, a load and gravity (K, 5) of a record, and its effort (K,)."""
     base, record, v_name = look.base, look.record, look.velocity
     if base is None or v_name not in base.states or not record.inputs or look.motion is None:
         return None
@@ -72,7 +76,9 @@ def _part(look: Look, part: slice, row: int, push: float) -> tuple[Array, Array]
     x = {**measured, look.velocity: v}
     own = a - sum((base.A[row, base.states.index(n)] * x[n] for n in x if n in base.states), np.zeros(t.size))
     moving = np.abs(v) > CLEAR * float(np.sqrt(np.mean(v**2)))
-    A = np.column_stack([own / push, np.sign(v), np.ones(t.size)])
+    turns = look.position in measured and look.model.turns(record.units)
+    q = measured[look.position] if turns else np.zeros(t.size)
+    A = np.column_stack([own / push, np.sign(v), np.ones(t.size), np.sin(q), np.cos(q) - 1.0])
     return A[moving], savgol_filter(u, WIDTH, ORDER)[moving]
 
 

@@ -35,8 +35,8 @@ class NothingMeasured(Check):
     that was never written (1e-310).
 
     Test: no value is larger than `NOTHING`. Of an input that is exactly 0 this may be true (a motion that is let go);
-    it is refused where the speed rises from peak to peak again and again. Cure of a channel: it is left out; of an
-    input there is none but another column.
+    it is refused where the speed rises from peak to peak again and again. Cure: a channel is left out; of an input
+    there is none but another column.
     """
 
     name = "nothing_measured"

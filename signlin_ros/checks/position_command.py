@@ -64,6 +64,8 @@ class PositionCommand(OfColumns):
         return [list(found) for _ in looks]
 
     def _found(self, looks: Sequence[Look]) -> Iterator[Finding]:
+        if not looks:
+            return
         look = looks[0]
         model, q = look.model, look.position
         usable = [one for one in looks if q in one.channels and one.t.size >= LEAST]

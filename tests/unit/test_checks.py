@@ -1026,7 +1026,9 @@ def test_every_verb_that_reads_data_takes_cures(verb: str, capsys: pytest.Captur
 def test_what_is_too_short_to_look_at_is_left_to_what_comes_next() -> None:
     model, data = motor()
     assert check(model, [data.part(0, 5)])[1] == []
-    assert check(model, [replace(data, measured={})])[1] == []
+    (finding,) = check(model, [replace(data, measured={})])[1]
+    assert (finding.check, finding.severity) == ("nothing_measured", "refuse")
+    assert "must stand in one file" in finding.sentence
 
 
 def test_what_an_observer_is_left_nothing_of_is_no_fault():
