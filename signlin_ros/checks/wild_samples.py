@@ -9,7 +9,7 @@ import numpy as np
 from signlin_ros.checks.base import Check, without_samples
 from signlin_ros.checks.finding import Finding
 from signlin_ros.checks.look import Look
-from signlin_ros.follow.outliers import wild
+from signlin_ros.records.outliers import wild
 
 SHOWN = 3
 """Times that are told."""
@@ -21,7 +21,7 @@ class WildSamples(Check):
 
     Test: what has inertia does not leave its way for one sample or two and come back; a few that are beyond noise and
     beyond whatever else the record does, or more that depart three times further than any peak of the motion
-    (`signlin_ros.follow.outliers`). None is found in the shared records of real machines. Cure: these samples are left
+    (`signlin_ros.records.outliers`). None is found in the shared records of real machines. Cure: these samples are left
     out, before anything else is looked at: squares let one outweigh thousands, and the other channel would be blamed.
     """
 

@@ -1,0 +1,167 @@
+"""What a sensor or its transmission got wrong for a moment: samples far off, between neighbours that agree.
+
+A lost reading or a filter that runs over the end of a record is no motion, but squares let a single sample outweigh
+thousands. What is left out must be beyond doubt: up to three samples in a row, far beyond the noise and beyond whatever
+else the record does in so short a time, with the signal back where it was or at the end of the record, no step of the
+input nearby, and seldom. A record may begin with a transient: its start is not judged. A position or a velocity has
+inertia: of these, samples that are set apart from all others may be more (`wild`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d
+
+from signlin_ros.noise import quantum_of
+from signlin_ros.records.clean import gaps
+from signlin_ros.records.mapping import ModelData
+
+Array = NDArray[np.float64]
+
+LONGEST = 3
+"""Most samples in a row that are off."""
+FAR, BEYOND, BACK = 20.0, 3.0, 5.0
+"""How far off they are: in robust standard deviations of such departures, in multiples of their `USUAL` quantile, and
+of how far apart the neighbours are."""
+STEPS = 5.0
+"""How many steps of a channel that is shown in steps."""
+USUAL = 0.995
+HUGE = 1e6
+"""A value that is off by this many times what the middle 90 % span says nothing of the step in which they are shown."""
+STEP = 2.0
+"""An input that changes nearby by more than this many times the 95 % quantile of its changes may be the cause."""
+SELDOM, FEW = 1e-3, 3
+"""Largest share of the samples, and number that is few anyway: what happens more often is what the machine does."""
+LEAST = 100
+"""Samples that it takes to know what is usual."""
+OFTEN = 0.1
+"""Largest share of wild samples of what has inertia: beyond, two sources write into one channel."""
+PAIR, OTHERS = 2, 10
+"""Most of them in a row, and peaks of the motion that it takes at least to know what is usual."""
+
+
+def without_outliers(record: ModelData, channels: tuple[str, ...]) -> tuple[ModelData, list[str]]:
+    """Return a record with such samples of the channels missing (NaN), and a note for each channel that has any."""
+    cleaned, notes = {}, []
+    for name in channels:
+        y = record.measured[name]
+        off = _departing(record, y)
+        if 0 < off.size <= max(FEW, SELDOM * y.size):
+            cleaned[name] = y.copy()
+            cleaned[name][off] = np.nan
+            when = ", ".join(f"{t:.6g}" for t in record.t[off][:FEW]) + (", ..." if off.size > FEW else "")
+            notes.append(f"{record.source}: {name}: {off.size} outlier(s) at t = {when} s left out")
+    return (replace(record, measured={**record.measured, **cleaned}) if cleaned else record), notes
+
+
+def wild(record: ModelData, name: str) -> NDArray[np.bool_]:
+    """Return which samples (T,) of a measured position or velocity are off: the seldom ones (`without_outliers`), and
+    more of them where each lies between neighbours that agree, `BEYOND` times further off than any other sample is.
+    """
+    y = record.measured[name]
+    off = _departing(record, y)
+    found = np.zeros(y.size, dtype=np.bool_)
+    found[off if off.size <= max(FEW, SELDOM * y.size) else off[:0]] = True
+    for first, last in pairwise(gaps(record.t)):
+        there = first + np.flatnonzero(np.isfinite(y[first:last]) & ~found[first:last])
+        if there.size >= LEAST:
+            stepping = _stepping(record.u[there])
+            for calm in (~stepping, np.ones_like(stepping)):
+                found[there[_set_apart(y[there], calm)]] = True
+    return found if found.sum() <= max(FEW, OFTEN * y.size) else np.zeros_like(found)
+
+
+def _set_apart(y: Array, calm: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Return the samples of y (T,), where it is ``calm``, that depart from both neighbours and come back, further than
+    all others: between the least of them and the next peak of the motion there is a factor `BEYOND`.
+    """
+    least, found = STEPS * quantum_of(_core(y)), np.zeros(y.size, dtype=np.bool_)
+    for length in range(1, PAIR + 1):
+        away, apart = _away(y, length)
+        judged = calm[1 : 1 + away.size] & (away > apart)  # at a corner it does not come back
+        peaks = np.flatnonzero(judged & (away >= maximum_filter1d(np.where(judged, away, 0.0), 2 * length + 1)))
+        sizes = np.sort(away[peaks])[::-1]
+        floor = max(FAR * float(np.median(away)) / 0.6745, least)
+        last = np.arange(1, sizes.size)
+        beyond = (sizes[:-1] > floor) & (sizes[:-1] > BEYOND * sizes[1:])
+        beyond &= (last > FEW) & (last <= OFTEN * y.size) & (sizes.size - last >= np.maximum(last, OTHERS))
+        if not beyond.any():
+            continue
+        limit = sizes[:-1][beyond].min()
+        for k in peaks[away[peaks] >= limit].tolist():
+            found[1 + k : 1 + k + length] = True
+    return np.flatnonzero(found)
+
+
+def _away(y: Array, length: int) -> tuple[Array, Array]:
+    """Return how far (K,) so many samples in a row lie from the line between those before and after them, all on one
+    side of it, and how far apart these two are.
+    """
+    before, after = y[: -length - 1], y[length + 1 :]
+    share = np.arange(1, length + 1)[:, None] / (length + 1)
+    inside = np.stack([y[1 + k : 1 + k + before.size] for k in range(length)])
+    away = inside - (before + share * (after - before))
+    size = np.where((np.sign(away) == np.sign(away[0])).all(axis=0), np.abs(away).min(axis=0), 0.0)
+    return np.asarray(size), np.abs(after - before)
+
+
+def _departing(record: ModelData, y: Array) -> NDArray[np.intp]:
+    """Return the samples of y (T,) that are off; those of its parts between gaps do not know of each other."""
+    found = []
+    for first, last in pairwise(gaps(record.t)):
+        there = first + np.flatnonzero(np.isfinite(y[first:last]))
+        if there.size >= LEAST:
+            found += [there[i] for i in _off(y[there], _stepping(record.u[there]))]
+    return np.array(sorted(set(found)), dtype=np.intp)
+
+
+def _stepping(u: Array) -> NDArray[np.bool_]:
+    """Return where (T,) an input of u (T, m) has just changed, or is about to, by more than it usually does.
+
+    What it did before the start is not known.
+    """
+    changes = np.abs(np.diff(u, axis=0, prepend=u[:1]))
+    steps = np.asarray((changes > STEP * np.quantile(changes, 0.95, axis=0)).any(axis=1))
+    steps[: 2 * LONGEST] = True
+    return np.asarray(np.convolve(steps, np.ones(2 * LONGEST + 1), "same") > 0)
+
+
+def _off(y: Array, stepping: NDArray[np.bool_]) -> set[int]:
+    """Return the samples of y (T,), without missing ones, that are off."""
+    found: set[int] = set()
+    least = STEPS * quantum_of(_core(y))
+    for length in range(1, LONGEST + 1):
+        away, apart = _away(y, length)
+        limit = np.maximum(max(_unusual(away), least), BACK * apart)
+        for k in np.flatnonzero((away > limit) & ~stepping[1 : 1 + away.size]):
+            found |= set(range(k + 1, k + 1 + length))
+    ends = 0 if stepping[-LONGEST:].any() else _off_at_the_end(y, least)
+    found |= {y.size - 1 - k for k in range(ends)}
+    return found
+
+
+def _core(y: Array) -> Array:
+    """Return y (T,) without what is so far off that the step of the others could not be told."""
+    low, middle, high = np.quantile(y, [0.05, 0.5, 0.95])
+    return y[np.abs(y - middle) <= HUGE * (high - low)] if high > low else y
+
+
+def _unusual(away: Array) -> float:
+    """Return from where on a departure (T,) is beyond noise and beyond what else happens."""
+    return float(max(FAR * np.median(away) / 0.6745, BEYOND * np.quantile(away, USUAL)))
+
+
+def _off_at_the_end(y: Array, least: float) -> int:
+    """Return how many samples at the end of y (T,) are off: none of them is where the ones before lead."""
+    count = 0
+    for length in range(1, LONGEST + 1):
+        away = np.abs(y[1 + length :] - (y[1:-length] + length * (y[1:-length] - y[: -length - 1])))
+        count = length if away[-1] > max(_unusual(away[:-1]), least) else count
+    return count
+
+
+__all__ = ["wild", "without_outliers"]
