@@ -36,14 +36,14 @@ def together(signals: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
     return found
 
 
-def check_given(signals: Mapping[str, str], paths: Iterable[str | os.PathLike[str]]) -> None:
+def check_given(signals: Mapping[str, str], paths: Iterable[str | os.PathLike[str]], option: str = "--signal") -> None:
     """Raise `InputError` where something is said of a record that is not among those given."""
     paths = list(paths)
     for key, spec in signals.items():
         file, _ = split(key)
         if file and not any(_ends(path, file) for path in paths):
             given = ", ".join(os.fspath(path) for path in paths)
-            raise InputError(f"--signal {key}={spec}: no record {file!r} is given; there are: {given}")
+            raise InputError(f"{option} {key}={spec}: no record {file!r} is given; there are: {given}")
 
 
 def split(key: str) -> tuple[str, str]:

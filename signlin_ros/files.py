@@ -14,8 +14,9 @@ TEXT = (".csv", ".txt", ".tsv", ".dat", ".log")
 PACKED = (".gz", ".zip", ".bz2", ".xz")
 BAGS = (".mcap", ".db3")
 ARRAYS = (".mat", ".npz")
+LOGS = (".json",)
 TABLES = (*ARRAYS, ".parquet", ".feather", ".arrow", ".mf4", ".mdf", ".tdms")
-"""Suffixes of records: text, packed text, the files of bags, named arrays, and all tables in binary files."""
+"""Suffixes of records: text, packed text, bags' files, named arrays, logs of servos, all tables in binary files."""
 
 
 @contextmanager

@@ -77,6 +77,7 @@ class Linearizer:
             raise InputError(f"method {method!r}; known{of}: {choices(known)}{suggest(method, known)}")
         self.model, self.method, self.delay = model, method, model.delay
         self.n, self.m = len(model.states), len(model.inputs)
+        self._u0 = model.u0
         self.scales, self.weights = scales(model), weights(model)
         self._function, self._rows = linear_function(model.structure, model.sign_order, method)
         self._buffer, self._evaluate = self._function.buffer()
@@ -99,11 +100,11 @@ class Linearizer:
         return SmoothFlow(self.model, self.model.update_period / 2)
 
     def __call__(self, x: ArrayLike, u: ArrayLike | None = None) -> Linearization:
-        """Linearize at x (n,) and u (m,), zero if not given; raise `InputError` on wrong lengths or bad numbers."""
+        """Linearize at x (n,) and u (m,), `Model.u0` if not given; raise `InputError` on wrong lengths or numbers."""
         try:
             fits = len(x) == self.n and (u is None or len(u) == self.m)  # type: ignore[arg-type]
             self._x[:] = x
-            self._u[:] = 0.0 if u is None else u
+            self._u[:] = self._u0 if u is None else u
         except (ValueError, TypeError) as error:
             raise InputError(f"x needs {self.n} numbers and u {self.m}: {error}") from error
         if not fits:
@@ -120,9 +121,9 @@ class Linearizer:
         return Linearization(A, B, out[b:c], self._x.copy(), self._u.copy(), out[c:f], self.method, valid, self.delay)
 
     def batch(self, x: ArrayLike, u: ArrayLike | None = None) -> LinearizationBatch:
-        """Linearize at T points: x (T, n), u (T, m) or None for zero; entries may be non-finite where x is."""
+        """Linearize at T points: x (T, n), u (T, m) or None for `Model.u0`; entries may be non-finite where x is."""
         points = np.ascontiguousarray(np.atleast_2d(np.asarray(x, dtype=float)))
-        inputs = np.zeros((len(points), self.m)) if u is None else np.asarray(u, dtype=float).reshape(-1, self.m)
+        inputs = np.tile(self._u0, (len(points), 1)) if u is None else np.asarray(u, dtype=float).reshape(-1, self.m)
         if points.shape[1] != self.n or len(inputs) != len(points):
             raise InputError(
                 f"x needs the shape (T, {self.n}) and u (T, {self.m}); found {points.shape}, {inputs.shape}"
@@ -155,7 +156,7 @@ def linearize(model: Model, x: ArrayLike, u: ArrayLike | None = None, method: st
     x : array_like (n,)
         State in the model's units.
     u : array_like (m,), optional
-        Input, zero if not given.
+        Input, `Model.u0` if not given.
     method : str, optional
         ``optimal``, ``termwise`` or ``jacobian``; by default the model's.
 

@@ -51,7 +51,7 @@ class PlantSimulatorNode(ModelNode):
         super().__init__("plant_simulator", OPTIONS)
         option = self.options
         self.random = np.random.default_rng(option["seed"])
-        self.u = np.zeros(len(self.model.inputs))
+        self.u = self.model.u0
         self._signal = input_signal(option["input_signal"], option["amplitude"], option["input_period"])
         self._states = self.create_publisher(Float64MultiArray, "state", RELIABLE)
         self._joint_states = self.create_publisher(JointState, "joint_states", RELIABLE)
@@ -76,7 +76,7 @@ class PlantSimulatorNode(ModelNode):
         self._coming: deque[tuple[int, Array]] = deque()
 
     def _take_input(self, message: Float64MultiArray, came: int) -> None:
-        value = convert.read_vector(message, len(self.model.inputs))
+        value = convert.read_input(message, self.model)
         if isinstance(value, Refusal):
             self.get_logger().warning(f"input refused: {value.detail}", throttle_duration_sec=5.0)
         else:

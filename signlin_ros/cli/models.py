@@ -95,6 +95,7 @@ def simulate(
         (record,), _ = cured(loaded, [record], cures)
     progress(f"simulating {len(record)} samples (the first run of a kind compiles for some seconds) ...")
     start = None if record.x0 is None else loaded.true_states(record.x0)
+    loaded = loaded.under(record.conditions)
     result = run(loaded, record.t, record.u, start, kind=kind, rtol=rtol, acts=record.acts)
     write_record(console.trajectory_record(loaded, result, data), output, model=loaded)
     for note in record.notes:

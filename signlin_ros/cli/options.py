@@ -82,6 +82,18 @@ _dt_option = click.option(
 )
 
 
+_set_option = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="[FILE:]NAME=VALUE",
+    callback=lambda ctx, parameter, value: ctx.meta.__setitem__("signlin.set", value),
+    expose_value=False,
+    help="A parameter of the model that is known of DATA, or of one FILE of it: a number, or a column that holds it."
+    " Repeatable.",
+)
+
+
 def _step(ctx: click.Context, value: float | None) -> None:
     """Keep --dt with the signals, as what the time is."""
     if value is None:
@@ -92,14 +104,23 @@ def _step(ctx: click.Context, value: float | None) -> None:
 
 
 def signal_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --signal and --dt, which every verb that reads DATA takes."""
-    return _one_signal(_dt_option(function))
+    """Add --signal, --dt and --set, which every verb that reads DATA takes."""
+    return _one_signal(_dt_option(_set_option(function)))
+
+
+def settings_given() -> tuple[str, ...]:
+    """Return what --set says, as it was given."""
+    found: tuple[str, ...] = click.get_current_context().meta.get("signlin.set", ())
+    return found
 
 
 def mapping_of(signals: Sequence[str], *files: str) -> dict[str, str]:
     """What --signal and --dt say of DATA: name, or FILE:NAME, -> column or formula; ``t`` -> the s from row to row."""
     found = pairs_of(signals, "--signal", "NAME=COLUMN")
     check_given(found, files)
+    settings = pairs_of(settings_given(), "--set", "NAME=VALUE, or FILE:NAME=VALUE")
+    check_given(settings, files, "--set")
+    found |= settings
     step = click.get_current_context().meta.get("signlin.dt")
     if step is None:
         return found

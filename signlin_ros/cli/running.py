@@ -31,7 +31,8 @@ def signlin() -> None:
     """Linear models x' = A x + B u + c of drives with dry friction, backlash and hysteresis.
 
     MODEL is a ROS 2 parameter file (the one that the linearizer node takes) or the name of a shipped model:
-    dc_motor, mass_spring_damper, bouc_wen, force_element, emps, xl330. DATA is a table in a text or
+    dc_motor, mass_spring_damper, bouc_wen, force_element, emps, xl330, xl330_servo, mx64_servo,
+    mx106_servo, sts3215_servo. DATA is a table in a text or
     binary file (CSV, MAT, Parquet ...) or a rosbag2 recording. Everything is in SI units.
 
     Exit code 0: done; 2: bad input, with one line that names it; 1: a fault of signlin.

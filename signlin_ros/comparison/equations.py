@@ -82,7 +82,7 @@ def mass(model: Model) -> float:
     """Return the moving mass or inertia; -1 where a force is the output."""
     if model.plant.motion_is_imposed():
         return -1.0
-    return float(model.parameters["J" if "J" in model.parameters else "m"])
+    return model.plant.moved(model.parameters)
 
 
 def inertia(model: Model) -> float:

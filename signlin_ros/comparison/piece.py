@@ -6,7 +6,7 @@ the net force. In holes of a channel nothing is compared.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -63,7 +63,8 @@ class Piece:
 
     ``values``: measured states (T,), with position and velocity in any case; ``u`` (T, m) as it acts at the samples;
     ``acceleration``, ``effort``, ``sign`` (T,): direction of motion, between -1 and 1 where it is not known; ``cutoff``
-    in Hz; ``kept``: samples that are compared; ``noise``: standard deviation that the sensors give the missing force.
+    in Hz; ``kept``: samples that are compared; ``conditions``: known of the record; ``noise``: standard deviation that
+    the sensors give the missing force.
     """
 
     plant: type[Plant]
@@ -79,6 +80,7 @@ class Piece:
     blocks: NDArray[np.intp]
     noise: float
     position_measured: bool
+    conditions: Mapping[str, float] = field(default_factory=dict)
     _known: dict[object, Array] = field(default_factory=dict, repr=False)
 
     @property
@@ -225,8 +227,10 @@ def recorded(model: Model, data: Sequence[ModelData]) -> set[str]:
 
 
 def tells_force(model: Model, recorded: set[str]) -> bool:
-    """Tell whether the motion that forces depend on is recorded."""
+    """Tell whether the motion that forces depend on is recorded, and what drives: in a plant's own loop nobody sees."""
     plant = model.plant
+    if plant.closed_loop:
+        return False
     placed = plant.position in recorded or not depends_on_place(model.structure)
     return placed and not recorded.isdisjoint((plant.position, plant.velocity))
 
@@ -281,6 +285,7 @@ def piece(model: Model, data: ModelData, cutoff: float) -> Piece:
         np.unique((raw.t[kept * every] / block).astype(int), return_inverse=True)[1],
         float(np.hypot(*raw.noises(cutoff))),
         plant.position in raw.values,
+        data.conditions,
     )
 
 
@@ -314,6 +319,7 @@ def _direction(v: Array, noise: float, net: Array, wide: float, step: float) -> 
 
 def missing_force(model: Model, piece: Piece) -> Array:
     """Return the force (T,) on the moving mass that a model lacks along a piece, before the low-pass."""
+    model = model.under(piece.conditions)
     rate = piece.evaluated(model, rate_tape(model.structure), piece.states(model), model.p)[0]
     return np.asarray(((piece.effort if model.plant.motion_is_imposed() else piece.acceleration) - rate) * mass(model))
 
@@ -322,6 +328,7 @@ def asked_effort(model: Model, piece: Piece) -> Array:
     """Return the missing force (K,) as the effort that it asks for: more where friction follows the load, or where the
     model lets less of the input act: no effort explains itself.
     """
+    model = model.under(piece.conditions)
     left, effects = piece.seen(missing_force(model, piece)), model.effects.items()
     own = [k for k, use in effects if find_effect(use.type, "effects").input is not Effect.input]
     if own and "current" not in piece.values:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.effects import load_entry_points
-from signlin_ros.fitting.prepare import held_out, prepared
+from signlin_ros.fitting.prepare import held_in_turn, held_out, prepared
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.data import as_list, travelled
 from signlin_ros.model import Model
@@ -42,7 +42,9 @@ class Case:
 
     @property
     def horizon(self) -> float:
-        """Seconds over which the motion is predicted."""
+        """Seconds over which the motion is predicted: of a plant in a closed loop a whole record."""
+        if self.model.plant.closed_loop:
+            return max(float(s.t[-1] - s.t[0]) for s in self.problem.segments)
         return float(max(self.model.update_period, 2 * self.problem.scale.step))
 
     @cached_property
@@ -79,6 +81,8 @@ def case(model: Model, data: Records, validation: Records | None = None) -> Case
     """Return a case, without validation of parts that are held out; raises `RecordError` where they tell too little."""
     load_entry_points()
     known = as_list(data)
+    if model.plant.closed_loop and validation is None:
+        return Case(tuple(known), *held_in_turn(model, known))
     known, unseen = held_out(known) if validation is None else (known, as_list(validation))
     return Case((*known, *unseen), *prepared(model, known, unseen))
 

@@ -114,6 +114,13 @@ class Candidate:
         values = {**self.values, **self.named(theta)}
         return np.array([values[name] for name in self.equations.parameters])
 
+    def under(self, p: Array, conditions: Mapping[str, float]) -> Array:
+        """Return all parameters with those that are known of a record."""
+        if not conditions:
+            return p
+        values = zip(self.equations.parameters, p.tolist(), strict=True)
+        return np.array([conditions.get(name, value) for name, value in values])
+
     def sensors(self, p: Array) -> tuple[Array, Array, Array]:
         """Return gain, offset and delay of every channel (ny,) among all parameters."""
         gain, offset, delay = p[len(self.model.trace.parameters) :].reshape(3, -1)

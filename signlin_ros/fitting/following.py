@@ -61,7 +61,8 @@ def follow_records(
         late = lags.copy()
         late[:, 3:] = (s.inner or (s.whole and _moving(problem, s))) and not imposed  # nobody saw what was before
         u, acts = acting(problem.base, s.t, s.u, delay - s.early)
-        rest = (p, scale, acts, ringing, late, belief, variances)
+        own_p = c.under(p, s.conditions)
+        rest = (own_p, scale, acts, ringing, late, belief, variances)
         x0 = _record_start(problem, c, s, gains.tau, (u, rows, *rest)).copy()
         if imposed and delay and plant.position in states:
             x0[states.index(plant.position)] -= delay * s.u[0, c.model.inputs.index(plant.velocity)]
@@ -192,6 +193,8 @@ def _unknown(problem: Problem, c: Candidate, s: Segment) -> dict[int, tuple[int,
     """
     names, plant = c.model.states, problem.base.plant
     unknown: dict[int, tuple[int, float]] = {}
+    if plant.closed_loop:
+        return {names.index(name): (-1, reach) for name, reach in s.doubt.items()}
     if _moving(problem, s):
         twins = {i: twin(n, names) for i, n in enumerate(names) if "." in n and not (c.filtered and n in c.floating)}
         others = set(problem.channels) - {plant.position}

@@ -20,6 +20,8 @@ Sizes = Mapping[str, float]
 """Sizes of channels or states, by name."""
 SETTLED = 25.0
 """Variance of the initial state in variances of the measurement noise."""
+LOOP = 0.2
+"""Time in s after which a servo's loop has about forgotten a disturbance."""
 MOST = 20_000
 """Samples after which a gain that has not settled is taken as it is."""
 
@@ -82,6 +84,12 @@ def design(model: Model, noise: Sizes, sizes: Sizes, dt: float, tau: float, know
     return Gains(tau, states, values[:used].copy(), weights, np.array([added, begun]))
 
 
+def uncorrected(states: tuple[str, ...], channels: int) -> Gains:
+    """Return the gains of no observer: a free run, for a plant whose own loop keeps it near what was measured."""
+    n = len(states)
+    return Gains(LOOP, states, np.zeros((1, n, channels)), np.ones((1, channels)), np.zeros((2, n)))
+
+
 def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, ...]:
     """Return the observer's time constants in s from high to low gain, the first for searching only."""
     high, low = 8 * dt, max(min(2.0, duration / 8), 16 * dt)
@@ -89,4 +97,4 @@ def time_constants(dt: float, duration: float, horizon: float) -> tuple[float, .
     return (high, middle, float(np.sqrt(middle * low)), low)
 
 
-__all__ = ["Gains", "design", "linear_base", "time_constants"]
+__all__ = ["Gains", "design", "linear_base", "time_constants", "uncorrected"]

@@ -33,6 +33,10 @@ from signlin_ros.records import ModelData
 
 MOST, PARTS = 20_000, 10
 """Most samples that are fitted to, in so many stretches: more only make standard errors too small."""
+MOST_FOLDS = 6
+"""Most parts of the records that are held out in turn."""
+CONDITIONS = 3
+"""Least number of conditions that are held out in turn."""
 BETTER = 0.5
 """Share of what is left without (RMS, geometric mean) that a reversed signal leaves, if its sign is in doubt."""
 
@@ -61,13 +65,37 @@ def prepared(model: Model, first: Sequence[ModelData], second: Sequence[ModelDat
     check_moving(data, channels)
     (known, notes), (unseen, more) = _cut(first, channels), _cut(second, channels)
     own = without_derived(model, [*known, *unseen], channels)
-    notes += tuple(_derived(model, data, c) for c in channels if c not in own)
+    if model.plant.closed_loop and model.plant.position in channels:
+        own = (model.plant.position,)
+        left = [c for c in channels if c not in own]
+        notes += tuple(
+            f"{c} is what the servo computed of its position: a run starts from it, nothing else" for c in left
+        )
+    else:
+        notes += tuple(_derived(model, data, c) for c in channels if c not in own)
     notes += constant_inputs(model, data)
     problem = replace(prepare(model, known, own), notes=notes, parts=tuple(known))
     segments = tuple(segment(problem.base, problem.channels, part) for part in unseen)
     noise, other = (sensor_noise([(s.t, s.y) for s in one]) for one in (problem.segments, segments))
     rest = replace(problem, segments=segments, noise=other, notes=more, parts=tuple(unseen))
     return replace(problem, noise=noise), rest
+
+
+def held_in_turn(model: Model, data: Sequence[ModelData]) -> tuple[Problem, Problem]:
+    """Return the problem of all records, and the same with ``folds``: which of them are held out together, in turn.
+
+    Those of each condition are, where at least `CONDITIONS` are known: what is left tells how they differ. Else each
+    record is. A loop settles: the last third of a record says less than another record.
+    """
+    if len(data) < 2:
+        needed = "a servo is judged by whole records that no fit saw: give two at least, or one and a validation record"
+        raise RecordError(f"{data[0].source}: one record only; {needed}")
+    problem, _ = prepared(model, data, data)
+    known = [tuple(sorted(s.conditions.items())) for s in problem.segments]
+    groups = known if len(set(known)) >= CONDITIONS else [s.source for s in problem.segments]
+    kinds = list(dict.fromkeys(groups))
+    folds = [tuple(i for i, own in enumerate(groups) if own in kinds[k::MOST_FOLDS]) for k in range(MOST_FOLDS)]
+    return problem, replace(problem, folds=tuple(fold for fold in folds if fold), notes=())
 
 
 def _derived(model: Model, data: Sequence[ModelData], channel: str) -> str:
@@ -93,7 +121,7 @@ def _cut(data: Sequence[ModelData], channels: tuple[str, ...]) -> tuple[list[Mod
 
 def stretched(problem: Problem) -> Problem:
     """Return a problem on stretches of long records: half spread evenly, half where the model is most wrong."""
-    if problem.samples <= MOST:
+    if problem.samples <= MOST or problem.base.plant.closed_loop:
         return problem
     size = MOST // PARTS
     places = [(s, first) for s in problem.segments for first in range(0, max(s.t.size - size, 0) + 1, size)]
@@ -136,4 +164,4 @@ def _left(problem: Problem, c: Candidate, theta: NDArray[np.float64], segments: 
     return float(np.exp(0.5 * np.mean(np.log(mean + 1e-300))))
 
 
-__all__ = ["held_out", "prepared", "reversed_signal", "stretched"]
+__all__ = ["held_in_turn", "held_out", "prepared", "reversed_signal", "stretched"]

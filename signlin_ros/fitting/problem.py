@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.comparison.equations import inertia
 from signlin_ros.errors import RecordError
-from signlin_ros.fitting.gains import Gains, design, time_constants
+from signlin_ros.fitting.gains import Gains, design, time_constants, uncorrected
 from signlin_ros.follow.data import Early, cut, measured_channels, travelled
 from signlin_ros.follow.segments import (
     Segment,
@@ -23,6 +23,7 @@ from signlin_ros.follow.segments import (
     without,
 )
 from signlin_ros.follow.tracking import Run, Tracker, filled
+from signlin_ros.mathops import NumpyMath
 from signlin_ros.model import Model
 from signlin_ros.noise import moving, noise_level, white_noise
 from signlin_ros.plants.dc_motor import quasi_static_current
@@ -41,7 +42,8 @@ FEWEST, LONG, CHUNKS, LEAD = 2000, 6000, 4, 2000
 class Problem:
     """Everything that is the same for every candidate: the model as given (``base``), with a measured position as a
     state; ``noise`` (ny), white; ``levels``: gains from high to low; ``x_scale``: size of every state; ``units`` of the
-    records; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as given.
+    records; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as given;
+    ``folds``: of unseen records that are known ones too, which segments are held out together, in turn.
     """
 
     base: Model
@@ -56,6 +58,7 @@ class Problem:
     quanta: Array = field(default_factory=lambda: np.zeros(0))
     notes: tuple[str, ...] = ()
     parts: tuple[ModelData, ...] = ()
+    folds: tuple[tuple[int, ...], ...] = ()
 
     @functools.cached_property
     def short(self) -> Problem:
@@ -68,6 +71,10 @@ class Problem:
         most = min(max(FEWEST, self.samples // 2), LONG)
         if self.samples <= most:
             return self
+        if self.base.plant.closed_loop:  # whole records: a run in a loop forgets where it began, but not at once
+            count = max(1, round(most * len(self.segments) / self.samples))
+            at = np.linspace(0, len(self.segments) - 1, count).round().astype(int).tolist()
+            return replace(self, segments=tuple(self.segments[i] for i in dict.fromkeys(at)))
         chunks = CHUNKS if most > 2 * FEWEST else CHUNKS // 2
         parts, size = [], most // chunks
         for s in self.segments:
@@ -127,7 +134,7 @@ def _part(problem: Problem, s: Segment, first: int, last: int) -> Segment:
     part = slice(first, last)
     t, u, y = s.t[part], s.u[part], s.y[part]
     start = known_start(problem.base, problem.channels, t, y) | _led_to(problem, s, first)
-    return Segment(t, u, y, start, s.source, False, cut(s.early, part))
+    return Segment(t, u, y, start, s.source, False, cut(s.early, part), conditions=s.conditions)
 
 
 def _led_to(problem: Problem, s: Segment, at: int) -> dict[str, float]:
@@ -152,14 +159,14 @@ def looks(
     """Return what follows every record, and the base model held to it by an observer."""
     rows, wide, result = gains.rows(model.states), np.full(len(model.states), 1e9), []
     for s in segments:
-        tracker = Tracker(model, s.t, s.u, s.y, channels, wide, s.early)
+        tracker = Tracker(model.under(s.conditions), s.t, s.u, s.y, channels, wide, s.early)
         result.append((tracker, tracker.run(np.array([s.start.get(name, 0.0) for name in model.states]), rows)))
     return result
 
 
 def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] | None = None) -> Problem:
     """Prepare records for fitting, by default in all channels that they measure; raises `RecordError` without one."""
-    model = with_measured_position(model, data)
+    model = with_known(with_measured_position(model, data), data)
     channels = measured_channels(model, data) if channels is None else channels
     segments = tuple(_of_known_direction(model, segment(model, channels, d)) for d in data)
     dt = float(np.median(np.concatenate([np.diff(s.t) for s in segments])))
@@ -171,13 +178,16 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     sizes = _speed_of(model, segments, channels) | sizes
     taus = time_constants(dt, duration, model.update_period)
     # an observer that were uncertain of more of an imposed and recorded state would hide a load in its zero
-    known = {name: max(s.doubt.get(name, np.inf) for s in segments) for name in segments[0].doubt}
+    doubt = {} if model.plant.closed_loop else segments[0].doubt
+    known = {name: max(s.doubt.get(name, np.inf) for s in segments) for name in doubt}
     white = dict(zip(channels, noise.tolist(), strict=True))
     pairs = looks(model, segments, channels, design(model, white, sizes, dt, taus[0], known))
     X, u = np.concatenate([run.state for _, run in pairs]), np.concatenate([s.u for s in segments])
     peaks = np.nanmax(np.abs(X), axis=0)
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
     levels = tuple(design(model, white, x_scale, dt, tau, known) for tau in taus)
+    if model.plant.closed_loop:
+        levels = (uncorrected(model.states, len(channels)),) * 2
     columns = dict(zip((*model.states, *model.inputs), (*X.T, *u.T), strict=True))
     ranges = {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
     columns |= {c: y for c, y in zip(channels, everything.T, strict=True) if c == model.plant.effort}
@@ -206,7 +216,11 @@ def _scale(model: Model, segments: Sequence[Segment], columns: dict[str, Array],
     acceleration = np.concatenate([np.gradient(v, s.t) for v, s in zip(parts, segments, strict=True)])
     position = columns.get(model.plant.position, np.cumsum(velocity) * dt)
     force, current, motor = columns.get("force", u), 1.0, model.parameters
-    if "K_t" in motor:
+    if model.plant.closed_loop:
+        force = model.plant.driven(NumpyMath(), motor, position, acceleration)
+        current = rms(force) / motor["K_t"]
+        u = u - position
+    elif "K_t" in motor:
         i = columns.get("current")
         if i is None:  # without inductance it follows from the voltage
             i = quasi_static_current(u, velocity, motor["K_m"], motor["R_a"])
@@ -215,6 +229,15 @@ def _scale(model: Model, segments: Sequence[Segment], columns: dict[str, Array],
     drive = rms(force) if force.any() else rms(mass * acceleration)  # what moves freely is driven by what it has stored
     sizes = (drive, travel or 1.0, rms(velocity), rms(acceleration), current, largest or 1.0)
     return Scale(*sizes, dt, duration, mass)
+
+
+def with_known(model: Model, data: Sequence[ModelData]) -> Model:
+    """Return the model with what is known of records frozen; what all of them agree on has its value there."""
+    names = dict.fromkeys(name for record in data for name in record.conditions)
+    values = {n: {record.conditions.get(n, np.nan) for record in data} for n in names}
+    model = model.with_parameters({n: next(iter(found)) for n, found in values.items() if len(found) == 1})
+    frozen = (*model.frozen, *(n for n in names if n in model.parameters))
+    return model.with_options(frozen=tuple(dict.fromkeys(frozen)))
 
 
 def _of_known_direction(model: Model, s: Segment) -> Segment:

@@ -36,7 +36,7 @@ class Stretch:
 
     ``source`` names the record, ``record`` counts them from 0; ``first`` is where the stretch begins in it.
     ``known``: states (T,) that are imposed, ``early``: by how many s the input precedes its sample, one number or (T,);
-    see `driving`.
+    see `driving`. ``conditions``: values of the model's parameters that are known of the record.
     """
 
     t: Array
@@ -47,6 +47,7 @@ class Stretch:
     first: int
     known: Mapping[str, Array] = field(default_factory=dict)
     early: Early = 0.0
+    conditions: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def step(self) -> float:
@@ -204,7 +205,8 @@ def stretches(model: Model, data: Sequence[ModelData], channels: tuple[str, ...]
             part = slice(first, last)
             if last - first >= SHORTEST and np.isfinite(y[part]).any():
                 u, known, early = driving(model, record.part(first, last))
-                found.append(Stretch(record.t[part], u, y[part], record.source, number, first, known, early))
+                own = record.conditions
+                found.append(Stretch(record.t[part], u, y[part], record.source, number, first, known, early, own))
             else:
                 notes.append(f"{record.source}: {last - first} samples at t = {record.t[first]:.6g} s are left out")
     if not found:

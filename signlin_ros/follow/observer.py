@@ -70,10 +70,12 @@ class Observer:
         self, model: Model, stretches: Sequence[Stretch], channels: tuple[str, ...], noise: Sequence[Noise]
     ) -> None:
         self.model, self.stretches, self.channels, self.noise = model, list(stretches), channels, list(noise)
-        self.rough = [driven(model, s.t, s.u, measured_states(model, s, channels), s.early) for s in self.stretches]
+        models = [model.under(s.conditions) for s in self.stretches]
+        pairs = list(zip(models, self.stretches, strict=True))
+        self.rough = [driven(one, s.t, s.u, measured_states(one, s, channels), s.early) for one, s in pairs]
         sizes = np.sqrt(np.mean(np.concatenate(self.rough) ** 2, axis=0))
         self.scale = np.where(sizes > 0, sizes, 1.0)
-        self.trackers = [Tracker(model, s.t, s.u, s.y, channels, self.scale, s.early) for s in self.stretches]
+        self.trackers = [Tracker(one, s.t, s.u, s.y, channels, self.scale, s.early) for one, s in pairs]
         self.step = float(np.median(np.concatenate([np.diff(s.t) for s in self.stretches])))
 
     @cached_property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,6 +28,8 @@ SLOPES, CONFIDENT = (8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256), 2.0
 """Samples that the first velocity is taken from, and half the width of its confidence interval in standard errors."""
 DOUBT = 3.0
 """Times the distance between an imposed state, put together from rates, and its measurements by which it may be off."""
+SLOWEST = 0.1
+"""Least speed in rad/s of a servo by which one that nobody measured may be off where a record starts."""
 RARE = 0.05
 """Share of the samples up to which those where the direction of an imposed velocity is not known are left out."""
 
@@ -40,7 +42,8 @@ class Segment:
     ``inner``: whether it begins within a record. ``before``: what came before it, where that is followed too: there an
     effect took up what it remembers.
     ``early``: by how many s the input precedes its sample, see `signlin_ros.follow.data.driving`. ``doubt``: by how
-    much a state that is imposed and recorded may be off at the start, by its name.
+    much a state may be off at the start, by name: one that is imposed and recorded, a servo's speed that nobody
+    measured. ``conditions``: values of the model's parameters that are known of the record.
     """
 
     t: Array
@@ -53,6 +56,7 @@ class Segment:
     inner: bool = False
     before: Segment | None = None
     doubt: dict[str, float] = field(default_factory=dict)
+    conditions: Mapping[str, float] = field(default_factory=dict)
 
 
 def twin(name: str, known: Sequence[str]) -> str:
@@ -123,7 +127,13 @@ def segment(model: Model, channels: tuple[str, ...], data: ModelData) -> Segment
     y = without(y, _turned(model, data, u))
     start = {name: float(values[0]) for name, values in known.items()}
     doubt = {name: DOUBT * _apart(values, corrected(model, data, name)) for name, values in known.items()}
-    return Segment(t, u, y, known_start(model, channels, t, y) | start, data.source, early=early, doubt=doubt)
+    start = known_start(model, channels, t, y) | start
+    if model.plant.closed_loop:  # a free run starts from what was measured, whatever it is compared with
+        first = {n: float(data.measured[n][0]) for n in model.states if n in data.measured}
+        start |= {n: x for n, x in first.items() if np.isfinite(x)}
+        speed = model.plant.velocity
+        doubt |= {} if np.isfinite(first.get(speed, np.nan)) else {speed: max(abs(start.get(speed, 0.0)), SLOWEST)}
+    return Segment(t, u, y, start, data.source, early=early, doubt=doubt, conditions=data.conditions)
 
 
 def _apart(values: Array, measured: Array) -> float:

@@ -52,6 +52,8 @@ class Model:
     effect_files: tuple[str, ...] = ()
     with_position: bool = False
     with_load_torque: bool = False
+    with_inputs: tuple[str, ...] = ()
+    per_record: tuple[str, ...] = ()
     axis: str = ""
     gear: float = 1.0
     node_options: dict[str, Any] = field(default_factory=dict)
@@ -174,6 +176,10 @@ class Model:
                 raise self._unknown(name)
         return Model.from_dict(content, self.source, self.folder)
 
+    def under(self, conditions: Mapping[str, float]) -> Model:
+        """Return the model with the parameters that are known of a record; the equations stay the same."""
+        return self.with_parameters(conditions) if conditions else self
+
     def with_options(self, **options: Any) -> Model:
         """Return a model with other options, e.g. ``sign_order=20``."""
         return self._changed(**options)
@@ -225,7 +231,7 @@ class Model:
             zeros=tuple(n for n in self.plant.zero_matters if self.parameters[n] == 0.0),
             slots=built_in + tuple(slot(key, use) for key, use in self.effects.items() if not is_sensor(use)),
             with_position=self.with_position or "position" in self.signals or self._senses_position,
-            with_load_torque=self.with_load_torque,
+            optional_inputs=(*(("load_torque",) if self.with_load_torque else ()), *self.with_inputs),
         )
 
     @property
@@ -392,17 +398,25 @@ class Model:
         return self._vector(values, self.states, "state")
 
     def input_vector(self, values: Mapping[str, float]) -> NDArray[np.float64]:
-        """Return u (m,) from values by name; inputs not named are 0."""
-        return self._vector(values, self.inputs, "input")
+        """Return u (m,) from values by name; inputs not named are as in `u0`."""
+        return self._vector(values, self.inputs, "input", self.u0)
 
-    def _vector(self, values: Mapping[str, float], names: tuple[str, ...], what: str) -> NDArray[np.float64]:
-        out = np.zeros(len(names))
+    def _vector(
+        self, values: Mapping[str, float], names: tuple[str, ...], what: str, rest: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        out = np.zeros(len(names)) if rest is None else rest.copy()
         for name, value in values.items():
             plain = self.canonical(name)
             if plain not in names:
                 raise ModelError(f"{name!r} is no {what}; the {what}s are: {', '.join(names)}")
             out[names.index(plain)] = value
         return out
+
+    @property
+    def u0(self) -> NDArray[np.float64]:
+        """The inputs (m,) where nothing is said of them: 0, or what the plant takes for one that is not recorded."""
+        known = self.plant.unrecorded(self.parameters)
+        return np.array([known.get(name, 0.0) for name in self.inputs])
 
     @property
     def x0(self) -> NDArray[np.float64]:

@@ -35,6 +35,10 @@ def check_axis(model: Model) -> None:
 
 def check_names(model: Model) -> None:
     """Check every option that names a state, an input or a parameter."""
+    for name in model.with_inputs:
+        if name not in model.plant.optional_inputs:
+            known = f"{choices(model.plant.optional_inputs) or 'none'}{suggest(name, model.plant.optional_inputs)}"
+            raise ModelError(f"with_inputs: {name!r} is no optional input of {model.plant.name}; there are: {known}")
     allowed = {"state_weights": model.states, "initial_state": model.states, "operating_range": None}
     for option, names in allowed.items():
         table: dict[str, float] = getattr(model, option)
@@ -47,6 +51,9 @@ def check_names(model: Model) -> None:
             if name not in model.parameters:
                 known = f"{choices(model.parameters)}{suggest(name, model.parameters)}"
                 raise ModelError(f"{option}: {name!r} is no base parameter; there are: {known}")
+    for name in model.per_record:
+        if name not in (free := [n.split(".", 1)[1] for n in model.par_declarations()]):
+            raise ModelError(f"per_record: {name!r} is no parameter; there are: {choices(free)}{suggest(name, free)}")
     if model.sign_scale == 0.0 and not model.operating_range and model.plant.velocity:
         example = f"{{{model.plant.velocity}: 30.0}}"
         raise ModelError(f"operating_range: missing; sign_scale 0.0 is chosen from it, e.g. {example}")
@@ -72,7 +79,7 @@ def _signal_name(model: Model, name: str) -> str:
             f"signals: {name!r}: a model file says what holds for every record ({own}); what holds for {file!r} alone"
             f" is said on the command line: {said}"
         )
-    perhaps = name in model.plant.optional_inputs or name in model.plant.sometimes
+    perhaps = name in (*model.plant.optional_inputs, *model.plant.sometimes, *model.parameters)
     return name if perhaps else _state_name(model, "signals", name, None)
 
 

@@ -139,6 +139,8 @@ OPTIONS: dict[str, Callable[[Any, str], Any]] = {
     "effect_files": _names,
     "with_position": _boolean,
     "with_load_torque": _boolean,
+    "with_inputs": _names,
+    "per_record": _names,
     "axis": _choice(AXES),
     "gear": lambda v, w: _number(v, w, 0.0, 1e6, positive=True),
 }

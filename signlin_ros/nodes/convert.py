@@ -16,6 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, MultiArrayDimension
 
 from signlin_ros.linearization import Linearization
+from signlin_ros.model import Model
 from signlin_ros.nodes.linearizer_logic import Refusal, Update
 
 Array = NDArray[np.float64]
@@ -50,6 +51,14 @@ def read_vector(message: Float64MultiArray, length: int) -> Array | Refusal:
     if not np.isfinite(data).all():
         return Refusal("not_finite", f"value {int(np.argmin(np.isfinite(data)))} is not finite")
     return data
+
+
+def read_input(message: Float64MultiArray, model: Model) -> Array | Refusal:
+    """Return the inputs (m,) in a message, or why it is refused; optional ones at the end may be left out."""
+    least, most = len(model.plant.inputs), len(model.inputs)
+    count = len(message.data) if least <= len(message.data) <= most else most
+    found = read_vector(message, count)
+    return found if isinstance(found, Refusal) else np.concatenate([found, model.u0[count:]])
 
 
 def layout_fault(layout: Any, size: int) -> str:

@@ -132,7 +132,7 @@ class LinearizerNode(ManagedNode):
         return max(0.0, min(LONGEST_REST, self.model.update_period / 20, due / NANO))
 
     def _take_input(self, message: Float64MultiArray, now: int) -> None:
-        self.logic.take_input(convert.read_vector(message, len(self.model.inputs)), now)
+        self.logic.take_input(convert.read_input(message, self.model), now)
 
     def _take_state(self, message: Float64MultiArray, now: int) -> None:
         self.logic.take_state(convert.read_vector(message, len(self.model.states)), now)

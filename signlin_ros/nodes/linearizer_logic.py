@@ -100,7 +100,7 @@ class LinearizerLogic:
         self._latency = 0
         self.input_received = False
         self.state_timeout = state_timeout
-        self.u = np.zeros(len(model.inputs))
+        self.u = model.u0
         self.configure(model)
         self.reset(now)
 
@@ -141,7 +141,8 @@ class LinearizerLogic:
         self._perfect = all(sensor == Sensor() for sensor in self.model.sensors.values())
         if before.inputs != self.model.inputs:
             known = dict(zip(before.inputs, self.u.tolist(), strict=True))
-            self.u = np.array([known.get(name, 0.0) for name in self.model.inputs])
+            pairs = zip(self.model.inputs, self.model.u0.tolist(), strict=True)
+            self.u = np.array([known.get(name, rest) for name, rest in pairs])
         if before.states != self.model.states and self._state is not None:
             self._state = self._state if self._watcher is not None and self._state.x is None else None
 

@@ -170,7 +170,7 @@ class MonitorNode(ManagedNode):
 
     def _take_input(self, message: Float64MultiArray, came: int) -> None:
         if self.logic.model is not None:
-            self.logic.take_input(convert.read_vector(message, len(self.logic.model.inputs)), came)
+            self.logic.take_input(convert.read_input(message, self.logic.model), came)
 
     def _take_state(self, message: Float64MultiArray, came: int) -> None:
         model = self.logic.model

@@ -252,6 +252,10 @@ def _fixed_entries(model: Model) -> dict[str, Entry]:
     found = {
         "with_position": Entry(model.with_position, "position as a state even where nothing needs it"),
         "with_load_torque": Entry(model.with_load_torque, "load torque as a second input"),
+        **(
+            {"with_inputs": Entry(list(model.with_inputs), "optional inputs of the plant")} if model.with_inputs else {}
+        ),
+        **({"per_record": Entry(list(model.per_record), "not used by nodes")} if model.per_record else {}),
         "gear": Entry(model.gear, "turns of the motor for one of the joint [-]; not used by nodes"),
     }
     if model.axis:

@@ -8,6 +8,7 @@ from signlin_ros.plants.bouc_wen import BoucWen
 from signlin_ros.plants.dc_motor import DcMotor
 from signlin_ros.plants.force_element import ForceElement
 from signlin_ros.plants.mass_spring_damper import MassSpringDamper
+from signlin_ros.plants.servo import Servo
 
 PLANTS: dict[str, type[Plant]] = {
     plant.name: plant
@@ -16,6 +17,7 @@ PLANTS: dict[str, type[Plant]] = {
         MassSpringDamper,
         BoucWen,
         ForceElement,
+        Servo,
     )
 }
 """Every plant by its name in model files."""

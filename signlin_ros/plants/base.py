@@ -23,6 +23,9 @@ class Acting(Protocol):
     def resistance(self, R_a: Any) -> Any:
         """Return the armature resistance as the effects leave it."""
 
+    def input(self, error: Any) -> Any:
+        """Return the error of a plant's own control loop as the effects of the input leave it."""
+
 
 class Plant(HasPars):
     """Base equations: parameters as `Par` attributes, names, and `rates`.
@@ -44,7 +47,10 @@ class Plant(HasPars):
     inputs: ClassVar[dict[str, str]]
     """Inputs and units."""
     optional_inputs: ClassVar[dict[str, str]] = {}
-    """Inputs that a model may leave out, and units; 0 where a record has no such column."""
+    """Inputs that a model may leave out, and units; see `unrecorded`."""
+    closed_loop: ClassVar[bool] = False
+    """Whether the plant holds its own control loop: its input is a goal, which effects of the input do not change (they
+    act on the loop's error), and a free run stays near what was measured."""
     scaled_by_effort: ClassVar[tuple[str, ...]] = ()
     """Parameters that a wrong scale of the input, or of a force that is measured, multiplies all alike."""
     effort: ClassVar[str] = "force"
@@ -81,6 +87,21 @@ class Plant(HasPars):
     def aliases(cls) -> dict[str, str]:
         """Return what position, velocity and effort mean; empty: nothing."""
         return {"position": cls.position, "velocity": cls.velocity, "effort": cls.effort}
+
+    @classmethod
+    def moved(cls, values: Mapping[str, float]) -> float:
+        """Return the moving mass or inertia; ``values`` are the plant's parameters."""
+        return float(values["J" if "J" in values else "m"])
+
+    @classmethod
+    def driven(cls, m: Any, values: Mapping[str, float], q: Any, acceleration: Any) -> Any:
+        """Return the force (T,) that a motion q (T,) takes without effects, for a plant in a closed loop."""
+        raise NotImplementedError
+
+    @classmethod
+    def unrecorded(cls, values: Mapping[str, float]) -> dict[str, float]:
+        """Return what optional inputs are where a record has no such column; ``values`` are the plant's parameters."""
+        return dict.fromkeys(cls.optional_inputs, 0.0)
 
     def rates(self, m: Any, x: Any, u: Any, p: Any, act: Acting) -> dict[str, Any]:
         """Return the derivative of every state of the plant and the value of every output, by name."""

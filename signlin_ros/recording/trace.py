@@ -45,7 +45,7 @@ class Structure:
     zeros: tuple[str, ...]
     slots: tuple[EffectSlot, ...]
     with_position: bool
-    with_load_torque: bool
+    optional_inputs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -172,15 +172,21 @@ class _Tracer:
 
     def _inputs(self) -> None:
         plant = self.structure.plant
-        units = {**plant.inputs, **(plant.optional_inputs if self.structure.with_load_torque else {})}
+        units = {**plant.inputs, **{n: plant.optional_inputs[n] for n in self.structure.optional_inputs}}
         self.input_symbols = {name: ca.SX.sym(name) for name in units}
         self.units.update(units)
         self.x.__dict__["_temperature"] = ca.SX.sym(TEMPERATURE)
         effective = dict(self.input_symbols)
         first = next(iter(units))
-        for entry in self.effects:
-            effective[first] = self._asked(entry, "input", effective[first])
+        if not plant.closed_loop:
+            effective[first] = self.input(effective[first])
         self.u = Namespace(effective)
+
+    def input(self, value: Any) -> Any:
+        """Return an input, or the error of the plant's own loop, as the effects of the input leave it."""
+        for entry in self.effects:
+            value = self._asked(entry, "input", value)
+        return value
 
     def _asked(self, entry: tuple[EffectSlot, Effect, Namespace], method: str, *given: Any) -> Any:
         """Return what a method of an effect says; ``given``: what it takes beside m and p."""

@@ -55,7 +55,8 @@ class Table:
     """Columns as read: a heading and (R,) values each, and where the rows stood.
 
     ``named``: whether the file names them; ``runs``: rows before which its header returned; ``exact``: columns of whole
-    numbers that doubles do not hold, by label; ``step``: name and value of a sampling time in s that the file states.
+    numbers that doubles do not hold, by label; ``step``: name and value of a sampling time in s that the file states;
+    ``fields``: numbers that it states of all of it.
     """
 
     source: str
@@ -67,6 +68,7 @@ class Table:
     runs: tuple[int, ...] = ()
     exact: Mapping[str, npt.NDArray[np.int64]] = field(default_factory=dict)
     step: tuple[str, float] | None = None
+    fields: Mapping[str, float] = field(default_factory=dict)
 
     def take(self, index: npt.NDArray[np.intp] | npt.NDArray[np.bool_], *notes: Note) -> Table:
         """The rows at `index`, an index array or a mask, with further notes."""
@@ -128,7 +130,7 @@ def _record(table: Table, times: Times, t: Array, keep: Keep) -> Record:
     found = _signals(table)
     signals = {key: signal for key, signal in found.items() if signal.label not in times.used}
     clocks = {key: signal for key, signal in found.items() if signal.label in times.used}
-    return sparse(Record(t, signals, table.source, notes, table.rows, clocks=clocks))
+    return sparse(Record(t, signals, table.source, notes, table.rows, clocks=clocks, fields=table.fields))
 
 
 def _check_stamps(table: Table, times: Times) -> None:

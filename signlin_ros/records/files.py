@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from signlin_ros.apart import of_record
 from signlin_ros.errors import RecordError, suggest
-from signlin_ros.files import ARRAYS, BAGS, PACKED, TABLES, TEXT
+from signlin_ros.files import ARRAYS, BAGS, LOGS, PACKED, TABLES, TEXT
 from signlin_ros.records.clean import keeper, records_of
 from signlin_ros.records.header import TIME_KEYS
 from signlin_ros.records.mapping import ALIASES, ModelData
@@ -175,6 +175,10 @@ def _read_file(file: Path, source: str, signals: Mapping[str, str], wanted: list
         from signlin_ros.records.formats import mat
 
         return records_of(mat.read_table(file, source, signals), signals, keep)
+    if suffix in LOGS:
+        from signlin_ros.records.formats import bam
+
+        return records_of(bam.read_table(file, source), signals, keep)
     if suffix in TABLES:
         from signlin_ros.records.formats.tables import read_table
 
@@ -190,6 +194,6 @@ def _check_there(file: Path, source: str) -> None:
         folder = file.parent if file.parent.is_dir() else None
         hint = suggest(file.name, [entry.name for entry in folder.iterdir()]) if folder else ""
         raise RecordError(f"{source}: no such file or folder{hint}")
-    known = (*TEXT, *PACKED, *TABLES, *BAGS)
+    known = (*TEXT, *PACKED, *TABLES, *LOGS, *BAGS)
     if file.is_file() and file.suffix.lower() not in known:
         raise RecordError(f"{source}: unknown kind {file.suffix!r}; records are {', '.join(known)} or rosbag2 folders")

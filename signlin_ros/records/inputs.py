@@ -35,7 +35,9 @@ def check_inputs(
         if name in found:
             continue
         if name in model.plant.optional_inputs or require == "none":
-            notes.append(Note(f"no input {name} in the record: taken as 0", "assumed", name))
+            taken = model.u0[model.inputs.index(name)]
+            unit = f" {model.units[name]}".removesuffix(" -") if taken else ""
+            notes.append(Note(f"no input {name} in the record: taken as {taken:g}{unit}", "assumed", name))
             continue
         out = [note for note in record.notes if "left out" in note]
         said = next((one for one in (name, *_SOURCES.get(name, ())) if one in why_not), None)
@@ -66,7 +68,8 @@ def with_inputs(
     record: Record, model: Model, values: Mapping[str, Array], measured: dict[str, Array], notes: list[Note]
 ) -> tuple[Record, Array, dict[str, Array]]:
     """The inputs u (T, m), in a bag from the first message of all of them on."""
-    columns = [values.get(name, np.zeros(record.t.shape)) for name in model.inputs]
+    zeros = zip(model.inputs, model.u0.tolist(), strict=True)
+    columns = [values[name] if name in values else np.full(record.t.shape, taken) for name, taken in zeros]
     pairs = zip(model.inputs, columns, strict=True)
     loose = [column for name, column in pairs if record.series or _logged_when_new(record, name, column)]
     start = max((_leading(column) for column in loose), default=0)

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from signlin_ros import units
 from signlin_ros.errors import ModelError, RecordError
 from signlin_ros.records.align import align, named
+from signlin_ros.records.conditions import apart, conditions_of
 from signlin_ros.records.converted import converted
 from signlin_ros.records.formulas import by_number, constant, made, sole
 from signlin_ros.records.header import TIME_KEYS
@@ -47,6 +48,7 @@ class ModelData:
         done to the data, one sentence each. acts : (T,) s, from when each row of u acts, where the inputs have a
         clock of their own; None: from its own sample on. labels : name -> the column's head or the path in a bag that
         it was read from; records with the same are one log's, however many files that is.
+        conditions : values of the model's parameters that are known of this record (`signlin_ros.records.conditions`).
     """
 
     t: Array
@@ -61,6 +63,7 @@ class ModelData:
     notes: tuple[Note | str, ...] = ()
     acts: Array | None = None
     labels: dict[str, str] = field(default_factory=dict)
+    conditions: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "notes", as_notes(self.notes))
@@ -112,8 +115,13 @@ def for_model(
     if require not in ("inputs", "none"):
         raise RecordError(f"require must be 'inputs' or 'none', not {require!r}")
     _check_clock(record)
-    numbers = _numbers(record, model, signals or {})
-    record, chosen, notes, why_not = _chosen(record, model, signals or {}, numbers)
+    signals, told = apart(model, {**apart(model, model.signals)[1], **(signals or {})})
+    conditions_notes: list[Note] = []
+    conditions = conditions_of(record, model, told, conditions_notes)
+    model = model.under(conditions)
+    numbers = _numbers(record, model, signals)
+    record, chosen, notes, why_not = _chosen(record, model, signals, numbers)
+    notes += conditions_notes
     derived = _velocity_of(model, {*chosen, *numbers})
     check_inputs(record, model, {*chosen, *numbers, *derived}, require, notes, why_not)
     record = _aligned(record, model, chosen, base)
@@ -152,6 +160,7 @@ def for_model(
         notes=(*record.notes, *notes),
         acts=None if record.acts is None else frozen(record.acts),
         labels={name: record.labels.get(key, key) for name, key in chosen.items()},
+        conditions=conditions,
     )
 
 

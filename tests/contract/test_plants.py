@@ -33,12 +33,23 @@ NAMES = {  # contract, section 1
         ["m", "m/s", "-", "N"],
     ),
     "force_element": (["displacement"], ["velocity"], ["force"], ["c", "k"], ["m", "m/s", "N"]),
+    "servo": (
+        ["position", "speed"],
+        ["goal_position"],
+        ["position", "speed"],
+        [
+            *("K_t", "R", "J", "mass", "length", "arm_mass", "inertia", "q0", "kp", "ki", "kd", "duty_per_error"),
+            *("vin", "sag", "duty_limit", "current_limit", "profile_time"),
+        ],
+        ["rad", "rad/s", "rad"],
+    ),
 }
 ALIASES = {
     "dc_motor": {"velocity": "speed"},
     "mass_spring_damper": {"position": "displacement", "velocity": "velocity", "effort": "force"},
     "bouc_wen": {"position": "displacement", "velocity": "velocity", "effort": "force"},
     "force_element": {"position": "displacement", "velocity": "velocity", "effort": "force"},
+    "servo": {"position": "position", "velocity": "speed"},
 }
 MOTOR = {"R_a": 0.764, "L_a": 0.0026, "K_t": 0.0805, "K_m": 0.0805, "B": 0.0, "J": 0.0022}
 
@@ -104,6 +115,11 @@ def test_without_effects_at_rest_the_linear_model_is_the_textbooks(plant, method
             [0, p["lambda"] / p["D"], 0],
         ]
         gain = [[0], [1 / p["m"]], [0]]
+    elif plant.name == "servo":
+        moved = p["J"] + p["mass"] * p["length"] ** 2
+        loop = p["K_t"] / p["R"] * p["vin"] * p["kp"] * p["duty_per_error"] / moved
+        weight = p["mass"] * 9.80665 * p["length"] / moved
+        want, gain = [[0, 1], [-loop - weight, -(p["K_t"] ** 2) / p["R"] / moved]], [[0], [loop]]
     else:
         want, gain = [[0]], [[1]]
     np.testing.assert_allclose(r.A, want, rtol=1e-14, atol=1e-14)

@@ -162,7 +162,8 @@ class Law:
     def _seen(self, piece: Piece, shape: Shape, what: Callable[[Structure], Any]) -> Array:
         """Return what a tape of the law says times the mass (K, columns), through the low-pass."""
         changed = {f"{KEY}.{n}": v for n, v in shape if n in self.structural}
-        model = self.model.with_parameters(changed) if changed else self.model
+        known = {**piece.conditions, **changed}
+        model = self.model.with_parameters(known) if known else self.model
         p = model.p.copy()
         for n, value in shape:
             if n not in self.structural:

@@ -74,6 +74,20 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
     return replace(found, low=slow) if slow and slow.cost < found.low.cost else found
 
 
+def in_turn(problem: Problem, c: Candidate, theta: Array, folds: Sequence[Sequence[int]]) -> Array:
+    """Return the squared errors (blocks, channels) of every record, each predicted by a fit to the records of the other
+    folds [cross validation: Stone, J. R. Stat. Soc. B 36 (1974) 111].
+    """
+    gains, found = problem.levels[-1], dict[int, Array]()
+    for fold in folds:
+        others = tuple(s for i, s in enumerate(problem.segments) if i not in fold)
+        f = fit(replace(problem, segments=others), c, gains, theta, LAST)
+        for i in fold:
+            one = replace(problem, segments=(problem.segments[i],))
+            found[i] = windowed(one, c, theta if f is None else f.theta, gains)
+    return np.concatenate([found[i] for i in range(len(problem.segments))])
+
+
 def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple[int, ...]) -> float:
     """Return by how many standard errors coordinates of added effects differ from nothing, by how much the likelihood
     falls where they are held there [Wilks 1938, doi:10.1214/aoms/1177732360], which does not depend on their units. The

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 FEWEST, BLOCKS = 3, 100
 """Blocks of whole windows that a standard error is taken from, at least and at most."""
+LOOPS = 1.0
+"""Blocks of a free run in a closed loop, in s: errors of neighbours in it have little to do with each other."""
 LOST = 1e6
 """Error of a model that diverges, in variances of the noise."""
 PLAIN = float(np.log(4.0))
@@ -123,10 +125,12 @@ def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> Arra
     errors = _errors(problem, c, theta, gains, cuts)
     if errors is None:
         errors = [np.sqrt(LOST) * problem.noise + np.zeros(s.y.shape) for s in problem.segments]
-    group = max(1, -(-sum(len(at) - 1 for at in cuts) // BLOCKS))
+    closed = problem.base.plant.closed_loop
+    group = 1 if closed else max(1, -(-sum(len(at) - 1 for at in cuts) // BLOCKS))
     result = []
     for e, at in zip(errors, cuts, strict=True):
-        begin, there = np.array(at[1:-1:group], dtype=int) + 1, np.isfinite(e[: at[-1] + 1])
+        first = 0 if closed else 1
+        begin, there = np.array(at[first:-1:group], dtype=int) + first, np.isfinite(e[: at[-1] + 1])
         count = np.add.reduceat(there, begin, axis=0, dtype=float)
         squares = np.add.reduceat(np.where(there, e[: at[-1] + 1], 0.0) ** 2, begin, axis=0)
         result.append(np.where(count > 0, squares / np.maximum(count, 1), np.nan))
@@ -134,9 +138,13 @@ def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> Arra
 
 
 def _cuts(problem: Problem) -> list[list[int]]:
-    """Return where the windows of every record begin, and where the last one ends; nothing is scored in the first."""
+    """Return where the windows of every record begin, and where the last one ends; nothing is scored in the first.
+
+    Of a plant in a closed loop a whole record is one free run: these are but its parts.
+    """
     longest = max(float(s.t[-1] - s.t[0]) for s in problem.segments)
-    horizon = min(max(problem.base.update_period, 2 * problem.scale.step), longest / 4)
+    least = LOOPS if problem.base.plant.closed_loop else problem.base.update_period
+    horizon = min(max(least, 2 * problem.scale.step), longest / 4)
     return [[0, *(last for _, last in windows(s.t, horizon))] for s in problem.segments]
 
 
@@ -147,12 +155,14 @@ def _errors(
     run = follow_records(problem, c, theta, gains, False)
     if run is None:
         return None
+    if problem.base.plant.closed_loop:
+        return run[0]
     model, found = c.model_at(theta), []
     for s, e, X, at in zip(problem.segments, run[0], run[2], cuts, strict=True):
         known = X if c.filtered else _corrected(gains, c, X, e)
         least = [max(problem.x_scale.get(name, 0.0), 1e-9) for name in model.states]
         size = np.maximum(least, np.abs(known).max(axis=0))
-        tracker = Tracker(model, s.t, s.u, s.y, problem.channels, size, s.early)
+        tracker = Tracker(model.under(s.conditions), s.t, s.u, s.y, problem.channels, size, s.early)
         free = tracker.restarted(known, at[:-1])
         if free.stopped is not None:
             return None

@@ -14,7 +14,18 @@ from numpy.typing import NDArray
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.motion.deciding import Decisions
 from signlin_ros.diagnosis.motion.fitted import Fitted, coordinates_of, covariances, estimates
-from signlin_ros.diagnosis.motion.fitting import FEW, LAST, NEXT, Found, bred, cheapest, climbed, settled, without
+from signlin_ros.diagnosis.motion.fitting import (
+    FEW,
+    LAST,
+    NEXT,
+    Found,
+    bred,
+    cheapest,
+    climbed,
+    in_turn,
+    settled,
+    without,
+)
 from signlin_ros.diagnosis.motion.left import left
 from signlin_ros.diagnosis.motion.running import Progress, Running
 from signlin_ros.diagnosis.motion.score import level, windowed
@@ -137,11 +148,15 @@ class Motion(Decisions, Running):
             functools.cache(functools.partial(without, self.short, f, errors)),
         )
 
-    def _windows(self, c: Candidate, theta: Array) -> tuple[Array, Array]:
+    def _windows(self, c: Candidate, theta: Array, as_it_is: bool = False) -> tuple[Array, Array]:
         """Return the squared errors of known and unseen records, of each channel from the observer that predicts the
-        known ones of it best: from one for all, a channel rose.
+        known ones of it best: from one for all, a channel rose. Where records are held out in turn, what is known is
+        fitted to the others each time, unless a model is taken ``as_it_is``.
         """
         levels = self.problem.levels
+        if self.unseen.folds:
+            known = windowed(self.problem, c, theta, levels[0])
+            return known, known if as_it_is else in_turn(self.problem, c, theta, self.unseen.folds)
         known = np.array([windowed(self.problem, c, theta, gains) for gains in levels])
         own = np.argmin(np.nan_to_num(known).mean(axis=1), axis=0).tolist()
         unseen = {k: windowed(self.unseen, c, theta, levels[k]) for k in set(own)}
@@ -177,7 +192,7 @@ class Motion(Decisions, Running):
     def as_it_is(self, model: Model, effects: tuple[str, ...] = ()) -> Fitted:
         """Return a model of the same states as the one given as it is: nothing is fitted, errors are `_windows`."""
         c = candidate(replace(self.problem, base=model), model, ())
-        squares, unseen = self._windows(c, c.start())
+        squares, unseen = self._windows(c, c.start(), as_it_is=True)
         return replace(self.base, effects=effects, model=model, known_squares=squares, unseen_squares=unseen)
 
     def soon(self, c: Candidate, theta: Array) -> float:
