@@ -163,7 +163,7 @@ class ArmModel(Model):
     def structure(self) -> Structure:
         """What decides the equations, without the numbers (hashable)."""
         slots = tuple(slot(key, use) for key, use in self.effects.items())
-            (),
+        return Structure(self.plant, (), (), slots, True, ())
 
     @property
     def units(self) -> dict[str, str]:
