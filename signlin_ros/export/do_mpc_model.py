@@ -1,0 +1,62 @@
+"""A Python file for do-mpc: a continuous model with states, inputs and parameters, ready for a controller."""
+
+from __future__ import annotations
+
+import importlib.util
+import warnings
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+
+from signlin_ros.export.base import Array, Drive, Exported, NotRunError, Target, refuse_imposed
+from signlin_ros.export.casadi_model import integrated, rates_text, said_lost
+from signlin_ros.export.python_text import docstring, loaded, names_of, numbers
+from signlin_ros.model import Model
+
+_TAIL = '''def model():
+    """Return the do_mpc model; states and inputs have their names with underscores for dots."""
+    found = do_mpc.model.Model("continuous")
+    x = [found.set_variable("_x", name.replace(".", "_")) for name in STATES]
+    u = [found.set_variable("_u", name.replace(".", "_")) for name in INPUTS]
+    for name, rate in zip(STATES, ca.vertsplit(rates(x, u, PARAMETERS))):
+        found.set_rhs(name.replace(".", "_"), rate)
+    found.setup()
+    return found
+'''
+
+
+class DoMpcModel(Target):
+    """A file that defines ``model()``, a set up `do_mpc.model.Model`."""
+
+    name, suffix, engine, smooth = "do-mpc", ".py", "do-mpc's right-hand side and CVODES", True
+
+    def write(self, model: Model, out: Path, drive: Drive) -> Exported:
+        """Write the file."""
+        refuse_imposed(model, self.name)
+        what = "A model for do-mpc: `model()` is continuous, with the numbers of PARAMETERS in it."
+        parts = [docstring(model, what), "import casadi as ca\nimport do_mpc", numbers(model), names_of(model)]
+        out.write_text("\n\n".join([*parts, rates_text(model), _TAIL]), encoding="utf-8")
+        return Exported((out,), ("f_j as recorded",), said_lost(model))
+
+    def run(self, exported: Exported, model: Model, drive: Drive) -> dict[str, Array]:
+        """Integrate the right-hand side that do-mpc has made of it."""
+        if importlib.util.find_spec("do_mpc") is None:
+            raise NotRunError("do-mpc is not installed (pip install do-mpc)")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            made = loaded(exported.files[0])["model"]()
+        rhs = made._rhs_fun
+        n, m = len(model.states), len(model.inputs)
+        empty = [rhs.mx_in(i).numel() for i in range(2, rhs.n_in())]
+
+        def f(x: ca.SX, u: ca.SX) -> Any:
+            return rhs(x[:n], u[:m], *(ca.DM.zeros(k) for k in empty))
+
+        found = integrated(f, drive, model.delay)
+        return {name: found[:, i] for i, name in enumerate(model.states)}
+
+
+TARGET = DoMpcModel()
+
+__all__ = ["TARGET", "DoMpcModel"]

@@ -1,0 +1,108 @@
+"""What an exported file loses, measured: the target's engine beside our exact model and the measurement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from signlin_ros.export.base import Array, Drive, Exported, NotRunError, Target
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.simulation import Trajectory, simulate
+
+
+@dataclass(frozen=True)
+class Channel:
+    """RMS errors of one channel, in its unit.
+
+    ``ours`` and ``target`` are against the measurement, or, without one, against our exact model (so ours is 0);
+    ``difference`` is the target's against our exact model, and ``percent`` that of the channel's RMS.
+    """
+
+    unit: str
+    ours: float
+    target: float
+    difference: float
+    percent: float
+
+
+@dataclass(frozen=True)
+class Loss:
+    """Channels by name; ``against`` says what ours and target are against, ``not_run`` why there is nothing."""
+
+    channels: Mapping[str, Channel] = field(default_factory=dict)
+    against: str = ""
+    not_run: str = ""
+    diverges: bool = False
+
+
+def drive_of(model: Model, data: ModelData) -> Drive:
+    """Return what a record drives a model with; a state that is not measured begins as the model says.
+
+    A speed that is not measured begins as the measured position does.
+    """
+    t = np.asarray(data.t)
+    start = np.array(model.x0)
+    measured = {name: np.asarray(values) for name, values in data.measured.items() if name in model.states}
+    position = measured.get(model.plant.position)
+    if position is not None and model.plant.velocity in model.states and model.plant.velocity not in measured:
+        early = np.flatnonzero(np.isfinite(position))[:5]
+        if early.size > 1:
+            measured[model.plant.velocity] = np.array([np.polyfit(t[early], position[early], 1)[0]])
+    for name, values in measured.items():
+        good = values[np.isfinite(values)]
+        if good.size:
+            start[model.states.index(name)] = good[0]
+    if data.x0 is not None:
+        start = np.array(data.x0)
+    acts = t if data.acts is None else np.asarray(data.acts)
+    return Drive(t, np.asarray(data.u), acts, model.true_states(start))
+
+
+def reference(model: Model, drive: Drive) -> Trajectory:
+    """Return the run of our exact model."""
+    return simulate(model, drive.t, drive.u, drive.x0, acts=drive.acts)
+
+
+def measure(
+    target: Target, exported: Exported, model: Model, drive: Drive, measured: Mapping[str, Array] | None = None
+) -> Loss:
+    """Run an exported file in its target and compare it with our exact model, and with what was measured."""
+    try:
+        found = target.run(exported, model, drive)
+    except NotRunError as error:
+        return Loss(not_run=str(error))
+    ours = reference(model, drive)
+    wanted = [n for n in (measured or {}) if n in model.states] or _motion(model)
+    channels = {}
+    for name in wanted:
+        if name in found:
+            channels[name] = _channel(model, name, ours[name], found[name], (measured or {}).get(name))
+    against = "the measurement" if measured else "our exact model"
+    good = {name: c for name, c in channels.items() if np.isfinite(c.target)}
+    return Loss(good, against, diverges=len(good) < len(channels))
+
+
+def _motion(model: Model) -> list[str]:
+    known = (model.plant.velocity, model.plant.position, "current")
+    return [name for name in known if name in model.states]
+
+
+def _channel(model: Model, name: str, ours: Array, found: Array, measured: Array | None) -> Channel:
+    size, difference = _rms(ours), _rms(found - ours)
+    if measured is None:
+        return Channel(model.units[name], 0.0, difference, difference, 100 * difference / size if size else 0.0)
+    errors = [_rms(model.sensors[name].show(values) - measured) for values in (ours, found)]
+    return Channel(model.units[name], errors[0], errors[1], difference, 100 * difference / size if size else 0.0)
+
+
+def _rms(values: Any) -> float:
+    values = np.asarray(values, dtype=float)
+    with np.errstate(all="ignore"):
+        return float(np.sqrt(np.nanmean(values**2)) if np.isfinite(values).any() else np.nan)
+
+
+__all__ = ["Channel", "Loss", "drive_of", "measure", "reference"]

@@ -1,0 +1,126 @@
+"""Effects times targets: what each target loses of each effect, run there."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from signlin_ros.effects import CATALOGUE, EFFECTS, SensorEffect
+from signlin_ros.errors import InputError
+from signlin_ros.export import TARGETS, export, find_target
+from signlin_ros.model import Model
+
+SIZES: dict[str, dict[str, Any]] = {
+    "viscous_friction": {"b": 0.005},
+    "coulomb_friction": {"mu": 0.033},
+    "stribeck_friction": {"mu": 0.03, "excess": 0.02, "v_s": 1.0},
+    "asymmetric_viscous_friction": {"b_p": 0.004, "b_n": 0.008},
+    "quadratic_drag": {"c2": 0.0008},
+    "cubic_viscous_friction": {"b": 0.002, "b3": 0.0001},
+    "load_dependent_friction": {"kappa_d": 0.2, "kappa_e": 0.1},
+    "constant_load": {"F0": 0.03},
+    "gravity_load": {"A": 0.1, "q0": 0.3},
+    "cogging_torque": {"A": 0.02, "N": 7.0, "phi": 0.4},
+    "torque_ripple": {"orders": [3.0, 7.0], "A": [0.02, 0.01], "phi": [0.1, 0.8]},
+    "linear_stiffness": {"k": 0.1},
+    "cubic_stiffness": {"k3": 0.05},
+    "hard_stop": {"gap": 0.3, "k_s": 2.0},
+    "dahl_presliding": {"F_c": 0.033, "sigma": 2.0},
+    "lugre_friction": {"sigma0": 20.0, "sigma1": 0.02, "sigma2": 0.001, "F_c": 0.03, "F_s": 0.05, "v_s": 1.0},
+    "play_friction": {"F_c": 0.03, "sigma": 2.0, "gap": 0.02},
+    "compliant_load": {"k": 5.0, "c": 0.01, "J": 0.001},
+    "backlash": {"k": 20.0, "c": 0.05, "J": 0.001, "gap": 0.02},
+    "input_deadzone": {"d": 0.3},
+    "input_saturation": {"u_max": 2.0},
+    "input_delay": {"T": 0.013},
+    "torque_constant_saturation": {"kappa": 0.05},
+    "thermal_resistance": {"a": 0.0039, "C": 0.02, "R_th": 20.0},
+}
+"""Values at which an effect is of some size on the paper's motor; nominal ones for the rest."""
+NOT_A_MODEL_ALONE = ("learned_force", "temperature_dependent_friction")
+"""Effects that need a record: a curve of its own, a temperature."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One effect in one target: percent of the speed's RMS that the run is off, or a word and why."""
+
+    effect: str
+    target: str
+    percent: float | None
+    word: str = ""
+    why: str = ""
+    holds: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    settings: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The cell as it stands in a table."""
+        return self.word if self.percent is None else f"{self.percent:.2g}"
+
+
+def bench() -> Model:
+    """Return the paper's motor without friction, with its position: what each effect is added to."""
+    return Model.load("dc_motor").without_effect("coulomb_friction").with_options(with_position=True)
+
+
+def models() -> Iterator[tuple[str, Model | str]]:
+    """Yield every effect of the catalogue on a plant that takes it, or why it is left out."""
+    yield "(none)", bench()
+    for name in CATALOGUE:
+        if name not in EFFECTS or issubclass(EFFECTS[name], SensorEffect):
+            continue
+        if name in NOT_A_MODEL_ALONE:
+            yield name, "needs a record of its own"
+            continue
+        try:
+            yield name, bench().with_effect(name, **SIZES.get(name, {}))
+        except InputError:
+            yield name, Model.load("mass_spring_damper").with_effect(name, **SIZES.get(name, {}))
+
+
+def cell(name: str, model: Model, target: str, folder: Path) -> Cell:
+    """Export one model to one target, run it there."""
+    out = folder / f"model{find_target(target).suffix}"
+    try:
+        done = export(model, target, out)
+    except InputError as error:
+        return Cell(name, target, None, "refused", str(error))
+    if done.loss.not_run:
+        return Cell(name, target, None, "not run", done.loss.not_run, done.exported.holds, done.exported.lost)
+    channel = done.loss.channels.get(model.plant.velocity)
+    if channel is None:
+        return Cell(name, target, None, "diverges", "", done.exported.holds, done.exported.lost)
+    settings = tuple(done.exported.settings.items())
+    return Cell(name, target, channel.percent, "", "", done.exported.holds, done.exported.lost, settings)
+
+
+def matrix(targets: Sequence[str] = tuple(TARGETS), effects: Sequence[str] = ()) -> Iterator[Cell]:
+    """Yield every cell, effect by effect."""
+    with tempfile.TemporaryDirectory() as folder:
+        for name, model in models():
+            if effects and name not in effects:
+                continue
+            for target in targets:
+                if isinstance(model, str):
+                    yield Cell(name, target, None, "left out", model)
+                else:
+                    yield cell(name, model, target, Path(folder))
+
+
+def table(cells: Sequence[Cell]) -> list[str]:
+    """Return a table in Markdown: a row for each effect, a column for each target."""
+    targets = list(dict.fromkeys(c.target for c in cells))
+    rows: dict[str, dict[str, Cell]] = {}
+    for c in cells:
+        rows.setdefault(c.effect, {})[c.target] = c
+    lines = ["| effect | " + " | ".join(targets) + " |", "|---|" + "---:|" * len(targets)]
+    lines += [f"| `{name}` | " + " | ".join(row[t].text for t in targets) + " |" for name, row in rows.items()]
+    return lines
+
+
+__all__ = ["Cell", "bench", "cell", "matrix", "models", "table"]
