@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -154,7 +155,7 @@ def _diagnosed(
     progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
     arguments = (*([effect] if effect else []), loaded, first, second)
     result = getattr(page, verb)(*arguments, jobs=jobs or os.cpu_count() or 1, progress=_stage)
-    result = printed(result, original, output, records)
+    result = replace(printed(result, original, output, records), data=(*data, *validation))
     if output is not None:
         try:
             write_text(output, result.yaml)

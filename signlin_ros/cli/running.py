@@ -12,6 +12,7 @@ import click
 
 from signlin_ros import __version__
 from signlin_ros.cli.diagnosing import add, diagnose, refine
+from signlin_ros.cli.experimenting import experiment
 from signlin_ros.cli.exporting import export
 from signlin_ros.cli.listing import effects, plants
 from signlin_ros.cli.live import ros, warm
@@ -79,7 +80,7 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 for _command in (
-    *(linearize, simulate, gains, check, compare, diagnose, add, refine, export),
+    *(linearize, simulate, gains, check, compare, diagnose, add, refine, experiment, export),
     *(effects, plants, figures, workbench, ros, warm),
 ):
     signlin.add_command(_command)

@@ -128,7 +128,8 @@ class FirstRows:
 class Diagnosis:
     """What a model lacks: the ``verdict`` (adequate, missing or unexplained) and its ``sentence``, estimates of the
     ``base`` and of the proposal (``parameters``, ``model``), ``range`` that the records visited, ``noise`` by channel,
-    what ``experiments`` would decide, the model as ``given``, ``horizon`` in s of its motion, ``findings`` to picture.
+    what ``experiments`` would decide, the model as ``given``, ``horizon`` in s of its motion, ``findings`` to picture;
+    ``rivals`` that the records do not exclude, the model file ``given_model`` and the files ``data`` that they are of.
     """
 
     verdict: str
@@ -146,6 +147,9 @@ class Diagnosis:
     given: Rung | None = None
     horizon: float = 0.0
     findings: Any = field(default=None, repr=False, compare=False)
+    rivals: tuple[Any, ...] = field(default=(), repr=False)
+    given_model: str = field(default="", repr=False)
+    data: tuple[str, ...] = ()
 
     @property
     def missing(self) -> tuple[Entry, ...]:

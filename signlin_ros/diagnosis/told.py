@@ -11,6 +11,7 @@ from signlin_ros.diagnosis.judgement import REASONS, Judgement
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
+from signlin_ros.diagnosis.rivals import rivals
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, listed
 from signlin_ros.diagnosis.witnesses import ALL
 from signlin_ros.effects import EFFECTS, find_effect
@@ -38,6 +39,8 @@ def told(j: Judgement) -> Diagnosis:
         given=w.first_rows().given,
         horizon=case.horizon,
         findings=j,
+        rivals=rivals(j),
+        given_model=case.model.to_yaml(),
     )
 
 

@@ -1,0 +1,1 @@
+"""Ties that a diagnosis cannot decide, and whether the experiment that is proposed decides them."""

@@ -1,0 +1,69 @@
+"""The rivals of a diagnosis: the models that its records do not tell apart from the proposal, for the next experiment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any
+
+import numpy as np
+
+from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.motion import Fitted
+
+MOST = 8
+"""Most rivals that are told."""
+HUGE = 1e30
+"""Largest variance that is told: of what nothing is known."""
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A model that the records do not exclude: the ``effects`` that it adds to the model as given, the ``model`` as a
+    file with its fitted values, its free ``parameters`` by name, and the ``covariance`` (n, n) of their values.
+    """
+
+    effects: tuple[str, ...]
+    model: str
+    parameters: tuple[str, ...]
+    covariance: tuple[tuple[float, ...], ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return one entry of ``rivals``."""
+        covariance = [list(row) for row in self.covariance]
+        return {
+            "effects": list(self.effects),
+            "model": self.model,
+            "parameters": list(self.parameters),
+            "covariance": covariance,
+        }
+
+
+def rivals(j: Judgement) -> tuple[Rival, ...]:
+    """Return the proposal first, then every model that was fitted and that it does not surely beat on unseen data, least
+    error first: what ties with it, and what was rejected for want of evidence.
+    """
+    w, least = j.witnesses, j.criteria.certainty
+    best: dict[tuple[str, ...], Fitted] = {}
+    for f in sorted((*w.tried, j.base), key=attrgetter("level"), reverse=True):
+        best[f.kind] = f
+    best.pop(j.final.kind, None)
+    others = [f for f in best.values() if not f.unreal and w.motion.certainty(f, j.final) < least]
+    others = [f for f in others if len(f.effects) <= max(len(j.final.effects), 1)]
+    chosen = [j.final, *sorted(others, key=attrgetter("level"))[: MOST - 1]]
+    return tuple(rival(f) for f in chosen)
+
+
+def rival(f: Fitted) -> Rival:
+    """Return a fit as a rival: the covariance has the larger of its standard errors, and the correlations of noise."""
+    slopes = np.array([one.k.slope(one.x) for one in f.known])
+    stds = np.minimum(np.array([one.std for one in f.known]) * np.abs(slopes), np.sqrt(HUGE))
+    bread = f.covariances[0]
+    size = np.sqrt(np.maximum(np.diag(bread), 1e-300))
+    correlation = bread / np.outer(size, size) * np.outer(np.sign(slopes), np.sign(slopes))
+    covariance = correlation * np.outer(stds, stds)
+    names, rows = tuple(one.k.name for one in f.known), tuple(map(tuple, covariance.tolist()))
+    return Rival(f.effects, f.model.to_yaml(), names, rows)
+
+
+__all__ = ["Rival", "rival", "rivals"]

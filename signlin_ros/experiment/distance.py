@@ -1,0 +1,175 @@
+"""How far what one rival would show is from what another can imitate: -2 log likelihood of the other, refitted, with what
+the first records know of it, after an observer and in units of what a model leaves of the first records.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.experiment.contenders import Contender
+from signlin_ros.experiment.limits import Limits
+from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.gains import Gains
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.follow.segments import Segment
+from signlin_ros.simulate import Trajectory
+
+Array = NDArray[np.float64]
+Pair = tuple[int, int]
+"""The rival that is true, and the one that is refitted to what it would show."""
+
+FLOOR = 0.01
+"""Part of a channel's spread that a model is never believed to: a floor for its error."""
+STEPS, ENDS = 8, 0.01
+"""Most steps of a refit, and the part of its cost by which the last one must still lower it."""
+LOST = 1e12
+"""Cost of a model that diverges."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Rivals, and the observer (``gains``) through which a record is seen; ``spread`` (ny,): what a model leaves of the
+    first records; ``x0``: where the machine starts, by state; ``bias``: the input that holds it there.
+    """
+
+    problem: Problem
+    contenders: tuple[Contender, ...]
+    gains: Gains
+    spread: Array
+    x0: Mapping[str, float]
+    bias: float = 0.0
+    used: dict[str, int] = field(default_factory=lambda: {"runs": 0, "fits": 0}, repr=False)
+
+    @property
+    def pairs(self) -> list[Pair]:
+        """Every rival against every other one, in both roles."""
+        return list(permutations(range(len(self.contenders)), 2))
+
+    def inputs(self, u: Array) -> Array:
+        """Return all inputs (T, m) of the machine under a command u (T,)."""
+        return np.column_stack([u, *np.zeros((len(self.problem.base.inputs) - 1, u.size))])
+
+    def run(self, i: int, t: Array, u: Array, theta: Array | None = None) -> Trajectory | None:
+        """Return the motion of a rival, at its estimate by default; None where it diverges."""
+        self.used["runs"] += 1
+        c = self.contenders[i]
+        return c.run(c.theta if theta is None else theta, t, self.inputs(u), self.x0)
+
+    def segment(self, i: int, run: Trajectory, theta: Array | None = None) -> Segment:
+        """Return what the sensors show of a motion, without noise, as a record."""
+        c = self.contenders[i]
+        y = np.ascontiguousarray(c.shown(c.theta if theta is None else theta, run, self.problem.channels))
+        early = self.problem.base.early * self.problem.scale.step
+        start = {n: self.x0.get(n, 0.0) for n in self.problem.base.states}
+        return Segment(run.t, np.ascontiguousarray(run.u), y, start, "command", True, early)
+
+    def _followed(self, c: Contender, theta: Array, s: Segment) -> tuple[Array, Array] | None:
+        """Return errors (N,) and their slopes (N, n) in units of what a model leaves; None where it diverges."""
+        self.used["fits"] += 1
+        found = follow_records(self.problem, replace(c.candidate, starts={}), theta, self.gains, True, (s,))
+        if found is None:
+            return None
+        spread = np.hypot(self.spread, FLOOR * s.y.std(axis=0))
+        e = found[0][0] / spread
+        slopes = found[1][0][:, :, : theta.size] / spread[:, None] * c.candidate.slopes(theta)
+        if not (np.isfinite(e).all() and np.isfinite(slopes).all()):
+            return None
+        return e.ravel(), slopes.reshape(-1, theta.size)
+
+    def linear(self, j: int, s: Segment) -> float:
+        """Return what a rival leaves of a record after one linear refit: for screening, and never shown."""
+        c = self.contenders[j]
+        found = self._followed(c, c.theta, s)
+        if found is None:
+            return LOST
+        e, D = found
+        normal = D.T @ D + c.information
+        slope = D.T @ e
+        step = np.clip(c.theta - np.linalg.lstsq(normal, slope, rcond=1e-13)[0], *c.bounds) - c.theta
+        return _compressed(float(e @ e + 2 * slope @ step + step @ normal @ step), s)
+
+    def refitted(self, j: int, s: Segment, starts: Sequence[Array] | None = None) -> tuple[float, Array]:
+        """Return what a rival leaves of a record after a refit by Levenberg and Marquardt's method from its estimate, or
+        from the best of some starts, and where it arrived.
+        """
+        c, best = self.contenders[j], (LOST, self.contenders[j].theta)
+        for start in [c.theta] if starts is None else starts:
+            found = self._descended(c, s, start)
+            best = min(best, found, key=lambda one: one[0])
+        return (best[0] if best[0] >= LOST else _compressed(best[0], s)), best[1]
+
+    def _descended(self, c: Contender, s: Segment, theta: Array) -> tuple[float, Array]:
+        low, high = c.bounds
+        found = self._followed(c, theta, s)
+        if found is None:
+            return LOST, theta
+        e, D = found
+        apart = theta - c.theta
+        cost, damping = float(e @ e + apart @ c.information @ apart), 1e-3
+        for _ in range(STEPS):
+            normal = D.T @ D + c.information
+            slope = D.T @ e + c.information @ (theta - c.theta)
+            new = _projected(theta, normal + np.diag(damping * np.diag(normal)), slope, low, high)
+            trial = self._followed(c, new, s)
+            apart = new - c.theta
+            value = LOST if trial is None else float(trial[0] @ trial[0] + apart @ c.information @ apart)
+            if trial is None or not value < cost:
+                damping *= 10.0
+                continue
+            gained, cost, theta, (e, D), damping = cost - value, value, new, trial, damping / 8
+            if gained < ENDS * cost or cost < 1.0:
+                break
+        return cost, theta
+
+    def growing(self, j: int, s: Segment, theta: Array) -> Array:
+        """Return the squares that a rival leaves of a record at some coordinates, summed up to each sample (T,)."""
+        found = self._followed(self.contenders[j], theta, s)
+        if found is None:
+            return np.full(s.t.size, np.nan)
+        return np.asarray(np.cumsum((found[0].reshape(s.y.shape) ** 2).sum(axis=1)))
+
+    def share(self, t: Array, u: Array, limits: Limits, points: bool = False) -> tuple[float, str, list[Trajectory]]:
+        """Return the largest part of a limit that any rival would come to under a command, and of which; with the
+        motions of the estimates. ``points``: of their sigma points too.
+        """
+        worst, name, runs = 0.0, "", list[Trajectory]()
+        for i, c in enumerate(self.contenders):
+            for k, theta in enumerate([c.theta, *(c.sigma_points if points else ())]):
+                run = self.run(i, t, u, theta)
+                part, which = (np.inf, "it diverges") if run is None else limits.share(run)
+                if part > worst:
+                    worst, name = part, which
+                if run is None or (worst > 1.0 and not points):
+                    return worst, name, []
+                if k == 0:
+                    runs.append(run)
+        return worst, name, runs
+
+
+def _projected(x: Array, matrix: Array, slope: Array, low: Array, high: Array) -> Array:
+    """Return a step within bounds; what leaves them is held there, and the rest solved anew."""
+    active, new = np.zeros(x.size, dtype=bool), x.copy()
+    while not active.all():
+        free = np.flatnonzero(~active)
+        right = slope[free] + matrix[np.ix_(free, active)] @ (new - x)[active]
+        new[free] = x[free] - np.linalg.lstsq(matrix[np.ix_(free, free)], right, rcond=1e-13)[0]
+        outside = (new < low) | (new > high)
+        new = np.clip(new, low, high)
+        if not outside.any():
+            break
+        active |= outside
+    return np.asarray(new)
+
+
+def _compressed(cost: float, s: Segment) -> float:
+    """Return squares in units of the noise as -2 log likelihood with an unknown variance: it grows but slowly."""
+    n = float(s.y.size)
+    return float(n * np.log1p(max(cost, 0.0) / n))
+
+
+__all__ = ["Bench", "Pair"]

@@ -1,0 +1,41 @@
+"""Rivals that a user names and a diagnosis did not keep: fitted to the first records."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from signlin_ros.diagnosis.case import case
+from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.diagnosis.motion import Motion
+from signlin_ros.diagnosis.rivals import rival
+from signlin_ros.effects import EFFECTS
+from signlin_ros.errors import InputError, choices, suggest
+from signlin_ros.experiment.setting import Known, known_rivals
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+NOTHING = "nothing"
+"""The name of the rival that adds no effect."""
+
+
+def with_named(rivals: Sequence[Known], model: Model, records: Sequence[ModelData], names: Sequence[str]) -> list[Known]:
+    """Return rivals with those of some names (effects joined by +), fitted to the records where they are not among them.
+
+    Raises `InputError` for an effect that there is not, or that cannot be added.
+    """
+    known = {"+".join(r.effects) or NOTHING for r in rivals}
+    plain = [name.strip().replace(" ", "_") for name in names]
+    absent = [name for name in plain if name not in known]
+    for effect in (e for name in absent if name != NOTHING for e in name.split("+")):
+        if effect not in EFFECTS:
+            every = (NOTHING, *EFFECTS)
+            raise InputError(f"--between: unknown effect {effect!r}; there are: {choices(every)}{suggest(effect, every)}")
+    if not absent:
+        return list(rivals)
+    made = case(model, records)
+    motion = Motion(made.problem, made.unseen, DEFAULT, 1)
+    found = [motion.base if n == NOTHING else motion.fitted(n.split("+")) for n in absent]
+    return [*rivals, *known_rivals([rival(f).to_json() for f in found])]
+
+
+__all__ = ["NOTHING", "with_named"]

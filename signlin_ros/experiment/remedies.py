@@ -1,0 +1,161 @@
+"""What else would tell rivals apart, where no command within the limits does: tried by the same number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.comparison.equations import inertia
+from signlin_ros.experiment.contenders import Contender, contender
+from signlin_ros.experiment.distance import LOST, Bench, Pair
+from signlin_ros.experiment.families import FAMILIES
+from signlin_ros.experiment.plan import Remedy
+from signlin_ros.experiment.search import NEEDED, Search
+from signlin_ros.fitting.problem import prepare
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.simulate import Trajectory
+
+Array = NDArray[np.float64]
+
+BEST, PEAKS = 3, (1.0, 0.5, 0.2)
+"""Commands of the largest distance that are tried with each remedy; peaks of those within wider limits."""
+NOISE = 0.01
+"""Noise of a channel that nobody recorded, as a part of its spread."""
+ADDED = 0.5
+"""A known inertia that is added, as a part of the machine's own."""
+FASTER, WIDER = 4, 2.0
+"""How many times as fast is sampled, and as wide limits are."""
+
+
+def remedies(search: Search, pair: Pair) -> list[Remedy]:
+    """Return what would tell two rivals apart, those that are enough, the largest distance first."""
+    i, j = sorted(pair)
+    both = [(i, j), (j, i)]
+    names = (search.bench.contenders[i].name, search.bench.contenders[j].name)
+    own = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
+    best = sorted(search.tried, key=lambda one: -float(one.linear[own].min(initial=np.inf)))[:BEST]
+    commands = [one.u for one in best]
+    found = [*_channels(search, both, commands), *_wider(search, both), *_heavier(search, both, commands)]
+    found += _faster(search, both)
+    told = [Remedy(what, distance, names) for what, distance in found if distance >= NEEDED]
+    return sorted(told, key=lambda r: -r.distance)
+
+
+def least(bench: Bench, both: Sequence[Pair], t: Array, u: Array) -> float:
+    """Return the smaller of both ways' real distances for a command."""
+    values = []
+    for i, j in both:
+        run = bench.run(i, t, u)
+        cost = LOST if run is None else bench.refitted(j, bench.segment(i, run))[0]
+        values.append(0.0 if cost >= LOST else cost)
+    return min(values)
+
+
+def _channels(search: Search, both: Sequence[Pair], commands: Sequence[Array]) -> Iterator[tuple[str, float]]:
+    """Yield every quantity that was not recorded, with the distance that it would add."""
+    problem, bench = search.bench.problem, search.bench
+    plant = problem.base.plant
+    every = [*problem.base.states, *problem.base.outputs]
+    every += [plant.position] if plant.position_optional else []
+    every += [n for i in both[0] for n in bench.contenders[i].candidate.model.states if n.endswith(".position")]
+    for name in dict.fromkeys(every):
+        if name in problem.channels or "." in name or plant.motion_is_imposed():
+            continue
+        for u in commands[:1]:
+            wider = seen_with(bench, both[0], search.t, u, (*problem.channels, name))
+            if wider is not None:
+                yield f"record the {name} too (with noise of {100 * NOISE:g} %)", least(wider, [(0, 1), (1, 0)], search.t, u)
+
+
+def _wider(search: Search, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
+    """Yield every limit, twice as wide."""
+    plant = search.bench.problem.base.plant
+    for name in (*search.limits.states, search.bench.problem.base.inputs[0]):
+        limits = search.limits.wider(WIDER, name)
+        other = Search(search.bench, limits, search.t, search.spare, lambda what, share: None, search.seed, list(both))
+        for part in PEAKS:
+            for family in FAMILIES:
+                other.screened(family, family.at(part * other.most))
+        good = sorted(other.tried, key=lambda one: -one.least)[:BEST]
+        most = max((least(search.bench, both, search.t, one.u) for one in good), default=0.0)
+        what = {plant.position: "travel", plant.velocity: "speed"}.get(name, name)
+        yield f"allow twice the {what}", most
+
+
+def _heavier(search: Search, both: Sequence[Pair], commands: Sequence[Array]) -> Iterator[tuple[str, float]]:
+    """Yield a known inertia that is added."""
+    bench, base = search.bench, search.bench.problem.base
+    name = next((n for n in ("J", "m") if n in base.parameters), "")
+    if not name or not inertia(base):
+        return
+    more = float(f"{ADDED * inertia(base):.2g}")
+    contenders = tuple(_loaded(bench.contenders[i], name, more) for i in both[0])
+    heavier = replace(bench, contenders=contenders)
+    most = max((least(heavier, [(0, 1), (1, 0)], search.t, u) for u in commands), default=0.0)
+    yield f"add a known inertia of {more:g} {base.units.get(name, 'kg·m²' if name == 'J' else 'kg')}", most
+
+
+def _loaded(c: Contender, name: str, more: float) -> Contender:
+    """Return a rival with a known inertia more: what was known of its own is known of the sum."""
+    names = [k.name for k in c.candidate.coordinates]
+    if name not in names:
+        values = {**c.candidate.values, name: c.candidate.values[name] + more}
+        model = c.candidate.model.with_parameters({name: values[name]})
+        return replace(c, candidate=replace(c.candidate, values=values, model=model), models={})
+    i, theta, k = names.index(name), c.theta.copy(), c.candidate.coordinates[names.index(name)]
+    before = k.value(float(theta[i]))
+    theta[i] = k.theta(before + more)
+    scale = np.ones(theta.size)
+    scale[i] = (before + more) / before if k.log else 1.0
+    return replace(c, theta=theta, information=c.information * np.outer(scale, scale), models={})
+
+
+def _faster(search: Search, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
+    """Yield samples that are closer."""
+    step = search.bench.problem.scale.step / FASTER
+    t = np.arange(0.0, search.t[-1] - search.t[0] + step / 2, step)
+    worth = sorted(search.tried, key=lambda one: -float(one.linear.min(initial=np.inf)))[:1]
+    for one in worth:
+        u = np.interp(t, search.t, one.u)
+        finer = seen_with(search.bench, both[0], t, u, search.bench.problem.channels)
+        if finer is not None:
+            yield f"sample every {1e3 * step:.3g} ms", least(finer, [(0, 1), (1, 0)], t, u)
+
+
+def seen_with(bench: Bench, pair: Pair, t: Array, u: Array, channels: Sequence[str]) -> Bench | None:
+    """Return two rivals as other channels, or other times t (T,), would show them; None where they cannot be seen so."""
+    problem, (i, j) = bench.problem, pair
+    base = problem.base
+    if base.plant.position in channels and base.plant.position not in base.states and base.plant.position_optional:
+        base = base.with_options(with_position=True)
+    first = bench.contenders[i]
+    model = first.model_at(first.theta)
+    model = model.with_options(with_position=True) if base.with_position and not model.with_position else model
+    run = replace_model(first, model).run(first.theta, t, bench.inputs(u), bench.x0)
+    if run is None or not set(channels) <= {*run.states, *run.outputs}:
+        return None
+    g, noise = np.random.default_rng(0), dict(zip(problem.channels, problem.noise.tolist(), strict=True))
+    measured = {c: run[c] for c in channels}
+    size = {c: noise.get(c, NOISE * float(np.std(v)) or 1e-9) for c, v in measured.items()}
+    noisy = {c: v + size[c] * g.standard_normal(t.size) for c, v in measured.items()}
+    data = ModelData(t, bench.inputs(u), noisy, None, base.inputs, base.states, dict(problem.units), "command")
+    other = prepare(base, [data], tuple(channels))
+    pairs = (bench.contenders[i], bench.contenders[j])
+    contenders = tuple(contender(other, c.model_at(c.theta), c.effects, c.information) for c in pairs)
+    contenders = tuple(replace(c, size=old.size) for c, old in zip(contenders, pairs, strict=True))
+    old = dict(zip(problem.channels, bench.spread.tolist(), strict=True))
+    spread = np.array([old.get(c, size[c]) for c in channels])
+    gains = other.levels[problem.levels.index(bench.gains)]
+    return Bench(other, contenders, gains, spread, bench.x0, bench.bias, bench.used)
+
+
+def replace_model(c: Contender, model: Model) -> Contender:
+    """Return a rival whose model at its estimate is another one."""
+    return replace(c, models={c.theta.tobytes(): model})
+
+
+__all__ = ["Trajectory", "least", "remedies", "seen_with"]

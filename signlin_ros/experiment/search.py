@@ -1,0 +1,295 @@
+"""The quietest command that is enough: real refits, from which every rival comes back to itself, within the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.experiment.distance import LOST, Bench, Pair
+from signlin_ros.experiment.families import FAMILIES, LADDER, Family, mixed
+from signlin_ros.experiment.limits import Limits
+from signlin_ros.experiment.parts import Part, in_words, rendered
+from signlin_ros.experiment.windows import seen_in_windows
+from signlin_ros.follow.segments import Segment
+
+Array = NDArray[np.float64]
+Tell = Callable[[str, float], None]
+
+NEEDED, ENOUGH = 10.0, 60.0
+"""-2 log likelihood by which rivals are told apart at all, and that a plan asks for, beyond what noise takes away."""
+RESERVE = 1.2
+"""Times `ENOUGH` that is asked for at the estimates and at sigma points: noise takes some of it away."""
+POINTS = 2
+"""Sigma points of each rival that are looked at."""
+FURTHER = 2
+"""Peaks of the ladder beyond the quietest that is enough among which the best is taken: an estimate that is somewhat off
+must not decide whether a machine breaks away."""
+RECOVERS = 0.2
+"""Part of the distance within which a rival must come back to itself, refitted to its own prediction."""
+LOOKED, MIXED, CHANGED = 6, 4, 40
+"""Families of a peak that are refitted for real; best of them that are mixed; random changes of the best."""
+COARSE, WORTH, SOUGHT = 3, 3.0, 30
+"""Steps of the ladder between the peaks at which pairs are looked at first; a pair is asked for from that multiple of
+what is needed on, by linear refits, which tell too much; commands that are refitted where none is enough."""
+REFIT_AT = 0.5
+"""Part of `ENOUGH` in one linear refit below which a real one is not worth while: it only tells less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A command that was tried: its family, parts, u (T,), the part of its limits that it uses, the linear distance of
+    every pair, and the real one where that was found out (pairs,). ``back``: by how much rivals miss themselves;
+    ``sure`` (pairs,): the smallest real one of the sigma points too; ``certainties`` (pairs,): standard errors by which
+    a second run would show the difference over windows.
+    """
+
+    family: Family
+    parts: tuple[Part, ...]
+    u: Array
+    share: float
+    linear: Array
+    real: Array | None = None
+    back: float = 0.0
+    sure: Array | None = None
+    certainties: Array | None = None
+    asked: float = 0.0
+
+    @property
+    def peak(self) -> float:
+        """The largest |input|, beside that at rest."""
+        return float(np.abs(self.u - self.u[0]).max())
+
+    @property
+    def least(self) -> float:
+        """The smallest distance: the real one where known, with sigma points where these are known."""
+        known = [v for v in (self.sure, self.real, self.linear) if v is not None]
+        return float(known[0].min(initial=np.inf))
+
+
+@dataclass(eq=False)
+class Search:
+    """A search within limits at times t (T,); ``pairs``: those that are asked for; ``tried``: all that was tried."""
+
+    bench: Bench
+    limits: Limits
+    t: Array
+    spare: float
+    tell: Tell
+    seed: int = 1
+    pairs: list[Pair] = field(default_factory=list)
+    tried: list[Tried] = field(default_factory=list)
+    refused: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Ask for all pairs, unless some were named."""
+        self.pairs = self.pairs or self.bench.pairs
+
+    @property
+    def most(self) -> float:
+        """The largest input beside that at rest."""
+        return self.limits.input - abs(self.bench.bias)
+
+    def command(self, parts: Sequence[Part]) -> Array:
+        """Return the command u (T,) of some parts about what holds the machine, no larger than its limit."""
+        u = self.bench.bias + rendered(parts, self.t, self.limits.slew)
+        return np.asarray(np.clip(u, -self.limits.input, self.limits.input))
+
+    def screened(self, family: Family, parts: tuple[Part, ...], asked: float = 0.0) -> Tried | None:
+        """Return a command with its linear distances; None where a rival would leave the limits."""
+        u = self.command(parts)
+        share, why, runs = self.bench.share(self.t, u, self.limits)
+        if share > 1.0 - self.spare or not runs:
+            self.refused[why] = self.refused.get(why, 0) + 1
+            return None
+        segments = {i: self.bench.segment(i, runs[i]) for i in {i for i, _ in self.pairs}}
+        linear = np.array([self.bench.linear(j, segments[i]) for i, j in self.pairs])
+        found = Tried(family, parts, u, share, np.where(linear >= LOST, 0.0, linear), asked=asked)
+        self.tried.append(found)
+        return found
+
+    def refitted(self, one: Tried, least: float = 0.0) -> Tried:
+        """Return a command with real distances; those that are left once one is less than ``least`` stay linear."""
+        if one.real is not None:
+            return one
+        bench, real = self.bench, one.linear.copy()
+        _, _, runs = bench.share(self.t, one.u, self.limits)
+        segments = {i: bench.segment(i, run) for i, run in enumerate(runs)}
+        for k in np.argsort(one.linear, kind="stable").tolist():
+            i, j = self.pairs[k]
+            found = bench.refitted(j, segments[i])[0] if i in segments else LOST
+            real[k] = 0.0 if found >= LOST else found
+            if real[k] < least:
+                break
+        return self._replaced(one, replace(one, real=real))
+
+    def _replaced(self, one: Tried, done: Tried) -> Tried:
+        self.tried = [done if other is one else other for other in self.tried]
+        return done
+
+    def recovered(self, one: Tried) -> Tried:
+        """Return a command with real distances from sigma points too, and the largest cost at which a rival, refitted
+        from its estimate, misses itself at one; infinite where one leaves the limits.
+        """
+        if one.sure is not None:
+            return one
+        bench, back, one = self.bench, 0.0, self.refitted(one)
+        sure = np.zeros(0) if one.real is None else one.real.copy()
+        share, _, _ = bench.share(self.t, one.u, self.limits, points=True)
+        for i, c in enumerate(bench.contenders):
+            own = [k for k, pair in enumerate(self.pairs) if pair[0] == i]
+            for theta in c.sigma_points[:POINTS]:
+                run = bench.run(i, self.t, one.u, theta)
+                if run is None:
+                    back = np.inf
+                    continue
+                seen = bench.segment(i, run, theta)
+                back = max(back, bench.refitted(i, seen)[0])
+                for k in own:
+                    sure[k] = min(sure[k], self.distance(self.pairs[k][1], seen))
+        back = np.inf if share > 1.0 - self.spare else back
+        certainties = seen_in_windows(bench, self.pairs, self.t, one.u, self.seed)
+        done = replace(one, back=back, share=max(share, one.share), sure=sure, certainties=certainties)
+        return self._replaced(one, done)
+
+    def distance(self, j: int, seen: Segment) -> float:
+        """Return what a rival leaves of what another one would show, refitted from its estimate and its sigma points."""
+        c = self.bench.contenders[j]
+        cost = self.bench.refitted(j, seen, [c.theta, *c.sigma_points[:POINTS]])[0]
+        return 0.0 if cost >= LOST else cost
+
+    def enough(self, one: Tried) -> bool:
+        """Tell whether a command has enough by real refits and by windows of a second run, and every rival comes back to
+        itself.
+        """
+        seen = one.certainties is not None and float(one.certainties.min(initial=np.inf)) >= DEFAULT.certainty
+        return seen and one.least >= RESERVE * ENOUGH and one.back <= RECOVERS * one.least
+
+    # ------------------------------------------------------------ the ladder of peaks
+
+    def reached(self) -> Array:
+        """Return the largest linear distance of every pair (pairs,) over all families at some peaks."""
+        for part in LADDER[::-COARSE]:
+            self.tell(f"what commands of {part * self.most:.3g} would show", 0.0)
+            self._screen(part * self.most)
+        return self.largest()
+
+    def ask(self, pairs: Sequence[Pair]) -> None:
+        """Ask for some of the pairs only, from now on."""
+        keep = [self.pairs.index(pair) for pair in pairs]
+        self.pairs = list(pairs)
+        self.tried = [replace(one, linear=one.linear[keep], real=None, sure=None, certainties=None) for one in self.tried]
+
+    def climbed(self, mix: bool = False) -> Tried | None:
+        """Return the best command of the quietest peaks that have one that is enough; None where none has. ``mix``: of
+        mixtures of families that help each other.
+        """
+        best, left = None, len(LADDER)
+        for k, part in enumerate(LADDER):
+            self.tell(f"commands of {part * self.most:.3g}", (k + len(LADDER) * mix) / (2 * len(LADDER)))
+            level = self._screen(part * self.most)
+            found = self._best_of(self._mixtures(level, part * self.most) if mix else level)
+            if found is not None and best is None:
+                left = FURTHER + 1
+            best = max((one for one in (best, found) if one), key=lambda one: one.least, default=None)
+            left -= 1
+            if left <= 0:
+                break
+        return best
+
+    def _screen(self, peak: float) -> list[Tried]:
+        """Return all families at a peak."""
+        known = {one.family.name: one for one in self.tried if np.isclose(one.asked, peak)}
+        level = [known.get(f.name) or self.screened(f, f.at(peak), peak) for f in FAMILIES]
+        return [one for one in level if one]
+
+    def _mixtures(self, level: Sequence[Tried], peak: float) -> list[Tried]:
+        near = sorted(level, key=lambda one: -float(one.linear.min()))[:MIXED]
+        families = [mixed(a.family, b.family) for n, a in enumerate(near) for b in near[n + 1 :]]
+        return [one for one in (self.screened(f, f.at(peak), peak) for f in families) if one]
+
+    def _best_of(self, level: Sequence[Tried]) -> Tried | None:
+        worth = [one for one in level if float(one.linear.min()) >= REFIT_AT * RESERVE * ENOUGH]
+        good = list[Tried]()
+        for one in sorted(worth, key=lambda one: -float(one.linear.min()))[:LOOKED]:
+            most = max([RESERVE * ENOUGH, *(other.least for other in good)])
+            done = self.refitted(one, most)
+            if done.least >= most:
+                done = self.recovered(done)
+                good += [done] if self.enough(done) else []
+        return max(good, key=lambda one: one.least, default=None)
+
+    def loudest(self) -> Tried | None:
+        """Return the command of the largest real distance that rivals come back from, where none is enough."""
+        best: Tried | None = None
+        for one in sorted(self.tried, key=lambda one: -float(one.linear.min()))[:SOUGHT]:
+            least = 0.0 if best is None else best.least
+            if float(one.linear.min()) <= least:
+                break
+            done = self.refitted(one, least)
+            done = self.recovered(done) if done.least > least else done
+            sound = np.isfinite(done.back) and done.back <= max(RECOVERS * done.least, NEEDED / 2)
+            if done.sure is not None and done.least > least and (sound or best is None):
+                best = done
+        return best
+
+    def improved(self, one: Tried) -> Tried:
+        """Return a command after random changes of its parts that keep its peak, if a real refit says that it is better."""
+        g, best = np.random.default_rng(self.seed), one
+        for _ in range(CHANGED):
+            parts = changed(g, best.parts)
+            trial = self.screened(Family(f"{one.family.name}, refined", parts, one.family.texts), parts)
+            if trial is not None and trial.peak <= one.peak * 1.001 and float(trial.linear.min()) > best.least:
+                trial = self.refitted(trial, best.least)
+                if trial.least > best.least:
+                    trial = self.recovered(trial)
+                    best = trial if self.enough(trial) or not self.enough(one) else best
+        return best
+
+    def largest(self) -> Array:
+        """Return the largest linear distance of every pair (pairs,) over all that was tried."""
+        none = np.zeros(len(self.pairs))
+        return np.asarray(np.max([none, *(one.linear for one in self.tried)], axis=0))
+
+    def by_family(self) -> list[Tried]:
+        """Return the best command of each family: the quietest that is enough, else that of the largest distance."""
+        found: dict[str, Tried] = {}
+        for one in self.tried:
+            best = found.get(one.family.name)
+            if ", " not in one.family.name and (best is None or _before(one, best)):
+                found[one.family.name] = one
+        return list(found.values())
+
+    def words(self, one: Tried, unit: str) -> str:
+        """Return a command in words."""
+        return in_words(one.parts, float(self.t[-1] - self.t[0]) + float(self.t[1] - self.t[0]), unit)
+
+
+def _before(one: Tried, other: Tried) -> bool:
+    """Tell whether a command goes before another of its family."""
+    a, b = (min(x.least, RESERVE * ENOUGH) for x in (one, other))
+    return a > b or (a == b and one.peak < other.peak)
+
+
+def changed(g: np.random.Generator, parts: Sequence[Part]) -> tuple[Part, ...]:
+    """Return parts of which one is changed a little: its frequency, its size, its share of the time, or its place."""
+    found, i = list(parts), int(g.integers(len(parts)))
+    what, part = int(g.integers(4)), found[i]
+    if what == 0:
+        found[i] = replace(part, frequency=part.frequency * float(np.exp(g.normal(0.0, 0.4))))
+    elif what == 1:
+        most = max(abs(p.peak) for p in parts)
+        size = min(abs(part.peak) * float(np.exp(g.normal(0.0, 0.3))), most)
+        found[i] = replace(part, peak=float(np.sign(part.peak)) * size)
+    elif what == 2:
+        found[i] = replace(part, share=part.share * float(np.exp(g.normal(0.0, 0.4))))
+    else:
+        j = int(g.integers(len(parts)))
+        found[i], found[j] = found[j], found[i]
+    return tuple(found)
+
+
+__all__ = ["ENOUGH", "NEEDED", "Search", "Tried", "changed"]

@@ -1,0 +1,166 @@
+"""A diagnosis, or a model and its records, made ready for a plan: rivals, what is left of first records, where it rests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.effects import EFFECTS
+from signlin_ros.errors import InputError, choices, suggest
+from signlin_ros.experiment.contenders import Contender, contender, information_of
+from signlin_ros.experiment.distance import Bench
+from signlin_ros.fitting.fit import evaluated, fit
+from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.prepare import prepared
+from signlin_ros.fitting.problem import Problem
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+
+Array = NDArray[np.float64]
+
+MOST = 5
+"""Most rivals that are planned for: each pair costs refits."""
+KIN = 3
+"""Most laws of one family among them, the simplest and those of the least error."""
+EXCLUDED = 60.0
+"""-2 log likelihood of the first records beyond the best rival's from which on one needs no experiment."""
+LEVEL = 2
+"""Which of the observers a command is judged through: that of the last but one gain, as fits end with."""
+SETTLES, STILL = 0.3, 0.02
+"""s after which a machine at rest must still be there, within that part of its speed in the first records."""
+REFITTED = 8
+"""Steps of a refit at a size of interest."""
+HALVINGS = 30
+"""Most bisections for the input that holds a machine."""
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A rival as a diagnosis tells it: effects beyond the model as given, model, parameters, covariance of values."""
+
+    effects: tuple[str, ...]
+    model: Model
+    parameters: tuple[str, ...]
+    covariance: Array
+
+
+def known_rivals(told: Sequence[Mapping[str, object]]) -> list[Known]:
+    """Return the rivals of a diagnosis from its JSON."""
+    found = []
+    for one in told:
+        model = Model.from_yaml(str(one["model"]), "rivals")
+        names = tuple(map(str, one["parameters"]))  # type: ignore[call-overload]
+        covariance = np.array(one["covariance"], dtype=float).reshape(len(names), len(names))
+        found.append(Known(tuple(one["effects"]), model, names, covariance))  # type: ignore[arg-type]
+    return found
+
+
+def named(rivals: Sequence[Known], between: Sequence[str]) -> list[Known]:
+    """Return the rivals of some names (effects joined by +); raise `InputError` for one that is none of them."""
+    every, found = {"+".join(r.effects) or "nothing": r for r in rivals}, []
+    for name in between:
+        plain = name.strip().replace(" ", "_")
+        if plain not in every:
+            raise InputError(f"--between: unknown rival {name!r}; there are: {choices(every)}{suggest(name, every)}")
+        found.append(every[plain])
+    return found
+
+
+def chosen(rivals: Sequence[Known]) -> tuple[list[Known], list[Known]]:
+    """Return the rivals that are planned for, of each family no more than `KIN`, and those that are left out."""
+    kept, count = list[Known](), dict[str, int]()
+    simple = {}
+    for r in rivals:
+        family = _family(r)
+        if family and (family not in simple or len(r.parameters) < len(simple[family].parameters)):
+            simple[family] = r
+    for r in sorted(rivals, key=lambda r: r is not rivals[0] and r not in simple.values()):
+        family = _family(r)
+        if len(kept) < MOST and (not family or count.get(family, 0) < KIN):
+            kept.append(r)
+            count[family] = count.get(family, 0) + 1
+    kept.sort(key=list(rivals).index)
+    return kept, [r for r in rivals if r not in kept]
+
+
+def _family(r: Known) -> str:
+    return EFFECTS[r.effects[0]].family if len(r.effects) == 1 else ""
+
+
+def bench_of(given: Model, records: Sequence[ModelData], rivals: Sequence[Known]) -> Bench:
+    """Return the rivals as contenders, and what they leave of the first records; one whose estimate is smaller than is
+    of interest is fitted anew at that size.
+    """
+    problem, _ = prepared(given, records, records)
+    gains = problem.levels[LEVEL]
+    contenders, left = [], []
+    for r in rivals:
+        c = contender(problem, r.model, r.effects, None)
+        information = information_of(c.candidate, c.theta, r.parameters, r.covariance)
+        c = replace(c, theta=_sized(problem, c), information=information)
+        contenders.append(c)
+        found = follow_records(problem, c.candidate, c.theta, gains, False)
+        if found is not None:
+            left.append(np.sqrt(np.nanmean(np.concatenate(found[0]) ** 2, axis=0)))
+    spread = np.maximum(np.min(left, axis=0), problem.noise) if left else problem.noise
+    x0 = dict(zip(problem.base.states, problem.base.x0.tolist(), strict=True))
+    bench = Bench(problem, tuple(contenders), gains, spread, x0)
+    return replace(bench, bias=_resting(bench))
+
+
+def _sized(problem: Problem, c: Contender) -> Array:
+    """Return the estimate of a rival of which a size is of interest, at that size or beyond."""
+    if c.size is None:
+        return c.theta
+    bounds = zip(c.candidate.coordinates, *(side.tolist() for side in c.bounds), strict=True)
+    own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds), starts={})
+    found = fit(problem, own, problem.levels[LEVEL], c.theta, REFITTED)
+    return c.theta if found is None else found.theta
+
+
+def open_ones(bench: Bench, rivals: Sequence[Known]) -> list[Known]:
+    """Return the rivals that the first records do not exclude yet, the proposal always."""
+    first = so_far(bench.problem, bench.contenders)
+    return [r for k, r in enumerate(rivals) if k == 0 or not first[k] > EXCLUDED]
+
+
+def so_far(problem: Problem, contenders: Sequence[Contender]) -> Array:
+    """Return -2 log likelihood of the first records by each rival (rivals,), beside the best one; NaN where one cannot follow them.
+    """
+    gains, costs = problem.levels[LEVEL], []
+    for c in contenders:
+        f = evaluated(problem, replace(c.candidate, starts={}), c.theta, gains)
+        costs.append(np.nan if f is None else f.cost)
+    return np.asarray(costs) - np.nanmin(costs)
+
+
+def _resting(bench: Bench) -> float:
+    """Return the input that holds the machine where it starts: 0 where it stays there by itself, else by bisection."""
+    problem, velocity = bench.problem, bench.problem.base.plant.velocity
+    t = np.arange(0.0, SETTLES, problem.scale.step)
+    if velocity not in problem.base.states or t.size < 2:
+        return 0.0
+
+    def ends(u: float) -> float:
+        runs = [bench.run(i, t, np.full(t.size, u)) for i in range(len(bench.contenders))]
+        moved = [float(run[velocity][-1]) for run in runs if run is not None]
+        return float(np.mean(moved)) if moved else 0.0
+
+    slow, most = STILL * problem.scale.velocity, max(map(abs, problem.ranges[problem.base.inputs[0]]))
+    moved = ends(0.0)
+    if abs(moved) <= slow:
+        return 0.0
+    low, high = (0.0, -np.sign(moved) * most)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        found = ends(float(middle))
+        if abs(found) <= slow:
+            return float(f"{middle:.3g}")
+        low, high = (middle, high) if found * moved > 0 else (low, middle)
+    return 0.0
+
+
+__all__ = ["Known", "bench_of", "chosen", "known_rivals", "named", "open_ones", "so_far"]

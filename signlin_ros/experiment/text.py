@@ -1,0 +1,138 @@
+"""What a plan says: one sentence, tables, and what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from signlin_ros.digits import with_error
+from signlin_ros.errors import joined
+from signlin_ros.experiment.plan import Plan, Told
+from signlin_ros.experiment.search import ENOUGH, NEEDED
+
+if TYPE_CHECKING:
+    from signlin_ros.experiment.distance import Bench
+    from signlin_ros.experiment.search import Search
+    from signlin_ros.experiment.setting import Known
+
+
+def sentence(plan: Plan) -> str:
+    """Return the answer in one sentence."""
+    alike = [one for one in plan.pairs if one.alike]
+    apart = [one for one in plan.pairs if not one.alike and one.expected >= NEEDED]
+    weak = [one for one in plan.pairs if not one.alike and one.expected < NEEDED]
+    parts = []
+    if apart:
+        worst = min(apart, key=lambda one: one.expected)
+        what = _capital(plan.families[0].family.removesuffix(", refined")) if plan.families else "This command"
+        rivals = joined(list(dict.fromkeys(n for one in apart for n in one.rivals)))
+        only = f"{apart[0].rivals[0]} from {apart[0].rivals[1]}" if len(apart) == 1 else f"{rivals} from each other"
+        short = "" if worst.expected >= ENOUGH else f", less than the {ENOUGH:g} that a plan asks for"
+        parts.append(
+            f"{what} up to {np.abs(plan.u).max():.3g} {plan.unit} for {plan.duration:.3g} s would tell {only}:"
+            f" expected {worst.expected:.3g}, {NEEDED:g} is needed{short}"
+        )
+    for one in weak:
+        parts.append(
+            f"it would not tell {one.rivals[0]} from {one.rivals[1]}: expected {one.expected:.2g}, another command shows"
+            f" {one.most:.3g}; plan for these two by themselves with --between"
+        )
+    for one in alike:
+        helps = [r.what for r in plan.remedies if r.rivals == one.rivals]
+        told = f"no command within these limits tells {one.rivals[0]} from {one.rivals[1]}"
+        more = f"; what would: {joined(helps[:3], 'or')}" if helps else "; nor does anything else that was tried"
+        parts.append(f"{told}: most {one.most:.2g}, {NEEDED:g} is needed{more}")
+    return _capital("; ".join(parts)) + "."
+
+
+def smallest(bench: Bench, told: Sequence[Told]) -> dict[str, str]:
+    """Return by rival the smallest size of what it adds that the plan would show, in words: distances are squares."""
+    found = {}
+    for c in bench.contenders:
+        own = [one.expected for one in told if c.name in one.rivals and not one.alike]
+        if c.size is None or not own or min(own) < NEEDED:
+            continue
+        i = c.index(c.size.name)
+        k = c.candidate.coordinates[i]
+        size, factor = k.value(float(c.theta[i])), float(np.sqrt(min(own) / NEEDED))
+        value, name = (size * factor if c.size.stiff else size / factor), c.size.name.rpartition(".")[2]
+        unit = bench.problem.shown(_unit(c.candidate.model, c.size.name))
+        bound = "softer than" if c.size.stiff else "at least"
+        found[c.name] = f"{name} {bound} {with_error(value, 0.2 * value)[0]} {unit}".rstrip()
+    return found
+
+
+def _unit(model: Any, name: str) -> str:
+    from signlin_ros.model.numbers import declared
+    from signlin_ros.recording.trace import resolve_unit
+
+    return str(resolve_unit(declared(model)[name].unit, model.plant, False))
+
+
+def notes(search: Search, rest: Sequence[Known]) -> tuple[str, ...]:
+    """Return what a user should know beside the answer."""
+    found, bench, limits = [], search.bench, search.limits
+    if limits.assumed:
+        found.append(f"no limit was given for {joined(limits.assumed)}: what the first records visited is taken")
+    if bench.bias:
+        unit = {**bench.problem.base.units, **bench.problem.units}.get(bench.problem.base.inputs[0], "")
+        found.append(f"the machine is held by {bench.bias:g} {unit} where it starts and ends; parts are about that")
+    if rest:
+        names = joined([" with ".join(n.replace("_", " ") for n in r.effects) or "nothing more" for r in rest])
+        found.append(f"not planned for, though the records do not exclude it: {names}; --between names which")
+    sized = [c for c in bench.contenders if c.size is not None]
+    for c in sized:
+        k = c.candidate.coordinates[c.index(c.size.name)] if c.size else None
+        if c.size and k:
+            name, bound = c.size.name.rpartition(".")[2], "at most" if c.size.stiff else "at least"
+            unit = bench.problem.shown(_unit(c.candidate.model, c.size.name))
+            value = with_error(c.size.least, 0.2 * c.size.least)[0]
+            found.append(f"{c.name} is taken to be of interest with {name} {bound} {value} {unit}")
+    return tuple(found)
+
+
+def experiment_text(content: Mapping[str, Any]) -> str:
+    """Return a plan as text, from its JSON."""
+    command = content["command"]
+    lines = [content["sentence"], "", f"Command ({command['input']}): {command['words']}"]
+    lines.append(
+        f"  {command['runs']} runs of {command['duration']:g} s, a sample every {command['dt']:g} s,"
+        f" peak {command['peak']:.3g} {command['unit']}"
+    )
+    lines += _limits(content)
+    lines += ["", "Rivals                                              expected  windows  so far"]
+    for one in content["pairs"]:
+        told = f"{one['rivals'][0]} / {one['rivals'][1]}"
+        seen = "" if one["certainty"] is None else f"{one['certainty']:.1f}"
+        lines.append(f"  {told:<50}{one['expected']:>8.3g} {seen:>8} {one['so_far'] or 0.0:>7.2g}")
+    lines += ["", "The best command of each family                     distance     peak  limits"]
+    for row in content["families"]:
+        distance = "" if row["distance"] is None else f"{row['distance']:.3g}"
+        lines.append(f"  {row['family']:<50}{distance:>8} {row['peak']:>8.3g} {100 * row['part_of_limits']:>5.0f} %")
+    if content["smallest"]:
+        lines += ["", *(f"The smallest that would show: {n}: {what}" for n, what in content["smallest"].items())]
+    if content["remedies"]:
+        lines += ["", "What else would tell:"]
+        lines += [f"  {r['what']}: {r['distance']:.3g} ({' / '.join(r['rivals'])})" for r in content["remedies"]]
+    lines += ["", *(f"note: {n}" for n in content["notes"])] if content["notes"] else []
+    if content["after"]:
+        lines += ["", "Record it twice, then:", f"  {content['after']}"]
+    return "\n".join(lines)
+
+
+def _limits(content: Mapping[str, Any]) -> list[str]:
+    """Return what is visited of each limit."""
+    visits, rows = content["visits"], []
+    for name, one in content["limits"].items():
+        if name in visits:
+            rows.append(f"{name} {visits[name]['most']:.3g} of {one['most']:.3g} {visits[name]['unit']}".rstrip())
+    return [f"  expected: {', '.join(rows)}; {100 * content['spare']:g} % of each limit is kept to spare"] if rows else []
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+__all__ = ["experiment_text", "notes", "sentence", "smallest"]

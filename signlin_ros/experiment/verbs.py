@@ -1,0 +1,258 @@
+"""`designed`: from rivals and first records to the next experiment, the chapters in their order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.errors import InputError
+from signlin_ros.experiment import text
+from signlin_ros.experiment.distance import LOST, Bench, Pair
+from signlin_ros.experiment.limits import Limits, limits_of
+from signlin_ros.experiment.plan import Plan, Remedy, Row, Told
+from signlin_ros.experiment.preview import preview
+from signlin_ros.experiment.remedies import remedies
+from signlin_ros.experiment.search import ENOUGH, NEEDED, POINTS, RESERVE, WORTH, Search, Tried
+from signlin_ros.experiment.setting import Known, bench_of, chosen, named, open_ones, so_far
+from signlin_ros.model import Model
+from signlin_ros.records import ModelData
+from signlin_ros.threads import one_thread
+
+Array = NDArray[np.float64]
+
+WINDOWS, SHORTEST, LONGEST = 25, 2.0, 10.0
+"""Windows of the horizon that a run holds at least, and s of it at least and, unless they need more, at most."""
+DRAWN, DOWN, TIMES = 12, 0.85, 12
+"""Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, and how often."""
+EVERY = 20_000
+"""Most samples of a run."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What was asked for: rivals by name, limits by name, length in s, time between samples in s, part of the limits to
+    spare, and the seed of what is drawn.
+    """
+
+    between: tuple[str, ...] = ()
+    limits: Mapping[str, float] = ()  # type: ignore[assignment]
+    duration: float | None = None
+    dt: float | None = None
+    spare: float = 0.2
+    seed: int = 1
+
+
+@one_thread
+def designed(
+    given: Model,
+    records: Sequence[ModelData],
+    rivals: Sequence[Known],
+    wishes: Wishes,
+    tell: Callable[[str, float], None] = lambda what, share: None,
+    after: str = "",
+) -> Plan:
+    """Return the next experiment for the rivals of a diagnosis of some records.
+
+    Raises `InputError` where there are no two rivals, and for what was asked for and cannot be.
+    """
+    rest, every = list[Known](), list(rivals)
+    if wishes.between:
+        rivals = every = named(rivals, wishes.between)
+    bench = bench_of(given, records, every) if every else None
+    if bench is not None and not wishes.between:
+        rivals, rest = chosen(open_ones(bench, every))
+        bench = replace(bench, contenders=tuple(bench.contenders[every.index(r)] for r in rivals))
+    if bench is None or len(rivals) < 2:
+        name = "+".join(rivals[0].effects) if rivals else "nothing"
+        why = f"nothing to tell apart: these records leave only one model, with {name.replace('_', ' ')}"
+        raise InputError(f"{why}; --between A,B names others" if not wishes.between else "--between: name two rivals")
+    if bench.problem.base.plant.motion_is_imposed():
+        raise InputError(f"the plant {given.plant.name} has its motion imposed: a command cannot be designed for it")
+    search = Search(bench, limits_of(bench.problem, dict(wishes.limits or {})), _times(bench, wishes), wishes.spare, tell)
+    search.seed = wishes.seed
+    if search.most <= 0.0:
+        raise InputError(f"holding the machine takes {bench.bias:g}, more than its limit {search.limits.input:g}")
+    return _planned(search, rest, wishes, after)
+
+
+def _times(bench: Bench, wishes: Wishes) -> Array:
+    problem = bench.problem
+    step = wishes.dt or float(f"{problem.scale.step:.4g}")
+    if wishes.dt is not None and not np.isclose(wishes.dt, problem.scale.step, rtol=0.02):
+        own = f"the first records have {problem.scale.step:.4g} s"
+        raise InputError(f"--dt: found {wishes.dt:g}; {own}, and a plan is judged by what they left at that step")
+    least = max(SHORTEST, WINDOWS * max(problem.base.update_period, 2 * problem.scale.step))
+    duration = wishes.duration or float(np.clip(problem.scale.duration, least, max(least, LONGEST)))
+    count = round(duration / step)
+    if not 100 <= count <= EVERY:
+        allowed = f"{100 * step:g} to {EVERY * step:g} s at {step:g} s a sample"
+        raise InputError(f"--duration: found {duration:g}; allowed: {allowed}")
+    return np.asarray(step * np.arange(count))
+
+
+def _planned(search: Search, rest: Sequence[Known], wishes: Wishes, after: str) -> Plan:
+    bench, tell = search.bench, search.tell
+    every, reach = list(search.pairs), search.reached()
+    if not search.tried:
+        why = max(search.refused, key=lambda n: search.refused[n], default="")
+        raise InputError(f"--limit: no command stays within the limit of {why} with {search.spare:g} to spare")
+    least = {pair: min(r, reach[every.index(pair[::-1])]) for pair, r in zip(every, reach, strict=True)}
+    asked = [p for p in every if least[p] >= WORTH * NEEDED]
+    asked = asked or [p for p in every if least[p] >= max(NEEDED, 0.5 * max(least.values()))]
+    asked = asked or [p for p in every if p in (every[0], every[0][::-1])]
+    whole = list(search.tried)
+    search.ask(asked)
+    best = search.climbed() or search.climbed(mix=True) or search.loudest()
+    if best is None:
+        raise InputError("no command could be found within the limits")
+    best = _within(search, search.improved(best))
+    tell("what it would show", 0.9)
+    told = _told(search, best, every, least, asked, whole)
+    cures = [r for one in told if one.alike for r in _cures(search, one, every, whole)]
+    return _plan(search, best, told, cures, rest, after)
+
+
+def _within(search: Search, best: Tried) -> Tried:
+    """Return a command made smaller until machines drawn from every estimate stay within the limits."""
+    g = np.random.default_rng(search.seed)
+    drawn = [(i, theta) for i, c in enumerate(search.bench.contenders) for theta in c.drawn(g, DRAWN)]
+    for _ in range(TIMES):
+        runs = [search.bench.run(i, search.t, best.u, theta) for i, theta in drawn]
+        worst = max(np.inf if run is None else search.limits.share(run)[0] for run in runs)
+        if worst <= 1.0 - 0.5 * search.spare:
+            return best if best.certainties is not None else search.recovered(search.refitted(best))
+        parts = tuple(replace(p, peak=DOWN * p.peak) for p in best.parts)
+        smaller = search.screened(best.family, parts)
+        if smaller is None:
+            return best
+        best = smaller
+    return search.recovered(search.refitted(best))
+
+
+def _told(
+    search: Search, best: Tried, every: Sequence[Pair], least: Mapping[Pair, float], asked: Sequence[Pair], whole: Sequence[Tried]
+) -> list[Told]:
+    """Return how well each two rivals are told apart: both ways, and from sigma points of the true one."""
+    bench, first = search.bench, so_far(search.bench.problem, search.bench.contenders)
+    found, names = [], [c.name for c in bench.contenders]
+    for i, j in (p for p in every if p[0] < p[1]):
+        expected = min(_expected(search, best.u, p) for p in ((i, j), (j, i)))
+        places = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
+        seen = float(best.certainties[places].min()) if best.certainties is not None and places else np.nan
+        most, alike = max(expected, 0.0), False
+        if expected < NEEDED:
+            most = max(expected, _most(search, (i, j), every, whole)) if least[i, j] >= NEEDED else least[i, j]
+            alike = most < NEEDED
+        found.append(Told((names[i], names[j]), expected, seen, abs(float(first[i] - first[j])), most, alike))
+    return found
+
+
+def _expected(search: Search, u: Array, pair: Pair) -> float:
+    """Return the smallest distance from a rival's estimate or one of its sigma points, the other one refitted from its
+    estimate and from its sigma points.
+    """
+    bench, (i, j), values = search.bench, pair, list[float]()
+    for theta in (bench.contenders[i].theta, *bench.contenders[i].sigma_points[:POINTS]):
+        run = bench.run(i, search.t, u, theta)
+        values.append(0.0 if run is None else search.distance(j, bench.segment(i, run, theta)))
+    return min(values)
+
+
+def _most(search: Search, pair: Pair, every: Sequence[Pair], whole: Sequence[Tried]) -> float:
+    """Return the largest real distance of two rivals over the commands of the largest linear ones."""
+    places = [k for k, p in enumerate(every) if set(p) == set(pair)]
+    near = sorted(whole, key=lambda one: -float(one.linear[places].min()))[:3]
+    return max((min(_real(search.bench, search.t, one.u, p) for p in (pair, pair[::-1])) for one in near), default=0.0)
+
+
+def _real(bench: Bench, t: Array, u: Array, pair: Pair) -> float:
+    run = bench.run(pair[0], t, u)
+    cost = LOST if run is None else bench.refitted(pair[1], bench.segment(pair[0], run))[0]
+    return 0.0 if cost >= LOST else cost
+
+
+def _cures(search: Search, one: Told, every: Sequence[Pair], whole: Sequence[Tried]) -> list[Remedy]:
+    """Return what would tell two rivals apart that are alike."""
+    search.tell(f"what would tell {one.rivals[0]} from {one.rivals[1]}", 0.95)
+    names = [c.name for c in search.bench.contenders]
+    other = replace_tried(search, every, whole)
+    return remedies(other, (names.index(one.rivals[0]), names.index(one.rivals[1])))
+
+
+def replace_tried(search: Search, every: Sequence[Pair], whole: Sequence[Tried]) -> Search:
+    """Return a search of all pairs with what was tried for all of them."""
+    quiet = lambda what, share: None  # noqa: E731
+    return Search(search.bench, search.limits, search.t, search.spare, quiet, search.seed, list(every), list(whole))
+
+
+def _plan(
+    search: Search, best: Tried, told: Sequence[Told], cures: Sequence[Remedy], rest: Sequence[Known], after: str
+) -> Plan:
+    bench, base = search.bench, search.bench.problem.base
+    name = base.inputs[0]
+    units = {**base.units, **bench.problem.units}
+    apart = [one for one in told if not one.alike and one.expected >= NEEDED]
+    enough = bool(apart) and all(one.expected >= ENOUGH for one in told if one.expected >= NEEDED)
+    verdict = "none" if not apart else "enough" if enough and len(apart) == len(told) else "little"
+    rows = tuple(_row(search, one, units.get(name, "")) for one in _rows(search, best))
+    plan = Plan(
+        verdict=verdict,
+        sentence="",
+        words=search.words(best, units.get(name, "")),
+        t=search.t,
+        u=best.u,
+        input=name,
+        unit=units.get(name, ""),
+        rivals=tuple(c.name for c in bench.contenders),
+        pairs=tuple(told),
+        families=rows,
+        limits=_limits(search.limits, name),
+        assumed=search.limits.assumed,
+        spare=search.spare,
+        visits=_visits(search, best),
+        units=units,
+        smallest=text.smallest(bench, told),
+        remedies=tuple(cures),
+        notes=text.notes(search, rest),
+        after=after,
+        preview=preview(search, best, told),
+        tried=len(search.tried),
+    )
+    return replace(plan, sentence=text.sentence(plan))
+
+
+def _rows(search: Search, best: Tried) -> list[Tried]:
+    rows = search.by_family()
+    rows = [search.refitted(one) for one in sorted(rows, key=lambda one: -one.least)[:12]]
+    return [best, *sorted(rows, key=lambda one: (-min(one.least, RESERVE * ENOUGH), one.peak))]
+
+
+def _row(search: Search, one: Tried, unit: str) -> Row:
+    real = one.real is not None
+    name = one.family.name
+    distance = float(one.real.min()) if one.real is not None else np.nan
+    return Row(name, search.words(one, unit), one.peak, one.share, distance, real, one.family.texts, one.u)
+
+
+def _limits(limits: Limits, name: str) -> dict[str, float]:
+    found = {name: limits.input, **limits.states}
+    return found | ({"slew": limits.slew} if np.isfinite(limits.slew) else {})
+
+
+def _visits(search: Search, best: Tried) -> dict[str, float]:
+    """Return the largest value of every limited quantity over all rivals' estimates."""
+    runs = [search.bench.run(i, search.t, best.u) for i in range(len(search.bench.contenders))]
+    found = dict.fromkeys(search.limits.states, 0.0)
+    for run in (run for run in runs if run is not None):
+        for name, most in search.limits.states.items():
+            values = search.limits.values(run, name)
+            if values is not None:
+                found[name] = max(found[name], float(np.abs(values).max()))
+            del most
+    return found
+
+
+__all__ = ["Wishes", "designed"]
