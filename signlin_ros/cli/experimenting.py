@@ -29,7 +29,7 @@ KINDS = (".csv",)
     cls=Examples,
     epilog="""signlin experiment my_motor.yaml monday.csv --limit voltage=6 --limit speed=80 -o next.csv
 signlin diagnose my_motor.yaml monday.csv --json > diagnosis.json
-signlin experiment diagnosis.json --between coulomb_friction,stribeck_friction --limit voltage=6 -o next.csv --report next.html
+signlin experiment diagnosis.json --between coulomb_friction,stribeck_friction -o next.csv --report next.html
 signlin diagnose my_motor.yaml monday.csv next.csv --validation next_again.csv""",
 )
 @click.argument("source", metavar="MODEL|DIAGNOSIS.json")
@@ -43,10 +43,14 @@ signlin diagnose my_motor.yaml monday.csv next.csv --validation next_again.csv""
     help="Largest |value| of the input and of states, of a position its distance from the start (also travel=...);"
     " slew: change of the input per s. Default: what the first records visited. Repeatable.",
 )
-@click.option("--duration", type=float, metavar="SECONDS", help="Length of one run; default: that of the first records.")
+@click.option(
+    "--duration", type=float, metavar="SECONDS", help="Length of one run; default: that of the first records."
+)
 @click.option("--spare", type=float, default=0.2, show_default=True, help="Part of each limit that no rival may use.")
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of what is drawn at random.")
-@click.option("--jobs", type=click.IntRange(1, 256), help="Fits of the diagnosis side by side; default: one per processor.")
+@click.option(
+    "--jobs", type=click.IntRange(1, 256), help="Fits of the diagnosis side by side; default: one per processor."
+)
 @click.option("-o", "--output", required=True, metavar="OUT.csv", help="Where to write the command: t and the input.")
 @click.option("--report", metavar="OUT.html", help="Write a report with a preview of what each rival would show.")
 @cure_option

@@ -1,4 +1,4 @@
-"""The rivals of a diagnosis: the models that its records do not tell apart from the proposal, for the next experiment."""
+"""The rivals of a diagnosis: the models that its records do not tell apart from the proposal."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Rival:
 
 
 def rivals(j: Judgement) -> tuple[Rival, ...]:
-    """Return the proposal first, then every model that was fitted and that it does not surely beat on unseen data, least
-    error first: what ties with it, and what was rejected for want of evidence.
+    """Return the proposal first, then every model that was fitted and that it does not surely beat on unseen data,
+    least error first: what ties with it, and what was rejected for want of evidence.
     """
     w, least = j.witnesses, j.criteria.certainty
     best: dict[tuple[str, ...], Fitted] = {}

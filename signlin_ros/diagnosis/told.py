@@ -11,8 +11,8 @@ from signlin_ros.diagnosis.judgement import REASONS, Judgement
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.fitted import held
 from signlin_ros.diagnosis.proposal import rounded, yaml_of
-from signlin_ros.diagnosis.rivals import rivals
 from signlin_ros.diagnosis.results import Diagnosis, Entry, Estimate, listed
+from signlin_ros.diagnosis.rivals import rivals
 from signlin_ros.diagnosis.witnesses import ALL
 from signlin_ros.effects import EFFECTS, find_effect
 from signlin_ros.errors import InputError

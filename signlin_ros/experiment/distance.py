@@ -1,5 +1,5 @@
-"""How far what one rival would show is from what another can imitate: -2 log likelihood of the other, refitted, with what
-the first records know of it, after an observer and in units of what a model leaves of the first records.
+"""How far what one rival would show is from what another can imitate: -2 log likelihood of the other, refitted, with
+what the first records know of it, after an observer and in units of what a model leaves of the first records.
 """
 
 from __future__ import annotations
@@ -94,8 +94,8 @@ class Bench:
         return _compressed(float(e @ e + 2 * slope @ step + step @ normal @ step), s)
 
     def refitted(self, j: int, s: Segment, starts: Sequence[Array] | None = None) -> tuple[float, Array]:
-        """Return what a rival leaves of a record after a refit by Levenberg and Marquardt's method from its estimate, or
-        from the best of some starts, and where it arrived.
+        """Return what a rival leaves of a record after a refit by Levenberg and Marquardt's method from its estimate,
+        or from the best of some starts, and where it arrived.
         """
         c, best = self.contenders[j], (LOST, self.contenders[j].theta)
         for start in [c.theta] if starts is None else starts:

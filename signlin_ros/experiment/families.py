@@ -1,5 +1,5 @@
-"""Families of commands: each is one kind of motion at several sizes in one record, since the size decides as much as the
-kind. What the effects' own texts ask for is among them.
+"""Families of commands: each is one kind of motion at several sizes in one record, since the size decides as much as
+the kind. What the effects' own texts ask for is among them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a machine may be asked to do: the largest input, speed, travel and any other state, and how fast an input changes."""
+"""What a machine may be asked to do: the largest input, speed, travel, and how fast an input changes."""
 
 from __future__ import annotations
 
@@ -55,7 +55,9 @@ class Limits:
     def wider(self, times: float, name: str) -> Limits:
         """Return the same with one of them so many times as large."""
         if name not in self.states:
-            return Limits(times * self.input, self.states, times * self.slew, self.assumed, self.position, self.velocity)
+            return Limits(
+                times * self.input, self.states, times * self.slew, self.assumed, self.position, self.velocity
+            )
         states = {**self.states, name: times * self.states[name]}
         return Limits(self.input, states, self.slew, self.assumed, self.position, self.velocity)
 

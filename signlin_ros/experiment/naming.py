@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from signlin_ros.diagnosis.case import case
 from signlin_ros.diagnosis.criteria import DEFAULT
-from signlin_ros.diagnosis.motion import Motion
+from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
@@ -18,8 +20,10 @@ NOTHING = "nothing"
 """The name of the rival that adds no effect."""
 
 
-def with_named(rivals: Sequence[Known], model: Model, records: Sequence[ModelData], names: Sequence[str]) -> list[Known]:
-    """Return rivals with those of some names (effects joined by +), fitted to the records where they are not among them.
+def with_named(
+    rivals: Sequence[Known], model: Model, records: Sequence[ModelData], names: Sequence[str]
+) -> list[Known]:
+    """Return rivals with those of some names (effects joined by +), fitted to the records where they are not there yet.
 
     Raises `InputError` for an effect that there is not, or that cannot be added.
     """
@@ -29,13 +33,25 @@ def with_named(rivals: Sequence[Known], model: Model, records: Sequence[ModelDat
     for effect in (e for name in absent if name != NOTHING for e in name.split("+")):
         if effect not in EFFECTS:
             every = (NOTHING, *EFFECTS)
-            raise InputError(f"--between: unknown effect {effect!r}; there are: {choices(every)}{suggest(effect, every)}")
+            raise InputError(
+                f"--between: unknown effect {effect!r}; there are: {choices(every)}{suggest(effect, every)}"
+            )
     if not absent:
         return list(rivals)
     made = case(model, records)
     motion = Motion(made.problem, made.unseen, DEFAULT, 1)
-    found = [motion.base if n == NOTHING else motion.fitted(n.split("+")) for n in absent]
+    found = [_fitted(motion, name) for name in absent]
     return [*rivals, *known_rivals([rival(f).to_json() for f in found])]
+
+
+def _fitted(motion: Motion, name: str) -> Fitted:
+    """Return the best fit of a rival; one of many local minima from the best of many starts."""
+    if name == NOTHING:
+        return motion.base
+    effects = name.split("+")
+    best = motion.fitted(effects)
+    options = motion.bred(motion.base, effects) if len(effects) == 1 and EFFECTS[effects[0]].rugged else []
+    return min([best, *options], key=lambda f: float(np.nansum(f.known_squares / motion.problem.noise**2)))
 
 
 __all__ = ["NOTHING", "with_named"]

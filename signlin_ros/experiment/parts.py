@@ -116,7 +116,7 @@ KINDS: dict[str, Callable[[Array, int], Array]] = {
 
 
 def rendered(parts: Sequence[Part], t: Array, slew: float = np.inf) -> Array:
-    """Return a command (T,) at times t (T,): rest, the parts one after the other, rest; no faster than ``slew`` per s."""
+    """Return a command (T,) at times t (T,): rest, the parts in turn, rest; no faster than ``slew`` per s."""
     duration, u = float(t[-1] - t[0]) + float(t[1] - t[0]), np.zeros(t.size)
     rest = max(REST * duration, LEAST_REST)
     start, span, total = float(t[0]) + rest, duration - 2 * rest, sum(p.share for p in parts)
@@ -129,8 +129,8 @@ def rendered(parts: Sequence[Part], t: Array, slew: float = np.inf) -> Array:
 
 
 def slowed(u: Array, t: Array, slew: float) -> Array:
-    """Return a command (T,) that changes by no more than ``slew`` per s, and is 0 at both ends: the mean of the smallest
-    such one above it and the largest below.
+    """Return a command (T,) that changes by no more than ``slew`` per s, and is 0 at both ends: the mean of the
+    smallest such one above it and the largest below.
     """
     way = slew * (t - t[0])
     below = np.minimum.accumulate(u - way) + way

@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Told:
-    """How well two rivals are told apart by the next record: ``expected``, the smaller of both ways and of sigma points,
-    of -2 log likelihood; ``certainty``: standard errors over the windows of a second run; ``so_far``: by the first
-    records; ``most``: by any command that was tried; ``alike``: no command that was tried tells them apart.
+    """How well two rivals are told apart by the next record: ``expected``, the smaller of both ways and of sigma
+    points, of -2 log likelihood; ``certainty``: standard errors over the windows of a second run; ``so_far``: by
+    the first records; ``most``: by any command that was tried; ``alike``: no command that was tried tells them apart.
     """
 
     rivals: tuple[str, str]

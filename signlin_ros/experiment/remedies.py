@@ -68,7 +68,10 @@ def _channels(search: Search, both: Sequence[Pair], commands: Sequence[Array]) -
         for u in commands[:1]:
             wider = seen_with(bench, both[0], search.t, u, (*problem.channels, name))
             if wider is not None:
-                yield f"record the {name} too (with noise of {100 * NOISE:g} %)", least(wider, [(0, 1), (1, 0)], search.t, u)
+                yield (
+                    f"record the {name} too (with noise of {100 * NOISE:g} %)",
+                    least(wider, [(0, 1), (1, 0)], search.t, u),
+                )
 
 
 def _wider(search: Search, both: Sequence[Pair]) -> Iterator[tuple[str, float]]:
@@ -127,7 +130,7 @@ def _faster(search: Search, both: Sequence[Pair]) -> Iterator[tuple[str, float]]
 
 
 def seen_with(bench: Bench, pair: Pair, t: Array, u: Array, channels: Sequence[str]) -> Bench | None:
-    """Return two rivals as other channels, or other times t (T,), would show them; None where they cannot be seen so."""
+    """Return two rivals as other channels, or other times t (T,), would show them; None where they cannot."""
     problem, (i, j) = bench.problem, pair
     base = problem.base
     if base.plant.position in channels and base.plant.position not in base.states and base.plant.position_optional:

@@ -23,11 +23,13 @@ NEEDED, ENOUGH = 10.0, 60.0
 """-2 log likelihood by which rivals are told apart at all, and that a plan asks for, beyond what noise takes away."""
 RESERVE = 1.2
 """Times `ENOUGH` that is asked for at the estimates and at sigma points: noise takes some of it away."""
+MOVES = 4.0
+"""Times its noise that a channel of the motion must move by (RMS) with every rival."""
 POINTS = 2
 """Sigma points of each rival that are looked at."""
 FURTHER = 2
-"""Peaks of the ladder beyond the quietest that is enough among which the best is taken: an estimate that is somewhat off
-must not decide whether a machine breaks away."""
+"""Peaks of the ladder beyond the quietest that is enough among which the best is taken: an estimate that is somewhat
+off must not decide whether a machine breaks away."""
 RECOVERS = 0.2
 """Part of the distance within which a rival must come back to itself, refitted to its own prediction."""
 LOOKED, MIXED, CHANGED = 6, 4, 40
@@ -99,17 +101,26 @@ class Search:
         return np.asarray(np.clip(u, -self.limits.input, self.limits.input))
 
     def screened(self, family: Family, parts: tuple[Part, ...], asked: float = 0.0) -> Tried | None:
-        """Return a command with its linear distances; None where a rival would leave the limits."""
+        """Return a command with its linear distances; None where a rival would leave the limits, or hardly move."""
         u = self.command(parts)
         share, why, runs = self.bench.share(self.t, u, self.limits)
         if share > 1.0 - self.spare or not runs:
             self.refused[why] = self.refused.get(why, 0) + 1
             return None
-        segments = {i: self.bench.segment(i, runs[i]) for i in {i for i, _ in self.pairs}}
+        segments = {i: self.bench.segment(i, run) for i, run in enumerate(runs)}
+        if not all(self._moves(s) for s in segments.values()):
+            return None
         linear = np.array([self.bench.linear(j, segments[i]) for i, j in self.pairs])
         found = Tried(family, parts, u, share, np.where(linear >= LOST, 0.0, linear), asked=asked)
         self.tried.append(found)
         return found
+
+    def _moves(self, s: Segment) -> bool:
+        """Tell whether a motion shows beyond the noise: of a record in which nothing moves nothing is concluded."""
+        problem, plant = self.bench.problem, self.bench.problem.base.plant
+        moving = [k for k, c in enumerate(problem.channels) if c in (plant.position, plant.velocity)]
+        spread = s.y.std(axis=0) / problem.noise
+        return not moving or bool(np.any(spread[moving] > MOVES))
 
     def refitted(self, one: Tried, least: float = 0.0) -> Tried:
         """Return a command with real distances; those that are left once one is less than ``least`` stay linear."""
@@ -130,40 +141,43 @@ class Search:
         self.tried = [done if other is one else other for other in self.tried]
         return done
 
-    def recovered(self, one: Tried) -> Tried:
+    def recovered(self, one: Tried, least: float = 0.0) -> Tried:
         """Return a command with real distances from sigma points too, and the largest cost at which a rival, refitted
-        from its estimate, misses itself at one; infinite where one leaves the limits.
+        from its estimate, misses itself at one; infinite where one leaves the limits. It is given up, without windows,
+        once a distance is less than ``least``.
         """
         if one.sure is not None:
             return one
         bench, back, one = self.bench, 0.0, self.refitted(one)
         sure = np.zeros(0) if one.real is None else one.real.copy()
         share, _, _ = bench.share(self.t, one.u, self.limits, points=True)
-        for i, c in enumerate(bench.contenders):
+        if share > 1.0 - self.spare:
+            return self._replaced(one, replace(one, back=np.inf, share=share, sure=sure))
+        for i, theta in [(i, x) for i, c in enumerate(bench.contenders) for x in c.sigma_points[:POINTS]]:
+            run = bench.run(i, self.t, one.u, theta)
+            if run is None:
+                back = np.inf
+                continue
+            seen = bench.segment(i, run, theta)
+            back = max(back, bench.refitted(i, seen)[0])
             own = [k for k, pair in enumerate(self.pairs) if pair[0] == i]
-            for theta in c.sigma_points[:POINTS]:
-                run = bench.run(i, self.t, one.u, theta)
-                if run is None:
-                    back = np.inf
-                    continue
-                seen = bench.segment(i, run, theta)
-                back = max(back, bench.refitted(i, seen)[0])
-                for k in own:
-                    sure[k] = min(sure[k], self.distance(self.pairs[k][1], seen))
-        back = np.inf if share > 1.0 - self.spare else back
+            for k in sorted(own, key=lambda k: float(sure[k])):
+                sure[k] = min(sure[k], self.distance(self.pairs[k][1], seen))
+                if sure[k] < least:
+                    return self._replaced(one, replace(one, back=back, sure=sure))
         certainties = seen_in_windows(bench, self.pairs, self.t, one.u, self.seed)
         done = replace(one, back=back, share=max(share, one.share), sure=sure, certainties=certainties)
         return self._replaced(one, done)
 
     def distance(self, j: int, seen: Segment) -> float:
-        """Return what a rival leaves of what another one would show, refitted from its estimate and its sigma points."""
+        """Return what a rival leaves of what another one would show, refitted from estimate and sigma points."""
         c = self.bench.contenders[j]
         cost = self.bench.refitted(j, seen, [c.theta, *c.sigma_points[:POINTS]])[0]
         return 0.0 if cost >= LOST else cost
 
     def enough(self, one: Tried) -> bool:
-        """Tell whether a command has enough by real refits and by windows of a second run, and every rival comes back to
-        itself.
+        """Tell whether a command has enough by real refits and by windows of a second run, and every rival comes back
+        to itself.
         """
         seen = one.certainties is not None and float(one.certainties.min(initial=np.inf)) >= DEFAULT.certainty
         return seen and one.least >= RESERVE * ENOUGH and one.back <= RECOVERS * one.least
@@ -181,7 +195,9 @@ class Search:
         """Ask for some of the pairs only, from now on."""
         keep = [self.pairs.index(pair) for pair in pairs]
         self.pairs = list(pairs)
-        self.tried = [replace(one, linear=one.linear[keep], real=None, sure=None, certainties=None) for one in self.tried]
+        self.tried = [
+            replace(one, linear=one.linear[keep], real=None, sure=None, certainties=None) for one in self.tried
+        ]
 
     def climbed(self, mix: bool = False) -> Tried | None:
         """Return the best command of the quietest peaks that have one that is enough; None where none has. ``mix``: of
@@ -218,7 +234,7 @@ class Search:
             most = max([RESERVE * ENOUGH, *(other.least for other in good)])
             done = self.refitted(one, most)
             if done.least >= most:
-                done = self.recovered(done)
+                done = self.recovered(done, most)
                 good += [done] if self.enough(done) else []
         return max(good, key=lambda one: one.least, default=None)
 
@@ -230,14 +246,14 @@ class Search:
             if float(one.linear.min()) <= least:
                 break
             done = self.refitted(one, least)
-            done = self.recovered(done) if done.least > least else done
+            done = self.recovered(done, least) if done.least > least else done
             sound = np.isfinite(done.back) and done.back <= max(RECOVERS * done.least, NEEDED / 2)
-            if done.sure is not None and done.least > least and (sound or best is None):
+            if done.certainties is not None and done.least > least and (sound or best is None):
                 best = done
         return best
 
     def improved(self, one: Tried) -> Tried:
-        """Return a command after random changes of its parts that keep its peak, if a real refit says that it is better."""
+        """Return a command after random changes of its parts that keep its peak, if a real refit says it is better."""
         g, best = np.random.default_rng(self.seed), one
         for _ in range(CHANGED):
             parts = changed(g, best.parts)
@@ -245,8 +261,9 @@ class Search:
             if trial is not None and trial.peak <= one.peak * 1.001 and float(trial.linear.min()) > best.least:
                 trial = self.refitted(trial, best.least)
                 if trial.least > best.least:
-                    trial = self.recovered(trial)
-                    best = trial if self.enough(trial) or not self.enough(one) else best
+                    trial = self.recovered(trial, best.least)
+                    sound = self.enough(trial) or (not self.enough(one) and trial.certainties is not None)
+                    best = trial if sound and trial.least > best.least else best
         return best
 
     def largest(self) -> Array:

@@ -1,4 +1,4 @@
-"""A diagnosis, or a model and its records, made ready for a plan: rivals, what is left of first records, where it rests."""
+"""A diagnosis made ready for a plan: its rivals, what they leave of the first records, where the machine rests."""
 
 from __future__ import annotations
 
@@ -71,8 +71,7 @@ def named(rivals: Sequence[Known], between: Sequence[str]) -> list[Known]:
 
 def chosen(rivals: Sequence[Known]) -> tuple[list[Known], list[Known]]:
     """Return the rivals that are planned for, of each family no more than `KIN`, and those that are left out."""
-    kept, count = list[Known](), dict[str, int]()
-    simple = {}
+    kept, count, simple = list[Known](), dict[str, int](), dict[str, Known]()
     for r in rivals:
         family = _family(r)
         if family and (family not in simple or len(r.parameters) < len(simple[family].parameters)):
@@ -118,7 +117,7 @@ def _sized(problem: Problem, c: Contender) -> Array:
     bounds = zip(c.candidate.coordinates, *(side.tolist() for side in c.bounds), strict=True)
     own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds), starts={})
     found = fit(problem, own, problem.levels[LEVEL], c.theta, REFITTED)
-    return c.theta if found is None else found.theta
+    return np.asarray(c.theta if found is None else found.theta)
 
 
 def open_ones(bench: Bench, rivals: Sequence[Known]) -> list[Known]:
@@ -128,17 +127,20 @@ def open_ones(bench: Bench, rivals: Sequence[Known]) -> list[Known]:
 
 
 def so_far(problem: Problem, contenders: Sequence[Contender]) -> Array:
-    """Return -2 log likelihood of the first records by each rival (rivals,), beside the best one; NaN where one cannot follow them.
+    """Return -2 log likelihood of the first records by each rival (rivals,), beside the best one; NaN where one cannot
+    follow them.
     """
     gains, costs = problem.levels[LEVEL], []
     for c in contenders:
         f = evaluated(problem, replace(c.candidate, starts={}), c.theta, gains)
         costs.append(np.nan if f is None else f.cost)
-    return np.asarray(costs) - np.nanmin(costs)
+    return np.asarray(np.array(costs) - np.nanmin(costs))
 
 
 def _resting(bench: Bench) -> float:
-    """Return the input that holds the machine where it starts: 0 where it stays there by itself, else by bisection."""
+    """Return the input that holds the machine where it starts, by bisection: 0 where any rival says that it stays
+    there by itself.
+    """
     problem, velocity = bench.problem, bench.problem.base.plant.velocity
     t = np.arange(0.0, SETTLES, problem.scale.step)
     if velocity not in problem.base.states or t.size < 2:
@@ -146,8 +148,7 @@ def _resting(bench: Bench) -> float:
 
     def ends(u: float) -> float:
         runs = [bench.run(i, t, np.full(t.size, u)) for i in range(len(bench.contenders))]
-        moved = [float(run[velocity][-1]) for run in runs if run is not None]
-        return float(np.mean(moved)) if moved else 0.0
+        return min((float(run[velocity][-1]) for run in runs if run is not None), key=abs, default=0.0)
 
     slow, most = STILL * problem.scale.velocity, max(map(abs, problem.ranges[problem.base.inputs[0]]))
     moved = ends(0.0)

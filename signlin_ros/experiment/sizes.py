@@ -60,6 +60,7 @@ def _speeds(share: float) -> Bound:
 LARGE: Mapping[str, Mapping[str, Bound]] = {
     "stribeck_friction": {"excess": _share_of("mu"), "v_s": _speeds(SLOWEST)},
     "backlash": {"gap": _play},
+    "load_dependent_friction": {"kappa_d": lambda problem, v: SHARE * (v["kappa_d"] + v["kappa_e"])},
 }
 """By effect: parameters that must be so large."""
 SMALL: Mapping[str, Mapping[str, Bound]] = {

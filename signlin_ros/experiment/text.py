@@ -34,11 +34,11 @@ def sentence(plan: Plan) -> str:
             f"{what} up to {np.abs(plan.u).max():.3g} {plan.unit} for {plan.duration:.3g} s would tell {only}:"
             f" expected {worst.expected:.3g}, {NEEDED:g} is needed{short}"
         )
-    for one in weak:
-        parts.append(
-            f"it would not tell {one.rivals[0]} from {one.rivals[1]}: expected {one.expected:.2g}, another command shows"
-            f" {one.most:.3g}; plan for these two by themselves with --between"
-        )
+    parts += [
+        f"it would not tell {one.rivals[0]} from {one.rivals[1]}: expected {one.expected:.2g}, another command"
+        f" shows {one.most:.3g}; plan for these two by themselves with --between"
+        for one in weak
+    ]
     for one in alike:
         helps = [r.what for r in plan.remedies if r.rivals == one.rivals]
         told = f"no command within these limits tells {one.rivals[0]} from {one.rivals[1]}"
@@ -128,7 +128,9 @@ def _limits(content: Mapping[str, Any]) -> list[str]:
     for name, one in content["limits"].items():
         if name in visits:
             rows.append(f"{name} {visits[name]['most']:.3g} of {one['most']:.3g} {visits[name]['unit']}".rstrip())
-    return [f"  expected: {', '.join(rows)}; {100 * content['spare']:g} % of each limit is kept to spare"] if rows else []
+    return (
+        [f"  expected: {', '.join(rows)}; {100 * content['spare']:g} % of each limit is kept to spare"] if rows else []
+    )
 
 
 def _capital(text: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 WINDOWS, SHORTEST, LONGEST = 25, 2.0, 10.0
 """Windows of the horizon that a run holds at least, and s of it at least and, unless they need more, at most."""
 DRAWN, DOWN, TIMES = 12, 0.85, 12
-"""Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, and how often."""
+"""Machines drawn from each estimate that must stay within the limits; by what a command is made smaller, how often."""
 EVERY = 20_000
 """Most samples of a run."""
 
@@ -38,7 +38,7 @@ class Wishes:
     """
 
     between: tuple[str, ...] = ()
-    limits: Mapping[str, float] = ()  # type: ignore[assignment]
+    limits: Mapping[str, float] = field(default_factory=dict)
     duration: float | None = None
     dt: float | None = None
     spare: float = 0.2
@@ -71,8 +71,8 @@ def designed(
         raise InputError(f"{why}; --between A,B names others" if not wishes.between else "--between: name two rivals")
     if bench.problem.base.plant.motion_is_imposed():
         raise InputError(f"the plant {given.plant.name} has its motion imposed: a command cannot be designed for it")
-    search = Search(bench, limits_of(bench.problem, dict(wishes.limits or {})), _times(bench, wishes), wishes.spare, tell)
-    search.seed = wishes.seed
+    limits = limits_of(bench.problem, wishes.limits)
+    search = Search(bench, limits, _times(bench, wishes), wishes.spare, tell, wishes.seed)
     if search.most <= 0.0:
         raise InputError(f"holding the machine takes {bench.bias:g}, more than its limit {search.limits.input:g}")
     return _planned(search, rest, wishes, after)
@@ -94,7 +94,7 @@ def _times(bench: Bench, wishes: Wishes) -> Array:
 
 
 def _planned(search: Search, rest: Sequence[Known], wishes: Wishes, after: str) -> Plan:
-    bench, tell = search.bench, search.tell
+    tell = search.tell
     every, reach = list(search.pairs), search.reached()
     if not search.tried:
         why = max(search.refused, key=lambda n: search.refused[n], default="")
@@ -110,7 +110,7 @@ def _planned(search: Search, rest: Sequence[Known], wishes: Wishes, after: str) 
         raise InputError("no command could be found within the limits")
     best = _within(search, search.improved(best))
     tell("what it would show", 0.9)
-    told = _told(search, best, every, least, asked, whole)
+    told = _told(search, best, every, least, whole)
     cures = [r for one in told if one.alike for r in _cures(search, one, every, whole)]
     return _plan(search, best, told, cures, rest, after)
 
@@ -123,17 +123,17 @@ def _within(search: Search, best: Tried) -> Tried:
         runs = [search.bench.run(i, search.t, best.u, theta) for i, theta in drawn]
         worst = max(np.inf if run is None else search.limits.share(run)[0] for run in runs)
         if worst <= 1.0 - 0.5 * search.spare:
-            return best if best.certainties is not None else search.recovered(search.refitted(best))
+            return search.recovered(best)
         parts = tuple(replace(p, peak=DOWN * p.peak) for p in best.parts)
         smaller = search.screened(best.family, parts)
         if smaller is None:
-            return best
+            break
         best = smaller
-    return search.recovered(search.refitted(best))
+    return search.recovered(best)
 
 
 def _told(
-    search: Search, best: Tried, every: Sequence[Pair], least: Mapping[Pair, float], asked: Sequence[Pair], whole: Sequence[Tried]
+    search: Search, best: Tried, every: Sequence[Pair], least: Mapping[Pair, float], whole: Sequence[Tried]
 ) -> list[Told]:
     """Return how well each two rivals are told apart: both ways, and from sigma points of the true one."""
     bench, first = search.bench, so_far(search.bench.problem, search.bench.contenders)
@@ -145,7 +145,7 @@ def _told(
         most, alike = max(expected, 0.0), False
         if expected < NEEDED:
             most = max(expected, _most(search, (i, j), every, whole)) if least[i, j] >= NEEDED else least[i, j]
-            alike = most < NEEDED
+            alike = bool(most < NEEDED)
         found.append(Told((names[i], names[j]), expected, seen, abs(float(first[i] - first[j])), most, alike))
     return found
 
@@ -178,14 +178,18 @@ def _cures(search: Search, one: Told, every: Sequence[Pair], whole: Sequence[Tri
     """Return what would tell two rivals apart that are alike."""
     search.tell(f"what would tell {one.rivals[0]} from {one.rivals[1]}", 0.95)
     names = [c.name for c in search.bench.contenders]
-    other = replace_tried(search, every, whole)
+    other = _whole(search, every, whole)
     return remedies(other, (names.index(one.rivals[0]), names.index(one.rivals[1])))
 
 
-def replace_tried(search: Search, every: Sequence[Pair], whole: Sequence[Tried]) -> Search:
+def _whole(search: Search, every: Sequence[Pair], whole: Sequence[Tried]) -> Search:
     """Return a search of all pairs with what was tried for all of them."""
-    quiet = lambda what, share: None  # noqa: E731
-    return Search(search.bench, search.limits, search.t, search.spare, quiet, search.seed, list(every), list(whole))
+    options = (search.spare, _quiet, search.seed, list(every), list(whole))
+    return Search(search.bench, search.limits, search.t, *options)
+
+
+def _quiet(what: str, share: float) -> None:
+    """Tell nothing."""
 
 
 def _plan(
@@ -247,11 +251,10 @@ def _visits(search: Search, best: Tried) -> dict[str, float]:
     runs = [search.bench.run(i, search.t, best.u) for i in range(len(search.bench.contenders))]
     found = dict.fromkeys(search.limits.states, 0.0)
     for run in (run for run in runs if run is not None):
-        for name, most in search.limits.states.items():
+        for name in search.limits.states:
             values = search.limits.values(run, name)
             if values is not None:
                 found[name] = max(found[name], float(np.abs(values).max()))
-            del most
     return found
 
 

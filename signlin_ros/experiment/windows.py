@@ -1,4 +1,4 @@
-"""What the diagnosis itself would see of a command: the errors of both rivals over the windows of a second, noisy run."""
+"""What a diagnosis would see of a command: the errors of both rivals over the windows of a second, noisy run."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 
 def seen_in_windows(bench: Bench, pairs: Sequence[Pair], t: Array, u: Array, seed: int) -> Array:
-    """Return by how many standard errors the true rival of each pair (pairs,) is better over windows of the horizon than
-    the other one, refitted, as a diagnosis tells: of a second run, over its blocks, or of both beyond their noise.
+    """Return by how many standard errors the true rival of each pair (pairs,) is better over windows of the horizon
+    than the other one, refitted, as a diagnosis tells: of a second run by blocks, or of both runs beyond their noise.
     """
     problem, g = bench.problem, np.random.default_rng(seed)
     segments: dict[int, Segment | None] = {}

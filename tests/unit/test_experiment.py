@@ -1,0 +1,228 @@
+"""The next experiment: its parts, limits and rivals; a tie that is planned for, recorded and decided."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+
+import jsonschema
+import numpy as np
+import pytest
+
+from signlin_ros import cli
+from signlin_ros.effects import EFFECTS
+from signlin_ros.errors import InputError
+from signlin_ros.experiment.families import FAMILIES, asked_by
+from signlin_ros.experiment.limits import limits_of
+from signlin_ros.experiment.parts import KINDS, Part, in_words, rendered, slowed
+from signlin_ros.experiment.search import changed
+from signlin_ros.fitting.problem import prepare
+from signlin_ros.follow.data import load_sides
+from signlin_ros.model import Model
+from signlin_ros.simulate import simulate
+
+DT = 0.005
+T = DT * np.arange(1000)
+
+
+def run(*arguments):
+    return cli.main([str(a) for a in arguments])
+
+
+# -------------------------------------------------------------------- parts of a command
+
+
+@pytest.mark.parametrize("kind", [*KINDS])
+def test_a_part_stays_within_its_peak_and_comes_near_it(kind):
+    values = Part(kind, 2.0, 2.0).values(np.arange(0.0, 2.0, 0.001), 2.0)
+    assert np.abs(values).max() <= 2.0 + 1e-9
+    assert np.abs(values).max() > 1.5 or kind == "rest"
+
+
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda f: f.name)
+def test_a_command_rests_at_both_ends(family):
+    u = rendered(family.at(3.0), T)
+    assert np.all(u[:20] == 0.0)
+    assert np.all(u[-20:] == 0.0)
+    assert 2.0 < np.abs(u).max() <= 3.0 + 1e-9
+
+
+@pytest.mark.parametrize("slew", [1.0, 20.0, 500.0])
+def test_a_slew_limit_is_kept_and_the_ends_stay_at_rest(slew):
+    u = rendered((Part("steps", 3.0, 1.0), Part("chirp", 2.0, 8.0)), T, slew)
+    assert np.abs(np.diff(u)).max() <= slew * DT * (1.0 + 1e-9)
+    assert u[0] == 0.0
+    assert abs(u[-1]) <= slew * DT
+
+
+def test_a_command_that_is_slow_enough_is_not_changed_by_a_slew_limit():
+    u = np.sin(np.pi * T / T[-1])
+    np.testing.assert_allclose(slowed(u, T, 10.0), u, atol=1e-12)
+
+
+def test_changed_parts_keep_the_largest_peak():
+    g, parts = np.random.default_rng(0), FAMILIES[0].at(2.0)
+    for _ in range(50):
+        parts = changed(g, parts)
+        assert max(abs(p.peak) for p in parts) <= 2.0
+    assert "V" in in_words(parts, 5.0, "V")
+
+
+def test_every_text_of_an_effect_that_is_proposed_has_a_family_or_is_met_by_all():
+    without = {n for n, e in EFFECTS.items() if e.experiment and e.proposed and not asked_by([n])}
+    assert without == set()
+
+
+# -------------------------------------------------------------------- a tie
+
+
+def given():
+    model = Model.load("dc_motor").without_effect("coulomb_friction").with_parameters({"B": 2e-4})
+    return model.with_options(tolerance=0.05)
+
+
+def recorded(folder, name, model, t, u, seed, skip=0):
+    found = simulate(model, t, u[:, None])
+    g = np.random.default_rng(seed)
+    i, w = (found[c][skip:] + sd * g.standard_normal(t.size - skip) for c, sd in (("current", 0.05), ("speed", 0.4)))
+    table = np.column_stack([t[skip:] - t[skip], u[skip:], i, w])
+    np.savetxt(folder / name, table, delimiter=",", header="t,voltage,current,speed", comments="", fmt="%.7g")
+    return folder / name
+
+
+@pytest.fixture(scope="module")
+def one_way(tmp_path_factory):
+    """A motor that turned one way: dry friction is a load there."""
+    folder = tmp_path_factory.mktemp("one_way")
+    given().save(folder / "model.yaml")
+    u = (3.5 + np.sin(2 * np.pi * 1.3 * T) + 0.5 * np.sin(2 * np.pi * 3.1 * T)) * np.clip(T / 0.2, 0, 1)
+    true = given().with_effect("coulomb_friction", mu=0.03)
+    recorded(folder, "first.csv", true, T, u, 1, skip=60)
+    return folder
+
+
+BETWEEN = ("--between", "coulomb_friction,constant_load")
+
+
+@pytest.fixture(scope="module")
+def planned(one_way):
+    out = one_way / "next.csv"
+    arguments = ("experiment", one_way / "model.yaml", one_way / "first.csv", *BETWEEN)
+    assert run(*arguments, "--limit", "voltage=6,speed=60", "-o", out, "--report", one_way / "next.html") == 0
+    return out
+
+
+def test_a_plan_is_at_rest_at_both_ends_and_within_its_limits_for_either_rival(planned):
+    t, u = np.loadtxt(planned, delimiter=",", skiprows=1).T
+    assert u[0] == u[-1] == 0.0
+    assert np.abs(u).max() <= 6.0
+    for name, values in (("coulomb_friction", {"mu": 0.03}), ("constant_load", {"F0": -0.03})):
+        shown = simulate(given().with_effect(name, **values), t, u[:, None])
+        assert np.abs(shown["speed"]).max() <= 60.0
+
+
+def test_a_plan_decides_what_the_first_record_could_not(one_way, planned, capsys):
+    t, u = np.loadtxt(planned, delimiter=",", skiprows=1).T
+    true = given().with_effect("coulomb_friction", mu=0.03)
+    files = [recorded(one_way, f"{n}.csv", true, t, u, seed) for n, seed in (("run", 2), ("again", 3))]
+    capsys.readouterr()
+    first = ("diagnose", one_way / "model.yaml", one_way / "first.csv")
+    assert run(*first, files[0], "--validation", files[1], "--json") == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["ladder"][-1]["effects"] == ["coulomb_friction"]
+    status = {e["effect"]: e["status"] for e in content["ranking"]}
+    assert status["constant_load"] == "rejected"
+
+
+def test_the_same_seed_gives_the_same_file_and_the_json_keeps_its_schema(one_way, planned, tmp_path, capsys):
+    arguments = ("experiment", one_way / "model.yaml", one_way / "first.csv", *BETWEEN)
+    capsys.readouterr()
+    assert run(*arguments, "--limit", "voltage=6,speed=60", "-o", tmp_path / "again.csv", "--json") == 0
+    assert (tmp_path / "again.csv").read_bytes() == planned.read_bytes()
+    content = json.loads(capsys.readouterr().out)
+    place = resources.files("signlin_ros") / "schemas" / "experiment.json"
+    jsonschema.validate(content, json.loads(place.read_text(encoding="utf-8")), cls=jsonschema.Draft202012Validator)
+    (pair,) = content["pairs"]
+    assert content["verdict"] == "enough"
+    assert pair["expected"] >= 60.0 > pair["so_far"]
+    assert f"{pair['expected']:.3g}" in content["sentence"]
+
+
+def test_the_report_has_a_preview_of_both_rivals(one_way, planned):
+    assert planned.exists()
+    text = (one_way / "next.html").read_text(encoding="utf-8")
+    assert "coulomb friction" in text
+    assert "signlin diagnose" in text
+    assert (one_way / "next_files" / "preview_1.png").exists()
+
+
+# -------------------------------------------------------------------- what no command tells
+
+
+@pytest.mark.slow
+def test_a_weight_and_a_spring_are_alike_within_a_small_travel_and_the_remedy_is_named(tmp_path, capsys):
+    base = given().with_parameters({"L_a": 0.0}).with_options(with_position=True)
+    base = base.with_effect("coulomb_friction", mu=0.004)
+    base.save(tmp_path / "model.yaml")
+    u = 0.15 * np.sin(2 * np.pi * (0.1 * T + 0.12 * T * T)) * np.clip(T / 0.2, 0, 1)
+    q = simulate(base.with_effect("gravity_load", A=0.08, q0=0.0), T, u[:, None])["position"]
+    noisy = q + 0.0015 * np.random.default_rng(4).standard_normal(T.size)
+    table = np.column_stack([T, u, noisy])
+    np.savetxt(tmp_path / "first.csv", table, delimiter=",", header="t,voltage,position", comments="", fmt="%.8g")
+    arguments = ("experiment", tmp_path / "model.yaml", tmp_path / "first.csv", "-o", tmp_path / "next.csv", "--json")
+    rivals = ("--between", "gravity_load,linear_stiffness")
+    capsys.readouterr()
+    assert run(*arguments, *rivals, "--limit", "voltage=6,speed=80,travel=0.2") == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["verdict"] == "none"
+    assert content["sentence"].startswith("No command within these limits tells gravity load from linear stiffness")
+    assert run(*arguments, *rivals, "--limit", "voltage=6,speed=80,travel=1.5") == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["verdict"] == "enough"
+
+
+# -------------------------------------------------------------------- limits, and what is refused
+
+
+@pytest.fixture(scope="module")
+def problem(one_way):
+    model, data, _ = load_sides(Model.load(one_way / "model.yaml"), [one_way / "first.csv"], ())
+    return prepare(model, data)
+
+
+def test_limits_that_nobody_gave_are_what_the_first_record_visited(problem):
+    found = limits_of(problem, {"voltage": 9.0})
+    assert found.input == 9.0
+    assert found.assumed == ("speed",)
+    assert found.states["speed"] == pytest.approx(max(map(abs, problem.ranges["speed"])))
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"voltag": 3.0}, "unknown name 'voltag'"),
+        ({"speed": -1.0}, "allowed: a positive number"),
+        ({"speed": 1.0, "velocity": 2.0}, "given twice"),
+    ],
+)
+def test_a_limit_that_cannot_be_is_refused(problem, given, told):
+    with pytest.raises(InputError, match=told):
+        limits_of(problem, given)
+
+
+def test_a_diagnosis_of_an_older_version_is_refused_with_the_command_to_repeat(tmp_path, capsys):
+    (tmp_path / "old.json").write_text(json.dumps({"verdict": "missing", "ranking": []}))
+    assert run("experiment", tmp_path / "old.json", "-o", tmp_path / "next.csv") == 2
+    assert "repeat: signlin diagnose MODEL DATA... --json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("between", "told"),
+    [("coulomb_friction", "name two rivals"), ("coulomb_friction,colomb", "unknown effect 'colomb'")],
+)
+def test_rivals_that_are_none_are_refused(one_way, tmp_path, capsys, between, told):
+    arguments = ("experiment", one_way / "model.yaml", one_way / "first.csv", "--between", between)
+    assert run(*arguments, "-o", tmp_path / "next.csv") == 2
+    err = capsys.readouterr().err
+    assert told in err
+    assert len(err.strip().splitlines()) == 1
