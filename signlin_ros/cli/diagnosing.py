@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -155,7 +154,7 @@ def _diagnosed(
     progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
     arguments = (*([effect] if effect else []), loaded, first, second)
     result = getattr(page, verb)(*arguments, jobs=jobs or os.cpu_count() or 1, progress=_stage)
-    result = replace(printed(result, original, output, records), data=(*data, *validation))
+    result = printed(result, original, output, records)
     if output is not None:
         try:
             write_text(output, result.yaml)
@@ -169,7 +168,7 @@ def _diagnosed(
         words = (verb, *([effect] if effect else []), model, *data)
         command = command_line(words, validation=validation, signal=signals, cure=cures, output=output)
         diagnosis_report(result, report, command=command, data=(first, second), model=loaded, record=findings)
-    return {**result.to_json(), "record": to_json(findings)}, console.diagnosis_text
+    return {**result.to_json(), "data": [*data, *validation], "record": to_json(findings)}, console.diagnosis_text
 
 
 def _stage(what: str, share: float) -> None:

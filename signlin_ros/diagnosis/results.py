@@ -129,7 +129,7 @@ class Diagnosis:
     """What a model lacks: the ``verdict`` (adequate, missing or unexplained) and its ``sentence``, estimates of the
     ``base`` and of the proposal (``parameters``, ``model``), ``range`` that the records visited, ``noise`` by channel,
     what ``experiments`` would decide, the model as ``given``, ``horizon`` in s of its motion, ``findings`` to picture;
-    ``rivals`` that the records do not exclude, the model file ``given_model`` and the files ``data`` that they are of.
+    ``rivals`` that the records do not exclude, and the model file ``given_model`` that they add to.
     """
 
     verdict: str
@@ -149,7 +149,6 @@ class Diagnosis:
     findings: Any = field(default=None, repr=False, compare=False)
     rivals: tuple[Any, ...] = field(default=(), repr=False)
     given_model: str = field(default="", repr=False)
-    data: tuple[str, ...] = ()
 
     @property
     def missing(self) -> tuple[Entry, ...]:
