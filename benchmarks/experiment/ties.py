@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 Array = NDArray[np.float64]
 DT = 0.005

@@ -16,7 +16,7 @@ from signlin_ros.fitting.candidate import Candidate, candidate
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
-from signlin_ros.simulate import Trajectory, simulate
+from signlin_ros.simulation import Trajectory, simulate
 
 Array = NDArray[np.float64]
 

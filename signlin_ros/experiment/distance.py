@@ -17,7 +17,7 @@ from signlin_ros.fitting.following import follow_records
 from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.follow.segments import Segment
-from signlin_ros.simulate import Trajectory
+from signlin_ros.simulation import Trajectory
 
 Array = NDArray[np.float64]
 Pair = tuple[int, int]

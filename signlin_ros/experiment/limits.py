@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from signlin_ros.errors import InputError, choices, suggest
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
-from signlin_ros.simulate import Trajectory
+from signlin_ros.simulation import Trajectory
 
 Array = NDArray[np.float64]
 SLEW, TRAVEL = "slew", "travel"

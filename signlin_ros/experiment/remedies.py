@@ -17,7 +17,7 @@ from signlin_ros.experiment.search import NEEDED, Search
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulate import Trajectory
+from signlin_ros.simulation import Trajectory
 
 Array = NDArray[np.float64]
 

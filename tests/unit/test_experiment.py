@@ -19,7 +19,7 @@ from signlin_ros.experiment.search import changed
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.follow.data import load_sides
 from signlin_ros.model import Model
-from signlin_ros.simulate import simulate
+from signlin_ros.simulation import simulate
 
 DT = 0.005
 T = DT * np.arange(1000)
