@@ -13,7 +13,7 @@ SHARED := pyproject.toml constraints.txt package.xml $(wildcard config/* config/
 export PIP_NO_INPUT = 1
 export FASTRTPS_DEFAULT_PROFILES_FILE = $(abspath config/fastdds_profile.xml)
 
-.PHONY: help install test test-all quick limits check format docs demo demo-live soak workbench bench clean
+.PHONY: help install test test-all quick limits check format docs demo demo-live demo-experiment soak workbench bench clean
 .DEFAULT_GOAL := help
 
 help:            ## this list
@@ -87,6 +87,9 @@ workbench: install  ## the local page, with a sample record
 
 demo-live: install  ## a model watched, diagnosed and improved while the machine runs: a figure over time
 	$(BIN)/python -m signlin_ros.demo.live --output $(OUT)
+
+demo-experiment: install  ## a tie, the record that decides it, played over ROS 2, and the verdict
+	$(BIN)/python -m signlin_ros.demo.experiment --output $(OUT)
 
 soak: install    ## the faults of the fault harness for an hour: lost, late, repeated, corrupted messages, restarts
 	SIGNLIN_SOAK=3600 $(BIN)/python -m pytest -q tests/ros/test_faults.py

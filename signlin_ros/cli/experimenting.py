@@ -153,20 +153,18 @@ def _rivals(
     told: Mapping[str, Any] | None, model: Model, records: Sequence[ModelData], between: Sequence[str], jobs: int | None
 ) -> list[Known]:
     """Return the rivals of a diagnosis, made now where none is told; with what was named and is not among them."""
-    from signlin_ros.experiment.naming import with_named
+    from signlin_ros.experiment.naming import open_names, with_named
     from signlin_ros.experiment.setting import known_rivals
 
-    if told is not None:
-        rivals = known_rivals(told["rivals"])
-    elif between:
-        rivals = []
-    else:
+    if told is None and between:
+        return with_named([], model, records, between)
+    if told is None:
         from signlin_ros.diagnosis.verbs import diagnose
 
         progress("diagnosing first ...")
-        found = diagnose(model, records, jobs=jobs or os.cpu_count() or 1, progress=_stage)
-        rivals = known_rivals([r.to_json() for r in found.rivals])
-    return with_named(rivals, model, records, between) if between else rivals
+        told = diagnose(model, records, jobs=jobs or os.cpu_count() or 1, progress=_stage).to_json()
+    rivals = known_rivals(told["rivals"])
+    return with_named(rivals, model, records, between or open_names(told))
 
 
 __all__ = ["experiment"]

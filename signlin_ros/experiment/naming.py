@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +13,40 @@ from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
-from signlin_ros.experiment.setting import Known, known_rivals
+from signlin_ros.experiment.setting import KIN, MOST, Known, known_rivals
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
 NOTHING = "nothing"
 """The name of the rival that adds no effect."""
+
+
+def open_names(content: Mapping[str, Any]) -> list[str]:
+    """Return the rivals that a diagnosis (its JSON) names beside those it fitted: what ties with what it names, then
+    other laws of its family, which were rejected for want of evidence; as many as a plan takes.
+    """
+    named = list(content["ladder"][-1]["effects"])
+    fitted = [tuple(r["effects"]) for r in content["rivals"]]
+    swapped = list[tuple[str, ...]]()
+    for entry in (e for e in content["ranking"] if e["effect"] in named):
+        ties = list(entry["indistinguishable_from"])
+        kin = [e["effect"] for e in content["ranking"] if e["status"] == "rejected" and _family(e["effect"])]
+        ties += [name for name in kin if _family(name) == _family(entry["effect"])]
+        swapped += [tuple(t if n == entry["effect"] else n for n in named) for t in ties]
+    count: dict[str, int] = {}
+    for effects in fitted:
+        count[_family(effects[0]) if effects else ""] = count.get(_family(effects[0]) if effects else "", 0) + 1
+    found = list[str]()
+    for effects in dict.fromkeys(s for s in swapped if s not in fitted and len(set(s)) == len(s)):
+        family = _family(effects[0])
+        if len(fitted) + len(found) < MOST and (not family or count.get(family, 0) < KIN):
+            found.append("+".join(effects))
+            count[family] = count.get(family, 0) + 1
+    return found
+
+
+def _family(effect: str) -> str:
+    return EFFECTS[effect].family if effect in EFFECTS else ""
 
 
 def with_named(
@@ -54,4 +83,4 @@ def _fitted(motion: Motion, name: str) -> Fitted:
     return min([best, *options], key=lambda f: float(np.nansum(f.known_squares / motion.problem.noise**2)))
 
 
-__all__ = ["NOTHING", "with_named"]
+__all__ = ["NOTHING", "open_names", "with_named"]

@@ -23,7 +23,7 @@ def test_the_package_is_in_the_index() -> None:
     assert package.findtext("export/build_type") == "ament_cmake"
 
 
-@pytest.mark.parametrize("name", ["linearizer", "plant_simulator", "replay"])
+@pytest.mark.parametrize("name", ["linearizer", "plant_simulator", "replay", "play"])
 def test_executables(name: str) -> None:
     file = PREFIX / "lib" / "signlin_ros" / name
     assert os.access(file, os.X_OK)

@@ -18,7 +18,7 @@ from signlin_ros.nodes.security import check_security
 POLICIES = Path(__file__).parents[2] / "config" / "security" / "policies.xml"
 
 
-@pytest.mark.parametrize("node", ["linearizer", "monitor", "plant_simulator", "replay"])
+@pytest.mark.parametrize("node", ["linearizer", "monitor", "plant_simulator", "replay", "play"])
 def test_without_a_keystore_every_node_refuses_in_one_line(graph: Any, node: str) -> None:
     environment = {k: v for k, v in graph.env.items() if not k.startswith("ROS_SECURITY")}
     process = graph.start(node)
