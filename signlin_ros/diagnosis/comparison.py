@@ -25,7 +25,7 @@ from signlin_ros.diagnosis.case import Case, Records, case
 from signlin_ros.diagnosis.criteria import DEFAULT
 from signlin_ros.diagnosis.results import FirstRows
 from signlin_ros.diagnosis.witnesses import refitted
-from signlin_ros.errors import InputError
+from signlin_ros.errors import InputError, joined
 from signlin_ros.follow.data import Stretch, as_list, measured_channels, stretches, unit_asked
 from signlin_ros.follow.freerun import FreeRun, free_run
 from signlin_ros.follow.observer import TRUSTS, Observer
@@ -150,9 +150,20 @@ class Comparison:
             "model": self.model.source,
             "data": list(self.sources),
             "samples": self.samples,
-            "notes": [*self.notes, *([self.without_rows] if self.without_rows else [])],
+            "notes": [*self._told(), *([self.without_rows] if self.without_rows else [])],
             "first_rows": self.first_rows.to_json() if self.first_rows else None,
         }
+
+    def _told(self) -> list[str]:
+        """Return the notes; what the model follows once its numbers are refitted is not put down to the record."""
+        names = lost(self.channels)
+        after = self.first_rows.refitted.validation.channels if names and self.first_rows else {}
+        fits = {name: after[name].fit_percent for name in names if name in after}
+        if not fits or set(unfollowed({n: after[n] for n in fits})) or len(fits) < len(names):
+            return list(self.notes)
+        told = joined([f"{name} ({fit:.0f} % of fit)" for name, fit in fits.items() if fit is not None])
+        kept = [note for note in self.notes if note != follows_nothing(names)]
+        return [*kept, f"as given the model does not follow, refitted it does: {told}; its numbers are off"]
 
     def _repr_html_(self) -> str:
         from signlin_ros.console import compare_text

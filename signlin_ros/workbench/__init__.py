@@ -6,7 +6,7 @@
 `server`    the web application and how it is started: handlers only, no numerics
 `safety`    who may ask for what: Host, Origin, token, headers
 `session`   one project with its two worker processes, and what a click does
-`stages`    what the page shows: sentence, command, result and next step of every stage
+`shown`     what the page shows: of the first two stages (`stages`), of the others (`further`), in its words (`wording`)
 `project`   the folder ``.signlin/<id>``: choices, undo, results; nothing is lost when the server is killed
 `columns`   which column of which record is which signal
 `questions` what is asked of the worker, by stage
@@ -17,6 +17,7 @@
 `receiving` files that are dropped, and what a click asks for
 `uploaded`  a model file is looked at before it is read; `trust`: code that was agreed to
 `calls`     the one place that calls the numerics: the functions behind the command line
+`sheet`     a model file from the numbers of a data sheet
 `ranking`   what a diagnosis has tried so far
 =========== ====================================================================================
 

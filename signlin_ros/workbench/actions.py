@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import shutil
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any
@@ -12,6 +13,8 @@ from signlin_ros.workbench import trust as trusting
 from signlin_ros.workbench.session import Session
 
 Args = dict[str, Any]
+OVER = ("speed", "position", "load")
+"""What a curve can be learned over."""
 LONGEST = 10_000
 """Characters of a formula."""
 
@@ -81,6 +84,10 @@ async def map_signal(s: Session, args: Args) -> None:
         said = _specification(said, str(args.get("unit") or ""), float(args.get("factor") or 1.0))
     if said and len(said) > LONGEST:
         raise InputError(f"a formula of {len(said):,} characters; allowed: {LONGEST:,}")
+    if signal == columns.TIME and not table["fault"]:  # what can be read stays readable
+        job = functools.partial(s.look_or_back, table["files"][0])
+        s.change(f"time = {said or 'as it was read'}", "record", "reading", job, **_said(s, table, {signal: said}))
+        return
     _remap(s, table["files"], {signal: said})
 
 
@@ -92,6 +99,11 @@ async def remap(s: Session, args: Args) -> None:
     if not offered:
         raise InputError("no such proposal")
     _remap(s, offered["files"], offered["signals"])
+
+
+def _said(s: Session, table: columns.Table, said: Mapping[str, str | None]) -> dict[str, Any]:
+    """Return the choices with something said of the records of a table."""
+    return {"records": columns.with_signals(s, table["files"], said), "path": []}
 
 
 def _remap(s: Session, files: Sequence[str], said: Mapping[str, str | None]) -> None:
@@ -180,6 +192,27 @@ async def add(s: Session, args: Args) -> None:
     s.start("add", f"adding {effect.replace('_', ' ')}", lambda: s.add(effect))
 
 
+async def learn(s: Session, args: Args) -> None:
+    """Learn what is missing as a curve over the speed, the position or the load."""
+    _possible(s, "add")
+    over = str(args.get("over"))
+    if over not in OVER:
+        raise InputError(f"no such coordinate: {over!r}; there are: {', '.join(OVER)}")
+    s.start("add", f"learning a curve over the {over}", lambda: s.learn(over))
+
+
+async def refit(s: Session, args: Args) -> None:
+    """Take the numbers that fit the records best."""
+    _possible(s, "compare")
+    s.start("compare", "refitting", s.refit)
+
+
+async def write(s: Session, args: Args) -> None:
+    """Make a model file of the numbers of a data sheet."""
+    form = {"form": str(args.get("form")), "values": dict(args.get("values") or {})}
+    s.start("record", "writing the model file", lambda: s.write(form))
+
+
 async def keep(s: Session, args: Args) -> None:
     """Keep the values of the sliders as a model version."""
     _possible(s, "add")
@@ -216,7 +249,7 @@ ACTIONS: dict[str, Callable[[Session, Args], Awaitable[None]]] = {
     f.__name__: f
     for f in (
         *(take, sample, model, role, drop, map_signal, remap, apart, cure, undo, redo, check, compare, diagnose),
-        *(add, keep, export, cancel, clear, trust),
+        *(add, learn, refit, write, keep, export, cancel, clear, trust),
     )
 }
 

@@ -21,8 +21,8 @@ from signlin_ros.apart import of_record
 from signlin_ros.errors import InputError
 from signlin_ros.model import Model, shipped_models
 from signlin_ros.records import ModelData
-from signlin_ros.workbench import arrays, tuning
-from signlin_ros.workbench.looking import columns, points, propose, record_curves, span
+from signlin_ros.workbench import arrays, sheet, tuning
+from signlin_ros.workbench.looking import columns, points, propose, record_curves, search, span
 from signlin_ros.workbench.ranking import Ranking
 from signlin_ros.workbench.uploaded import CodeError, opened
 
@@ -48,8 +48,8 @@ def reader(args: Args, say: Say) -> Answer:
 
 
 def models(args: Args, say: Say) -> Answer:
-    """Return the shipped models with what they are driven by."""
-    return {"models": [describe({"model": name}, say) for name in shipped_models()]}
+    """Return the shipped models with what they are driven by, and forms by which a model is written."""
+    return {"models": [describe({"model": name}, say) for name in shipped_models()], "forms": sheet.forms()}
 
 
 def describe(args: Args, say: Say) -> Answer:
@@ -150,7 +150,7 @@ def compare(args: Args, say: Say) -> Answer:
     content = result.to_json()
     return {
         "json": content,
-        "lost": _lost(result),
+        "lost": _lost(result, content["first_rows"]),
         "errors": _errors(console.first_rows(content)),
         "channels": {name: channel.unit for name, channel in result.channels.items()},
         "stretches": [
@@ -160,13 +160,20 @@ def compare(args: Args, say: Say) -> Answer:
     }
 
 
-def _lost(result: Any) -> str:
-    """Return the note of a comparison that some channels fit no model; empty where there is none."""
-    from signlin_ros.comparison.scores import follows_nothing
+def _lost(result: Any, first: Any) -> list[dict[str, Any]]:
+    """Return the channels that the model does not follow as given: fits (%) over windows as given, and refitted; and
+    whether the refitted one follows (None: there is none).
+    """
+    from signlin_ros.comparison.scores import FLOOR
     from signlin_ros.diagnosis.comparison import lost
 
-    names = lost(result.channels)
-    return follows_nothing(names) if names else ""
+    found = []
+    for name in lost(result.channels):
+        refitted = (first["refitted"]["validation"].get(name) or {}).get("fit_percent") if first else None
+        follows = None if refitted is None else refitted >= FLOOR
+        found.append({"name": name, "given": result.channels[name].windowed.fit_percent, "refitted": refitted})
+        found[-1]["follows"] = follows
+    return found
 
 
 def _errors(rows: list[list[str]]) -> list[list[str]]:
@@ -221,9 +228,18 @@ def add(args: Args, say: Say) -> Answer:
     from signlin_ros.files import write_text
     from signlin_ros.workbench import evidence
 
+    if args["effect"] == "learned_force":
+        return learn(args, say)
     result = _diagnosed("add", args, say)
     write_text(args["output"], result.yaml)
     return {"json": result.to_json(), **evidence.shown(result, args["effect"])}
+
+
+def _sides(args: Args) -> tuple[Model, list[ModelData], list[ModelData] | None, list[Any]]:
+    """Return the model, the records for the fit, those for validation (None: there are none), and what was found."""
+    model, records, findings = _loaded(args, [*args["data"], *args["validation"]])
+    given, unseen = list(args["data"]), list(args["validation"])
+    return model, _of(records, given, unseen), _of(records, unseen, given) or None, findings
 
 
 def _diagnosed(verb: str, args: Args, say: Say) -> Any:
@@ -231,9 +247,8 @@ def _diagnosed(verb: str, args: Args, say: Say) -> Any:
     from signlin_ros import diagnosis
     from signlin_ros.diagnosis.proposal import printed
 
-    model, records, findings = _loaded(args, [*args["data"], *args["validation"]])
-    given, unseen, effect = list(args["data"]), list(args["validation"]), args.get("effect")
-    first, second = _of(records, given, unseen), _of(records, unseen, given) or None
+    model, first, second, findings = _sides(args)
+    records, effect = [*first, *(second or ())], args.get("effect")
     run, ranking = getattr(diagnosis, verb), Ranking(say)
     more = {"jobs": os.cpu_count() or 1, "progress": ranking.stage, "seen": ranking.seen}
     result = run(*([effect] if effect else []), model, first, second, **more)
@@ -279,6 +294,47 @@ def _bench(model: str, file: str, signals: Any, cures: Any, stamps: Any) -> tuni
     return tuning.Bench(loaded, record)
 
 
+def learn(args: Args, say: Say) -> Answer:
+    """Learn what is missing as a curve over ``args["over"]`` and write ``args["output"]``; as `add`."""
+    from signlin_ros.learning import add_learned
+
+    say({"what": "learning a curve", "share": 0.1})
+    model, first, second, _ = _sides(args)
+    new, content = add_learned(model, first, second, str(args["over"]))
+    original, output = opened(args["model"]), Path(args["output"])
+    new = new.with_options(with_position=original.with_position).placed_in(output.parent)
+    new.save(output)
+    why = "A curve that was learned: see the plots of Compare for what it takes away."
+    return {
+        "json": {**content, "model": new.to_yaml()},
+        "errors": _errors(console.ladder_rows(content)),
+        "evidence": {},
+        "values": {"learned_force": {"over": str(args["over"])}},
+        "unseen": {"learned_force": why},
+    }
+
+
+def refit(args: Args, say: Say) -> Answer:
+    """Write a model with the base parameters that fit the records of ``args["data"]`` best to ``args["output"]``."""
+    from signlin_ros.diagnosis.case import case
+    from signlin_ros.diagnosis.proposal import rounded
+    from signlin_ros.diagnosis.witnesses import refitted
+
+    say({"what": "refitting", "share": 0.1})
+    model, first, second, _ = _sides(args)
+    found = refitted(case(model, first, second)).base
+    original, output = opened(args["model"]), Path(args["output"])
+    new = rounded(found.model, found.parameters).with_options(with_position=original.with_position)
+    new.placed_in(output.parent).save(output)
+    return {"parameters": {name: one.to_json() for name, one in found.parameters.items()}}
+
+
+def written(args: Args, say: Say) -> Answer:
+    """Write a model of the numbers of a data sheet to ``args["output"]``."""
+    sheet.model_of(str(args["form"]), args["values"]).save(args["output"])
+    return {"output": args["output"]}
+
+
 def keep(args: Args, say: Say) -> Answer:
     """Write a model with other parameter values to ``args["output"]``."""
     output = Path(args["output"])
@@ -311,7 +367,7 @@ VERBS: dict[str, Callable[[Args, Say], Answer]] = {
             diagnose,
             add,
         ),
-        *(report, tune, keep, sample),
+        *(report, tune, keep, sample, search, refit, written),
     )
 }
 """What a worker process can be asked for."""

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     from signlin_ros.workbench.session import Session
 
 TIME = "t"
+BY_ROW = "1.0"
+"""As `looking.BY_ROW`."""
+MOST = 100
+"""Columns that lists offer."""
 Entry = dict[str, Any]
 Table = dict[str, Any]
 
@@ -37,7 +41,18 @@ def read(s: Session, record: Entry) -> Any:
 def layout(s: Session, record: Entry) -> tuple[str, ...]:
     """Return what the columns of a record are called; of one that is not read yet, its own name."""
     found = read(s, record)
-    return tuple(c["label"] for c in found["columns"]) if found else (record["file"],)
+    return tuple(c["label"] for c in found["columns"]) if found and found["columns"] else (record["file"],)
+
+
+def readable(s: Session, group: Sequence[Entry]) -> bool:
+    """Tell whether the columns of records are known, if perhaps not their time."""
+    return all((found := read(s, record)) is None or bool(found["columns"]) for record in group)
+
+
+def fault(s: Session, record: Entry) -> str:
+    """Return why a record cannot be read; empty where it can, or is not read yet."""
+    found = read(s, record)
+    return str(found["error"]) if found else ""
 
 
 def groups(s: Session) -> list[list[Entry]]:
@@ -55,33 +70,47 @@ def question(s: Session, group: Sequence[Entry], model: str | None = None) -> di
     said = group[0].get("signals", {})
     files = [s.project.path(record["file"]) for record in group]
     asked = {"model": model or s.project.path(s.project.choices["model"]), "files": files}
-    return {**asked, "signals": {k: v for k, v in said.items() if k != TIME}, "time": said.get(TIME) or ""}
+    time = BY_ROW if any(fault(s, record) for record in group) else said.get(TIME) or ""
+    return {**asked, "signals": {k: v for k, v in said.items() if k != TIME}, "time": time}
 
 
 def tables(s: Session) -> list[Table]:
     """Return the mappings as the page shows them, one for each group of records that are known; see `_table`."""
     if s.tables is not None:
         return s.tables
+    known = [group for group in groups(s) if readable(s, group)]
     if s.project.choices["model"] is None:
-        return []
-    found = [(group, s.project.result(s.project.key("propose", question(s, group)))) for group in groups(s)]
+        nothing: Table = {"mapping": [], "error": None}
+        return [_table(s, group, nothing) for group in known if read(s, group[0])]
+    found = [(group, s.project.result(s.project.key("propose", question(s, group)))) for group in known]
     return [_table(s, group, answer) for group, answer in found if answer is not None]
 
 
 def _table(s: Session, group: Sequence[Entry], answer: Any) -> Table:
-    columns = read(s, group[0]) or {"columns": [], "texts": []}
+    columns = read(s, group[0]) or {"columns": [], "texts": [], "time": {"columns": [], "asked": ""}}
     same = [r for r in s.project.choices["records"] if layout(s, r) == layout(s, group[0])]
     return {
         "files": [r["file"] for r in group],
         "names": [Path(r["file"]).name for r in group],
         "rows": answer["mapping"],
         "error": answer["error"],
-        "columns": columns["columns"],
+        "columns": _few(columns["columns"], answer["mapping"]),
+        "count": len(columns["columns"]),
+        "clock": columns["time"],
+        "fault": next((text for r in group if (text := fault(s, r))), ""),
         "texts": columns["texts"],
         "time": group[0].get("signals", {}).get(TIME, ""),
         "alike": len(same),
         "apart": bool(group[0].get("apart")),
     }
+
+
+def _few(columns: list[Any], rows: Sequence[Any]) -> list[Any]:
+    """Return the columns to choose from: the first ones, and those that are mapped; others are searched for."""
+    if len(columns) <= MOST:
+        return columns
+    mapped = {row["column"] for row in rows}
+    return [c for k, c in enumerate(columns) if k < MOST or c["label"] in mapped]
 
 
 @contextlib.contextmanager
@@ -96,19 +125,22 @@ def still(s: Session) -> Iterator[None]:
 
 def unread(s: Session) -> bool:
     """Tell whether there is a model, and records of which it is not known how it is read from them."""
-    return s.busy is None and s.project.choices["model"] is not None and len(tables(s)) < len(groups(s))
+    known = [group for group in groups(s) if readable(s, group)]
+    return s.busy is None and s.project.choices["model"] is not None and len(tables(s)) < len(known)
 
 
 def complete(s: Session) -> bool:
     """Tell whether every record has all that the model needs, and can be read so."""
     found = tables(s)
     there = sum(len(t["files"]) for t in found) == len(s.project.choices["records"]) > 0
-    return there and not any(lacks(table) or wrong(table) for table in found)
+    if any(t["clock"]["asked"] and not t["time"] for t in found):
+        return False
+    return there and s.project.choices["model"] is not None and not any(lacks(t) or wrong(t) for t in found)
 
 
 def wrong(table: Table) -> str:
     """Return in words what is wrong with a mapping; empty where nothing is."""
-    return str(table["error"] or "")
+    return str(table["fault"] or table["error"] or "")
 
 
 def lacks(table: Table) -> str:
@@ -192,12 +224,14 @@ __all__ = [
     "asked_of",
     "complete",
     "exchanged",
+    "fault",
     "groups",
     "inherited",
     "lacks",
     "of",
     "question",
     "read",
+    "readable",
     "said",
     "signals",
     "still",

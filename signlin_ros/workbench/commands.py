@@ -35,6 +35,8 @@ def _words(step: Step) -> list[str]:
         words += ["--signal", f"{name}={column}"]
     for cure in step.get("cures") or ():
         words += ["--cure", cure]
+    if step.get("over"):
+        words += ["--over", step["over"]]
     if step.get("output"):
         words += ["-o", step["output"]]
     return words

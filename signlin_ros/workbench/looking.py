@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -10,37 +11,74 @@ from typing import Any
 
 import numpy as np
 
-from signlin_ros.errors import InputError, one_line
+from signlin_ros.errors import InputError, MissingExtraError, one_line
 from signlin_ros.model import Model
-from signlin_ros.records import Note, Record, read_record, read_runs
+from signlin_ros.records import Note, Record, Signal, read_record, read_runs
 from signlin_ros.workbench import arrays, proposing
 from signlin_ros.workbench.uploaded import opened
 
 Args = Mapping[str, Any]
 Say = Callable[[dict[str, Any]], None]
 Answer = dict[str, Any]
+BY_ROW = "1.0"
+"""What is said of the time of a record whose time is not known: that its rows are 1 apart."""
+PLOTS = 40
+"""So many columns are drawn."""
+FOUND = 50
+"""So many columns are told of those that were looked for."""
+ASKED = re.compile(r"say --signal '?t = ([^']+ \[\w+\])'")
+"""What the reader would say of a time whose unit it asks for."""
 
 
 def columns(args: Args, say: Say) -> Answer:
     """Return what a record holds: its columns with units and ranges, its length, what the reader noted.
 
-    ``texts``: columns of text, which a formula may use where they hold a direction.
+    ``texts``: columns of text, which a formula may use where they hold a direction. ``error``: why it cannot be read as
+    is said; ``untimed``: but for its time, so that the columns are shown over their rows. ``time``: from which columns
+    the time was read, and what the reader would say of it (``t [ms]``).
     """
-    record = _record(args["file"], args.get("time"))
-    found = [
-        {"name": name, "label": s.label or name, "unit": s.unit, **_range(s.values)}
-        for name, s in record.signals.items()
-    ]
+    file = args["file"]
+    try:
+        return _columns(_record(file, args.get("time")), "")
+    except (InputError, MissingExtraError) as error:
+        why = one_line(error)
+    try:
+        return _columns(_record(file, BY_ROW), why)
+    except (InputError, MissingExtraError):
+        nothing: Answer = {"columns": [], "texts": [], "notes": [], "samples": 0, "start": 0.0, "end": 0.0, "step": 0.0}
+        return {**nothing, "time": {"columns": [], "asked": ""}, "error": why, "untimed": False}
+
+
+def _columns(record: Record, error: str) -> Answer:
     step = float(np.median(np.diff(record.t))) if len(record) > 1 else 0.0
+    asked = (ASKED.search(note) for note in map(str, record.notes))
     return {
-        "columns": found,
+        "columns": [_column(name, s) for name, s in record.signals.items()],
         "samples": len(record),
         "start": float(record.t[0]),
         "end": float(record.t[-1]),
         "step": step,
         "notes": list(record.notes),
         "texts": [name for name, why in _left_out(record).items() if "infinite" not in why],
+        "time": {
+            "columns": [] if error else [s.label or name for name, s in record.clocks.items()],
+            "asked": next((found[1] for found in asked if found), ""),
+        },
+        "error": error,
+        "untimed": bool(error),
     }
+
+
+def _column(name: str, signal: Signal) -> Answer:
+    return {"name": name, "label": signal.label or name, "unit": signal.unit, **_range(signal.values)}
+
+
+def search(args: Args, say: Say) -> Answer:
+    """Return the columns whose names hold all words of ``args["filter"]``, at most `FOUND`, and how many there are."""
+    record = _shown(args)
+    words = str(args.get("filter") or "").lower().split()
+    named = [(name, s) for name, s in record.signals.items() if all(w in (s.label or name).lower() for w in words)]
+    return {"columns": [_column(name, s) for name, s in named[:FOUND]], "count": len(named)}
 
 
 def propose(args: Args, say: Say) -> Answer:
@@ -76,15 +114,31 @@ def _left_out(record: Record) -> dict[str, str]:
 
 
 def record_curves(args: Args, say: Say) -> Answer:
-    """Return the columns of a record between two times, few enough points to draw."""
-    record = _record(args["file"], args.get("time"))
-    curves = {name: s.values for name, s in record.signals.items()}
-    units = {name: s.unit for name, s in record.signals.items()}
+    """Return columns of a record between two times, few enough points to draw: those named by ``args["columns"]``, or
+    the first ones. ``rows``: over the rows, as there is no time.
+    """
+    record = _shown(args)
+    wanted = [str(label) for label in args.get("columns") or ()]
+    named = [(name, s) for name, s in record.signals.items() if not wanted or (s.label or name) in wanted]
     plots = [
-        {"name": name, "unit": units[name], **arrays.picture(record.t, {"recorded": y}, span(args), points(args))}
-        for name, y in curves.items()
+        {"name": name, "unit": s.unit, **arrays.picture(record.t, {"recorded": s.values}, span(args), points(args))}
+        for name, s in named[:PLOTS]
     ]
-    return {"plots": plots, "span": [float(record.t[0]), float(record.t[-1])]}
+    said = {"rows": args.get("time") != BY_ROW and bool(_fault(args)), "count": len(named)}
+    return {"plots": plots, "span": [float(record.t[0]), float(record.t[-1])], **said}
+
+
+def _shown(args: Args) -> Record:
+    """Return a record as it is shown: over its rows where its time is not known."""
+    return _record(args["file"], BY_ROW if _fault(args) else args.get("time"))
+
+
+def _fault(args: Args) -> str:
+    try:
+        _record(args["file"], args.get("time"))
+    except (InputError, MissingExtraError) as error:
+        return one_line(error)
+    return ""
 
 
 def _record(file: str, time: str | None = None) -> Record:
@@ -115,4 +169,4 @@ def points(args: Args) -> int:
     return int(min(max(args.get("points") or arrays.MOST, 10), arrays.MOST))
 
 
-__all__ = ["columns", "points", "propose", "record_curves", "span"]
+__all__ = ["BY_ROW", "columns", "points", "propose", "record_curves", "search", "span"]

@@ -26,7 +26,7 @@ from signlin_ros.files import BAGS, PACKED, TABLES, TEXT, write_text
 
 STORE = ".signlin"
 VERSION = 1
-ANSWERS = 2
+ANSWERS = 3
 """Version of what the worker answers: answers to another one are asked for anew."""
 MODELS = (".yaml", ".yml")
 RECORDS = (*TEXT, *TABLES, *BAGS, *PACKED)
@@ -171,6 +171,12 @@ class Project:
     def redo(self) -> None:
         """Take again what was taken back."""
         self._turn("future", "past")
+
+    def take_back(self) -> None:
+        """Take the last step back, for good."""
+        self.undo()
+        self.state["future"] = self.state["future"][:-1]
+        self._save()
 
     def _turn(self, source: str, target: str) -> None:
         if not self.state[source]:

@@ -20,24 +20,48 @@ from signlin_ros.records import Record
 
 Array = NDArray[np.float64]
 
+_VOLTAGE = ("voltage", "volt", "volts", "u", "v_in", "vin", "vm", "v_motor", "u_motor", "duty", "pwm", "cmd")
+_CURRENT = ("current", "i", "iq", "i_q", "i_a", "ia", "amps", "amp", "curr", "strom", "motorstrom", "courant")
+_SPEED = ("speed", "velocity", "vel", "omega", "w", "rpm", "dq", "qd", "qdot", "rate", "gyro", "drehzahl")
+_POSITION = ("position", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "counts", "winkel", "lage")
+_MOVED = ("displacement", "position", "pos", "x", "q", "stroke", "travel", "angle", "disp", "weg", "hub", "winkel")
+_FORCE = ("force", "f", "torque", "tau", "load_cell", "effort", "thrust", "kraft", "moment", "drehmoment")
 WORDS = {
-    "voltage": ("voltage", "volt", "volts", "u", "v_in", "vin", "vm", "v_motor", "u_motor", "duty", "pwm", "cmd"),
-    "current": ("current", "i", "iq", "i_q", "i_a", "ia", "amps", "amp", "curr"),
-    "speed": ("speed", "velocity", "vel", "omega", "w", "rpm", "dq", "qd", "qdot", "rate", "gyro"),
-    "velocity": ("velocity", "vel", "speed", "v", "dq", "qd", "qdot", "xdot", "dx"),
-    "position": ("position", "pos", "angle", "theta", "q", "phi", "enc", "encoder", "counts"),
-    "displacement": ("displacement", "position", "pos", "x", "q", "stroke", "travel", "angle", "disp"),
-    "force": ("force", "f", "torque", "tau", "load_cell", "effort", "thrust"),
-    "load_torque": ("load_torque", "t_l", "tl", "load"),
+    "voltage": (*_VOLTAGE, "spannung", "stellgroesse", "tension"),
+    "current": _CURRENT,
+    "speed": (*_SPEED, "geschwindigkeit", "winkelgeschwindigkeit", "vitesse"),
+    "velocity": ("velocity", "vel", "speed", "v", "dq", "qd", "qdot", "xdot", "dx", "geschwindigkeit", "vitesse"),
+    "position": _POSITION,
+    "displacement": _MOVED,
+    "force": _FORCE,
+    "load_torque": ("load_torque", "t_l", "tl", "load", "last", "lastmoment"),
     "hysteresis": ("hysteresis",),
 }
-"""How people call what the models call by these names."""
-WANTED = ("goal", "ref", "reference", "des", "desired", "target", "set", "setpoint", "cmd", "command")
+"""How people call what the models call by these names, in English and otherwise."""
+WANTED = (
+    "goal",
+    "ref",
+    "reference",
+    "des",
+    "desired",
+    "target",
+    "set",
+    "setpoint",
+    "cmd",
+    "command",
+    "soll",
+    "sollwert",
+)
 """In the name of a column that says what was asked for, not what came of it."""
 ALIKE = 0.9
 """Correlation of a derivative with a column from which on one is taken for the derivative of the other."""
+STILL = 3.0
+"""Points that a column loses which holds one value throughout: nothing moves in it."""
 CLEAR = 2.0
 """Points below which a likeness is not proposed: a name that is part of a column's, or a unit with half a name."""
+
+
+BY_NAME = "found by its name"
 
 
 def mapping(model: Model, records: Sequence[Record], given: Mapping[str, str]) -> list[dict[str, Any]]:
@@ -47,6 +71,8 @@ def mapping(model: Model, records: Sequence[Record], given: Mapping[str, str]) -
     taken = {row["column"] for row in rows if row["column"]}
     told = bool(model.signals)  # a model file that maps signals has said which ones it wants
     for row in rows:
+        if row["why"] == BY_NAME and not row["needed"] and _still(records, row["column"]):
+            _replace(row, records, taken)
         if row["column"] is None and row["signal"] not in given and (row["needed"] or not told):
             _propose(row, records, taken)
     if records and not told:
@@ -66,7 +92,7 @@ def _row(model: Model, name: str, records: Sequence[Record], given: Mapping[str,
         return {**row, "column": model.signals[name], "why": "as the model file says"}
     aliases = [a for a in ("position", "velocity", "effort") if _is(model, a, name)]
     column = _found(records, [name, *aliases])
-    return {**row, "column": column, "why": "found by its name" if column else "no column found"}
+    return {**row, "column": column, "why": BY_NAME if column else "no column found"}
 
 
 def _units(unit: str) -> list[str]:
@@ -94,10 +120,28 @@ def _found(records: Sequence[Record], names: Sequence[str]) -> str | None:
     return None
 
 
+def _still(records: Sequence[Record], label: str | None) -> bool:
+    """Tell whether a column holds one value throughout all records."""
+    keys = [next((k for k, s in r.signals.items() if (s.label or k) == label), None) for r in records]
+    values = [r.signals[key].values for r, key in zip(records, keys, strict=True) if key is not None]
+    return bool(values) and all(
+        float(np.nanmax(v, initial=-np.inf) - np.nanmin(v, initial=np.inf)) <= 0 for v in values
+    )
+
+
+def _replace(row: dict[str, Any], records: Sequence[Record], taken: set[str]) -> None:
+    """Put another column into a row whose own holds one value throughout, if one is as likely."""
+    own = row["column"]
+    _propose(row, records, taken)
+    if row["column"] != own:
+        row["why"] += f"; {own} holds one value throughout"
+
+
 def _propose(row: dict[str, Any], records: Sequence[Record], taken: set[str]) -> None:
     """Put the likeliest free column into a row."""
     common = [c for c in _common(records) if c[0] not in taken]
     scored = [(*_likeness(row, label, unit), label, unit) for label, unit in common]
+    scored = [(p - STILL * (p >= CLEAR and _still(records, label)), why, label, u) for p, why, label, u in scored]
     best = max(scored, default=None, key=lambda s: s[0])
     if best is None or best[0] < CLEAR:
         return

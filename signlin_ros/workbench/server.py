@@ -172,13 +172,17 @@ async def curves(request: Request) -> Response:
     return Response(await session.view.raw(verb, wanted), media_type="application/json")
 
 
+_RECORD = {"record": "record_curves", "search": "search"}
+
+
 def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[str, dict[str, Any]]:
     """Return verb and arguments of a view; files are named by the project, never by the page."""
     wanted = {k: args.get(k) for k in ("from", "to", "points", "stretch", "how", "at")}
     records = session.project.choices["records"]
-    if what == "record" and records:
+    if what in _RECORD and records:
         record = records[min(int(args.get("record") or 0), len(records) - 1)]
-        return "record_curves", {**wanted, **columns.asked_of(session, record)}
+        wanted |= {"columns": args.get("columns"), "filter": args.get("filter")}
+        return _RECORD[what], {**wanted, **columns.asked_of(session, record)}
     if what == "compare":
         asked = questions.question(session, "compare")
         key = session.project.key("compare", asked)

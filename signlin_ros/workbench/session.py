@@ -14,6 +14,7 @@ from signlin_ros.files import write_text
 from signlin_ros.workbench import columns, questions, stages
 from signlin_ros.workbench.lane import CancelledError, FaultError, Lane, RefusedError
 from signlin_ros.workbench.project import MODELS, Project
+from signlin_ros.workbench.shown import shown
 
 Args = dict[str, Any]
 Job = Callable[[], Coroutine[Any, Any, None]]
@@ -36,6 +37,7 @@ class Session:
         if self.project.interrupted:
             self.errors[self.project.interrupted["stage"]] = stages.interrupted(self.project.interrupted)
         self.shipped: list[dict[str, Any]] = []
+        self.forms: list[dict[str, Any]] = []
         self.tables: list[columns.Table] | None = None
         self.listeners: set[asyncio.Queue[dict[str, Any]]] = set()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -69,7 +71,7 @@ class Session:
 
     def shown(self) -> dict[str, Any]:
         """Return all that the page shows but curves."""
-        return stages.shown(self)
+        return shown(self)
 
     # ---------------------------------------------------------------- asking
 
@@ -155,7 +157,9 @@ class Session:
 
     async def models(self) -> list[dict[str, Any]]:
         """Return the shipped models."""
-        self.shipped = self.shipped or (await self.view.call("models", {}))["models"]
+        if not self.shipped:
+            found = await self.view.call("models", {})
+            self.shipped, self.forms = found["models"], found["forms"]
         return self.shipped
 
     async def _look_around(self) -> None:
@@ -235,10 +239,22 @@ class Session:
                 self.tell()
             await self._checked()
 
+    async def look_or_back(self, file: str) -> None:
+        """Read anew; where a record that could be read cannot be any more, take the last step back and say why."""
+        await self.look()
+        why = next((columns.fault(self, r) for r in self.project.choices["records"] if r["file"] == file), "")
+        if why:
+            self.project.take_back()
+            await self.look()
+            raise InputError(f"{why.replace(f'{self.project.place()}/', '')}. It is left as it was.")
+
     async def _guess_model(self) -> None:
         """Choose the shipped model whose inputs are all in the records, if one is."""
         for name in ("dc_motor", "mass_spring_damper", "force_element"):
-            asked = [columns.question(self, group, name) for group in columns.groups(self)]
+            known = [group for group in columns.groups(self) if columns.readable(self, group)]
+            if not known:
+                return
+            asked = [columns.question(self, group, name) for group in known]
             found = [await self.asked(self.view, "propose", one) for one in asked]
             if all(_sure(answer["mapping"]) for answer in found):
                 self.project.amend(model=name, guessed=True)
@@ -248,7 +264,8 @@ class Session:
         """Describe the model, and ask which columns of the records it is read from."""
         await self.asked(self.view, "describe", {"model": self.project.path(self.project.choices["model"])})
         for group in columns.groups(self):
-            await self.asked(self.view, "propose", columns.question(self, group))
+            if columns.readable(self, group):
+                await self.asked(self.view, "propose", columns.question(self, group))
 
     async def _checked(self) -> None:
         await self.asked(self.work, "check", questions.question(self, "check"))
@@ -268,10 +285,10 @@ class Session:
         await self.asked(self.work, "diagnose", step)
         self._done({"verb": "diagnose", **step})
 
-    async def add(self, effect: str) -> None:
+    async def add(self, effect: str, **more: Any) -> None:
         """Add an effect, fit it, and compare anew."""
         output = self.project.next_model()
-        asked = {**questions.question(self, "add"), "effect": effect, "output": self.project.path(output)}
+        asked = {**questions.question(self, "add"), "effect": effect, **more, "output": self.project.path(output)}
         with contextlib.ExitStack() as then:
             then.callback(self.project.release, output)
             await self.asked(self.work, "add", asked)
@@ -286,19 +303,42 @@ class Session:
         if step is not None and step not in path:
             self.project.amend(path=[*path, step])
 
+    async def learn(self, over: str) -> None:
+        """Learn what is missing as a curve over a coordinate, and compare anew."""
+        await self.add("learned_force", over=over)
+
+    async def refit(self) -> None:
+        """Make a model version of the numbers that fit the records for the fit best, and compare anew."""
+        output = self.project.next_model()
+        asked = {**questions.question(self, "diagnose"), "output": self.project.path(output)}
+        await self._set("refit", asked, output, "use the refitted values", self.work)
+
+    async def write(self, form: Args) -> None:
+        """Make a model file of the numbers of a data sheet, and read the records with it."""
+        output = self.project.next_model()
+        with contextlib.ExitStack() as then:
+            then.callback(self.project.release, output)
+            await self.view.call("written", {**form, "output": self.project.path(output)})
+        self.project.change("model from a data sheet", model=output, path=[], cures=[], guessed=False)
+        await self.look()
+
     # ---------------------------------------------------------------- use
 
     async def keep(self, values: dict[str, float]) -> None:
         """Make a model version of what the sliders say."""
         output, before = self.project.next_model(), self.project.path(self.project.choices["model"])
         args = {"model": before, "values": values, "output": self.project.path(output)}
+        await self._set("keep", args, output, "keep the sliders", self.view)
+
+    async def _set(self, verb: str, args: Args, output: str, label: str, lane: Lane) -> None:
+        """Make a model version of other numbers, and compare it."""
         with contextlib.ExitStack() as then:
             then.callback(self.project.release, output)
-            await self.view.call("keep", args)
-        text = Path(self.project.path(output)).read_text(encoding="utf-8")
-        step = {"verb": "set", "model": before, "data": [], "output": args["output"], "text": text}
+            await lane.call(verb, args, self._progress)
+        text = Path(args["output"]).read_text(encoding="utf-8")
+        step = {"verb": "set", "model": args["model"], "data": [], "output": args["output"], "text": text}
         path = [*self.project.choices["path"], step]
-        self.project.change("keep the sliders", model=output, path=path, guessed=False)
+        self.project.change(label, model=output, path=path, guessed=False)
         await self._map()
         await self._checked()
         await self.compare()

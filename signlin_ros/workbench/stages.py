@@ -1,14 +1,17 @@
-"""What the page shows of every stage: whether it is possible, its sentence, its command, what it found."""
+"""What the page shows of Record and Check: whether they are possible, sentence, command, what was found.
+
+A block is one stage: ``why`` it is not possible (empty where it is), whether it is ``done``, its ``sentence``, the
+``command`` that does the same, and what its renderer in ``static/stages.js`` needs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from signlin_ros.names import AS_GIVEN, REFITTED
 from signlin_ros.workbench import columns, commands
-from signlin_ros.workbench.questions import AS_THEY_ARE, asked_of, described, question, result, script
+from signlin_ros.workbench.questions import AS_THEY_ARE, question, result
+from signlin_ros.workbench.wording import on_page
 
 if TYPE_CHECKING:
     from signlin_ros.workbench.session import Session
@@ -21,6 +24,8 @@ TITLES = {
     "add": "Add",
     "use": "Use",
 }
+TIMED = "time_unit"
+"""The check that asks for the unit of the time."""
 EXCHANGED = "exchanged"
 """The check that finds columns mixed up."""
 LOOKED_FOR = (
@@ -40,7 +45,7 @@ ADVICE = {
 
 def advice(stage: str, what: str, code: bool = False) -> dict[str, str]:
     """Return what failed, and what to do; ``code``: a model names code that was not agreed to."""
-    return {"what": what, "do": "It runs with all your rights." if code else ADVICE[stage]}
+    return {"what": on_page(what), "do": "It runs with all your rights." if code else ADVICE[stage]}
 
 
 def interrupted(running: dict[str, str]) -> dict[str, str]:
@@ -49,66 +54,66 @@ def interrupted(running: dict[str, str]) -> dict[str, str]:
     return {"what": what, "do": "Nothing was changed by it, and nothing found; start it again when you like."}
 
 
-# -------------------------------------------------------------------- what is shown
-
-
-def shown(s: Session) -> dict[str, Any]:
-    """Return the whole state of the page."""
-    p, c = s.project, s.project.choices
-    past, future = p.state["past"], p.state["future"]
-    with columns.still(s):
-        blocks = [f(s) for f in (_record, _check, _compare, _diagnose, _add, _use)]
-        mapping = columns.tables(s)
-    for block in blocks:
-        block["title"] = TITLES[block["id"]]
-        block["error"] = s.errors.get(block["id"]) or block.get("error")
-    return {
-        "id": p.id,
-        "serial": s.serial,
-        "folder": p.place(),
-        "busy": s.busy,
-        "code": s.code,
-        "undo": past[-1]["label"] if past else None,
-        "redo": future[-1]["label"] if future else None,
-        "model": described(s),
-        "model_name": Path(c["model"]).name if c["model"] else None,
-        "shipped": s.shipped,
-        "records": [_record_shown(s, r) for r in c["records"]],
-        "mapping": mapping,
-        "stages": blocks,
-    }
-
-
-def _record_shown(s: Session, record: dict[str, str]) -> dict[str, Any]:
-    found = columns.read(s, record)
-    return {**record, "name": Path(record["file"]).name, "path": s.project.path(record["file"]), "found": found}
-
-
-def _block(stage: str, why: str, done: bool, sentence: str, command: str = "", **more: Any) -> dict[str, Any]:
+def block(stage: str, why: str, done: bool, sentence: str, command: str = "", **more: Any) -> dict[str, Any]:
+    """Return what the page shows of a stage."""
     return {"id": stage, "why": why, "done": done, "sentence": sentence, "command": command, **more}
 
 
-def _record(s: Session) -> dict[str, Any]:
+def record(s: Session) -> dict[str, Any]:
+    """Return what the page shows of Record."""
     records = s.project.choices["records"]
-    read = [found for r in records if (found := columns.read(s, r))]
+    read = [found for r in records if (found := columns.read(s, r)) and found["columns"]]
     if not records:
-        return _block("record", "", False, "Drop a record: a table of time, what drives the machine, how it moves.")
+        return block("record", "", False, "Drop a record: a table of time, what drives the machine, how it moves.")
     samples, seconds = sum(f["samples"] for f in read), sum(f["end"] - f["start"] for f in read)
     count = f"{len(records)} record{'s' if len(records) > 1 else ''}"
-    text = f"{count}, {samples:,} samples, {seconds:.4g} s. "
-    wrong, lacking = _first(s, columns.wrong), _first(s, columns.lacks)
-    if s.project.choices["model"] is None:
+    timed = not any(columns.fault(s, r) for r in records)
+    text = f"{count}, {samples:,} samples, {seconds:.4g} s. " if timed else f"{count}. "
+    asked = _asked(s)
+    wrong, lacking = _unreadable(s) or ("" if asked else _first(s, columns.wrong)), _first(s, columns.lacks)
+    if not timed:
+        text += "One cannot be read as it is." if len(records) > 1 else "It cannot be read as it is."
+    elif asked:
+        name, _, unit = asked.rpartition(" [")
+        text = f"{count}, {samples:,} samples. Is the time {name} in {unit.rstrip(']')}? In s it would be {seconds:,.0f} s."
+    elif s.project.choices["model"] is None:
         text += "Choose a model for it."
     elif wrong:
         text += "The columns cannot be read as they are mapped."
     elif lacking:
         text += lacking
     elif columns.complete(s):
-        text += "All that the model needs is there."
+        text += f"All that the model needs is there.{_left_over(s)}"
     if s.project.choices.get("guessed") and s.project.choices["model"]:
         text += f" {_example(s)} Drop the model file of your machine, or choose another one."
     done, error = columns.complete(s), advice("record", wrong) if wrong else None
-    return _block("record", "", done, text, needs=not done, lacking=bool(wrong or lacking), error=error)
+    return block(
+        "record", "", done, text, needs=not done, lacking=bool(wrong or lacking or asked), error=error, asked=asked
+    )
+
+
+def _asked(s: Session) -> str:
+    """Return how the time of records would be read whose unit the reader asks for (``t [ms]``); empty where none is."""
+    return next((t["clock"]["asked"] for t in columns.tables(s) if t["clock"]["asked"] and not t["time"]), "")
+
+
+def _unreadable(s: Session) -> str:
+    """Return why the first record that cannot be read cannot; empty where all can."""
+    faults = (columns.fault(s, r) for r in s.project.choices["records"])
+    return next((text.replace(f"{s.project.place()}/", "") for text in faults if text), "")
+
+
+def _left_over(s: Session) -> str:
+    """Return which channels of the model have no column though columns are left over, so that a miss is seen."""
+    for table in columns.tables(s):
+        names = {c["label"] for c in table["columns"]}
+        used = " ".join(str(r["column"]) for r in table["rows"] if r["column"])
+        free = [name for name in names if name not in used and name.split(" [")[0] not in used]
+        lacking = [r["signal"].replace("_", " ") for r in table["rows"] if not r["column"] and not r["set"]]
+        if lacking and free and table["count"] <= columns.MOST:
+            shown = ", ".join(sorted(free)[:6]) + (" ..." if len(free) > 6 else "")
+            return f" Not measured, as it is mapped: {', '.join(lacking)}; columns not used: {shown}."
+    return ""
 
 
 def _first(s: Session, what: Callable[[columns.Table], str]) -> str:
@@ -127,14 +132,18 @@ def _example(s: Session) -> str:
     return f"The model is the shipped example {name}, which has the signals of the record: its numbers are not yours."
 
 
-def _before(s: Session) -> str:
+def before(s: Session) -> str:
     """Return why nothing can be done with the record yet."""
     if not s.project.choices["records"]:
         return "Drop a record first."
     if s.project.choices["model"] is None:
         return "Choose a model first."
+    if _unreadable(s):
+        return "A record cannot be read: see Record."
     if changed(s):
         return "The files have changed: open the page anew to read them again."
+    if _asked(s):
+        return "In which unit is the time? See Record."
     return "" if columns.complete(s) else "The mapping is not complete: see Record."
 
 
@@ -143,22 +152,24 @@ def changed(s: Session) -> bool:
     return s.busy is None and any(columns.read(s, record) is None for record in s.project.choices["records"])
 
 
-def _check(s: Session) -> dict[str, Any]:
-    why = _before(s)
+def check(s: Session) -> dict[str, Any]:
+    """Return what the page shows of Check."""
+    why = before(s)
     if why:
-        return _block("check", why, False, "")
+        return block("check", why, False, "")
     asked = question(s, "check")
     found = result(s, "check", asked)
     files = {"data": [*asked["data"], *asked["validation"]], "validation": []}
     command = commands.command({"verb": "check", **asked, **files})
     if found is None:
-        return _block("check", "", False, "Not checked yet.", command)
-    findings = [{**f, "remap": remap} for f, remap in zip(found["json"]["findings"], _remaps(s, found), strict=True)]
+        return block("check", "", False, "Not checked yet.", command)
+    pairs = zip(found["json"]["findings"], _remaps(s, found), strict=True)
+    findings = [{**f, "sentence": on_page(f["sentence"]), "remap": remap} for f, remap in pairs]
     cures = s.project.choices["cures"]
     done = AS_THEY_ARE in cures or not any(f["severity"] == "refuse" and not f.get("applied") for f in findings)
     text = _checked(findings) + _named(s) + _whose_numbers(s, findings)
     more = {"findings": findings, "cures": cures, "looked": _looked(s), "needs": not done}
-    return _block("check", "", done, text, command, **more)
+    return block("check", "", done, text, command, **more)
 
 
 def _named(s: Session) -> str:
@@ -178,9 +189,18 @@ def _remap(s: Session, finding: dict[str, Any], direction: dict[str, str] | None
     table = columns.of(s, finding["record"])
     if table is None or finding["applied"]:
         return None
+    if finding["check"] == TIMED and not finding["cure"]:
+        asked = table["clock"]["asked"]
+        return {"files": table["files"], "signals": {columns.TIME: asked}, "says": _read_as(asked)} if asked else None
     mixed = finding["check"] == EXCHANGED
     signals = columns.exchanged(table, finding["channel"].split(", ")) if mixed else direction
     return {"files": table["files"], "signals": signals} if signals else None
+
+
+def _read_as(asked: str) -> str:
+    """Return the button that reads ``t [ms]``."""
+    name, _, unit = asked.rpartition(" [")
+    return f"Read {name} as {unit.rstrip(']')}"
 
 
 def _looked(s: Session) -> list[str]:
@@ -208,180 +228,15 @@ def _checked(findings: list[dict[str, Any]]) -> str:
     return "Nothing forbids to go on." if findings else "Nothing was found wrong."
 
 
-def _checked_first(s: Session) -> str:
+def checked_first(s: Session) -> str:
     """Return why a conclusion cannot be drawn yet."""
-    why = _before(s)
+    why = before(s)
     if why:
         return why
-    check = _check(s)
-    if check["done"]:
+    first = check(s)
+    if first["done"]:
         return ""
-    return "Check comes first: see there what is to be cured." if "findings" in check else "Check comes first."
+    return "Check comes first: see there what is to be cured." if "findings" in first else "Check comes first."
 
 
-def _compare(s: Session) -> dict[str, Any]:
-    why = _checked_first(s)
-    if why:
-        return _block("compare", why, False, "")
-    asked = question(s, "compare")
-    found, command = result(s, "compare", asked), commands.command({"verb": "compare", **asked})
-    if found is None:
-        return _block("compare", "", False, "Model and measurement, on top of each other.", command)
-    key = s.project.key("compare", asked)
-    text = f"{found['lost']}{_mixed_up(s)}" if found["lost"] else _compared(found["json"])
-    return _block("compare", "", True, text, command, result=found, key=key, lost=bool(found["lost"]))
-
-
-def _mixed_up(s: Session) -> str:
-    """Return what the check says of columns that are mixed up; empty where it says nothing."""
-    told = [f["sentence"] for f in _check(s).get("findings", ()) if f["check"] == EXCHANGED and not f["applied"]]
-    return f" The check: {told[0]}" if told else ""
-
-
-def _compared(content: dict[str, Any]) -> str:
-    names = ", ".join(dict.fromkeys(Path(d).name for d in content["data"]))
-    first = content.get("first_rows")
-    scored = {n: c["windowed"] or c["free_run"] for n, c in content["channels"].items()}
-    if first:
-        scored = {n: s for n, s in first["given"]["validation"].items() if n != "score"}
-    scored = {n: x for n, x in scored.items() if x and x["rmse_over_noise"] is not None}
-    if not scored:
-        return f"On {names} nothing can be scored: see the notes."
-    worst = max(scored, key=lambda n: scored[n]["rmse_over_noise"])
-    ratio = scored[worst]["rmse_over_noise"]
-    ahead = f"over the next {(first or content)['horizon']:g} s (the model's update_period)"
-    ahead += ", on the last third, held out," if first else ""
-    if ratio < 1.1:
-        return f"On {names} every prediction {ahead} is no further off than the noise."
-    where = f" Most of the error: {content['where'][0]['region']}." if content["where"] else ""
-    return f"On {names} the {worst} predicted {ahead} is off by {ratio:.3g} times the noise.{where}"
-
-
-def _diagnose(s: Session) -> dict[str, Any]:
-    why = _checked_first(s)
-    if why:
-        return _block("diagnose", why, False, "")
-    asked = question(s, "diagnose")
-    found, command = result(s, "diagnose", asked), commands.command({"verb": "diagnose", **asked})
-    if found is None:
-        judge = "the record that no fit sees decides" if asked["validation"] else "the last third, held out, decides"
-        text = f"Which effect is missing? All of the catalogue compete; {judge}."
-        if _added(s):
-            text = "Ask again: does the model lack anything else now?"
-        return _block("diagnose", "", False, text, command)
-    content = found["json"]
-    text = f"{content['verdict'].capitalize()}: {content['sentence']}"
-    return _block("diagnose", "", True, text, command, result=found, unseen=_unseen(s))
-
-
-def _unseen(s: Session) -> str:
-    """Return in words what the unseen data are."""
-    files = [Path(file).name for file in s.project.files("validation")]
-    return ", ".join(files) if files else "the last third of the record, held out"
-
-
-def _add(s: Session) -> dict[str, Any]:
-    why = _checked_first(s)
-    if why:
-        return _block("add", why, False, "")
-    diagnosis, added = _last(s, "diagnose"), _added(s)
-    offers = _offers(s, diagnosis)
-    last = added[-1] if added else None
-    text = "Diagnose first: it says what to add. Parameters can be moved by hand already."
-    if diagnosis is not None:
-        text = "Add the effect that is missing, and watch the error on unseen data."
-        if not offers:
-            text = "Nothing is named that the model does not have. Another effect may be added all the same."
-    if last is not None:
-        text = last["json"]["sentence"]
-    command = commands.command(last["step"]) if last else ""
-    if not command and offers:
-        command = commands.command({"verb": "add", **question(s, "add"), "effect": offers[0], "output": "NEW.yaml"})
-    fitted = last["json"]["parameters"] if last else {}
-    std = {name: p["std"] for name, p in fitted.items() if p.get("std")}
-    more: dict[str, Any] = {"std": std, "offers": offers, "ladder": _ladder(added), "others": _others(s, diagnosis)}
-    more |= {"result": last["found"] if last else None, "unseen": _unseen(s)}
-    return _block("add", "", bool(added), text, command, **more)
-
-
-def _last(s: Session, verb: str) -> Any:
-    """Return the last result of a verb on the way to this model."""
-    for done in reversed(s.project.choices["path"]):
-        if done["verb"] == verb:
-            return result(s, verb, asked_of(done))
-    return None
-
-
-def _added(s: Session) -> list[dict[str, Any]]:
-    found = []
-    for done in s.project.choices["path"]:
-        answer = result(s, "add", asked_of(done)) if done["verb"] == "add" else None
-        if answer is not None:
-            found.append({"json": answer["json"], "step": done, "found": answer})
-    return found
-
-
-def _offers(s: Session, diagnosis: Any) -> list[str]:
-    """Return the effects that the last diagnosis names and the model does not have yet."""
-    if diagnosis is None:
-        return []
-    model = described(s)
-    there = model["effects"] if model else []
-    content = diagnosis["json"]
-    named = [*content["ladder"][-1]["effects"]]
-    named += [e["effect"] for e in content["ranking"] if e["status"] == "confirmed" and e["effect"] not in named]
-    return [name for name in named if name not in there]
-
-
-def _others(s: Session, diagnosis: Any) -> list[str]:
-    """Return what else may be added, best first."""
-    if diagnosis is None:
-        return []
-    model = described(s)
-    there = [*(model["effects"] if model else []), *_offers(s, diagnosis)]
-    ranked = [e["effect"] for e in diagnosis["json"]["ranking"] if e["status"] != "not_applicable"]
-    return [name for name in ranked if name not in there]
-
-
-def _ladder(added: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return what is left on unseen data before and after every addition: of the motion, and of the force."""
-    rungs = []
-    for k, one in enumerate(added):
-        given, ladder = one["json"]["given"], one["json"]["ladder"]
-        if k == 0:
-            rungs += [_shown(AS_GIVEN, given)] if given else []
-            rungs.append(_shown(REFITTED if given else AS_GIVEN, ladder[0]))
-        rungs.append(_shown(f"+ {one['step']['effect'].replace('_', ' ')}", ladder[-1]))
-    return rungs
-
-
-def _shown(label: str, rung: dict[str, Any]) -> dict[str, Any]:
-    """Return a rung as the page draws it."""
-    left, over = rung["missing_force_percent"], rung.get("missing_force_over_noise")
-    force = None if left is None else {"rmse": left, "rmse_over_noise": over}
-    return {"label": label, "validation": rung["validation"], "force": force}
-
-
-def _use(s: Session) -> dict[str, Any]:
-    why = _before(s)
-    if why:
-        return _block("use", why, False, "")
-    folder = s.project.folder / "export"
-    there = [n for n in ("model.yaml", "report.html", "replay.sh") if (folder / n).is_file()]
-    done = bool(s.project.choices.get("exported")) and bool(there)
-    model = s.project.place("export/model.yaml") if done else _launched(s)
-    text = "Take the model, the report, and the script of what was done."
-    text = f"Written to {s.project.place('export')}." if done else text
-    files = there if done else []
-    return _block("use", "", done, text, commands.launch_line(model), files=files, script=script(s))
-
-
-def _launched(s: Session) -> str:
-    """Return the file of the model, also where it was chosen by the name of a shipped one."""
-    found = described(s)
-    if found and Path(found["file"]).is_absolute():
-        return s.project.path(found["file"])
-    return str(found["file"] if found else s.project.path(s.project.choices["model"]))
-
-
-__all__ = ["advice", "changed", "shown"]
+__all__ = ["EXCHANGED", "advice", "before", "block", "changed", "check", "checked_first", "interrupted", "record"]

@@ -42,6 +42,7 @@ def _parameter(name: str, par: Any, model: Model) -> dict[str, Any]:
         "value": value,
         "unit": par.unit,
         "doc": par.doc,
+        "range": par.range_text(),
         "from": low,
         "to": min(high, par.high),
         **bounds,

@@ -139,9 +139,9 @@ def test_what_the_check_found_decides_whether_one_may_go_on(
     choices = {"cures": cures, "records": [], "model": "dc_motor"}
     project = SimpleNamespace(choices=choices, files=lambda _: ["a.csv"], path=str)
     session: Any = SimpleNamespace(project=project, tables=None)
-    monkeypatch.setattr(stages, "_before", lambda _: "")
+    monkeypatch.setattr(stages, "before", lambda _: "")
     monkeypatch.setattr(stages, "result", lambda *_: found)
-    block = stages._check(session)
+    block = stages.check(session)
     assert block["done"] is done
     assert says in block["sentence"]
 

@@ -45,7 +45,7 @@ async function go(name, args) {
     if (name === "files") await take(args);
     else await api.act(name, args ?? {});
   } catch (error) {
-    const place = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", trust: "record", sample: "record", files: "record", cure: "check", keep: "add", export: "use" }[name] ?? name;
+    const place = { map_signal: "record", remap: "check", apart: "record", model: "record", role: "record", drop: "record", trust: "record", write: "record", sample: "record", files: "record", cure: "check", keep: "add", learn: "add", refit: "compare", export: "use" }[name] ?? name;
     trouble[place in RENDER ? place : "record"] = error.message;
     say(error.message);
   }
@@ -72,9 +72,23 @@ async function take(files) {
 
 // -------------------------------------------------------------------- drawing
 
+// What is looked at stays where it is while what stands above it changes its height.
+function anchored(change) {
+  const found = document.elementsFromPoint(innerWidth / 2, Math.min(innerHeight * 0.4, 400)).map((e) => e.closest("[id]"));
+  const mark = found.find((e) => e?.closest("section.stage")) ?? document.activeElement?.closest("section.stage [id]");
+  const [id, top, home] = [mark?.id, mark?.getBoundingClientRect().top, mark?.closest("section.stage")?.id];
+  change();
+  const again = (id && document.getElementById(id)) || (home && document.getElementById(home));
+  if (!again || scrollY === 0) return;
+  const moved = again.getBoundingClientRect().top - top;
+  if (again.id === id && Math.abs(moved) > 1) scrollBy({ top: moved, behavior: "instant" });
+}
+
 function draw() {
   if (!state) return;
-  for (const block of state.stages) stage(block);
+  anchored(() => {
+    for (const block of state.stages) stage(block);
+  });
   document.getElementById("loading")?.remove();
   const busy = Boolean(state.busy);
   if (!busy && wasBusy) say("Done.");
@@ -101,11 +115,15 @@ function stage(block) {
   section.dataset.busy = working;
   fill(section.querySelector(".head"), head(block, working));
   const body = section.querySelector(".body");
+  body.style.minHeight = state.busy || settling(body) ? `${body.offsetHeight}px` : ""; // nothing jumps while it is worked out
   for (const d of body.querySelectorAll("details[id]")) opened.set(d.id, d.open);
   if (!typing(body)) fill(body, block.why ? null : RENDER[block.id](block, state, go));
   for (const d of body.querySelectorAll("details[id]")) if (opened.has(d.id)) d.open = opened.get(d.id) || (d.open && d.id === "mapping");
   fill(section.querySelector(".foot"), next(block));
 }
+
+// Whether pictures are still to come.
+const settling = (body) => Boolean(body.querySelector(".plots:not([data-drawn])"));
 
 // Whether somebody types there.
 function typing(body) {
@@ -117,7 +135,7 @@ function head(block, working) {
   const error = trouble[block.id] ? { what: trouble[block.id], do: "" } : block.error;
   const can = DO[block.id] && !block.why && !working && !checked(block);
   const fresh = can && !block.done;
-  const offered = state.stages.some((b) => b.offers?.length > 0); // then adding is what comes next
+  const offered = state.stages.some((b) => b.sure && b.offers?.length > 0); // then adding is what comes next
   const first = !offered && state.stages.find((b) => !b.done && !b.why)?.id === block.id;
   return [
     h("div", { class: "title" }, h("h2", { id: `stage-${block.id}-title` }, block.title),

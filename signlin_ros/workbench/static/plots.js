@@ -72,6 +72,7 @@ export class Stack {
     this.drawn += 1;
     this.element.dataset.points = this.points;
     this.element.dataset.drawn = this.drawn;
+    this.element.style.minHeight = "";
   }
 
   scale(u) {

@@ -18,8 +18,10 @@ export function restyle() {
 function plots(place, key, ask, rows) {
   const held = stacks.get(place);
   if (held?.key === key) return held.stack.element;
+  const room = held?.stack.element.offsetHeight ?? 0; // kept until the new ones are drawn
   held?.stack.clear();
   const stack = new Stack(h("div", { id: `plots-${place}` }), ask, rows);
+  if (room) stack.element.style.minHeight = `${room}px`;
   stacks.set(place, { key, stack });
   requestAnimationFrame(() => stack.load([null, null]).catch((e) => fill(stack.element, h("p", { class: "error" }, e.message))));
   return stack.element;
@@ -49,12 +51,16 @@ function record(block, state, go) {
     h("div", { class: "row center" }, chooser, h("button", { id: "choose", onclick: () => chooser.click() }, "Choose files"),
       h("button", { id: "sample", onclick: () => go("sample") }, "Try the sample")));
   const small = state.records.length > 0;
+  const clock = state.mapping.find((t) => t.clock.asked && !t.time);
+  const reads = clock && [...new Set([clock.clock.asked, `${clock.clock.asked.split(" [")[0]} [s]`])];
   return [
     state.code.length > 0 && strange(state.code, go),
+    clock && h("div", { class: "row", id: "time-asked" }, reads.map((spec, k) => h("button", { id: k ? "read-as-s" : "read-as", class: k ? "" : "primary", disabled: Boolean(state.busy), onclick: () => go("map_signal", { file: clock.files[0], signal: "t", formula: spec }) }, `Read ${spec.split(" [")[0]} as ${/\[(\w+)\]/.exec(spec)?.[1]}`))),
     small ? h("details", { id: "more-records" }, h("summary", {}, "Add records, or another model"), drop) : drop,
     models(state, go),
     small && records(state, go),
-    small && state.records.some((r) => r.found) && recorded(state),
+    small && !state.busy && state.records.some((r) => !r.found) && h("div", { class: "row" }, h("button", { id: "read-again", onclick: () => go("check") }, "Read again")),
+    small && state.records.some((r) => r.found && (r.found.untimed || !r.found.error)) && recorded(state),
     state.mapping.length > 0 && mapping(state, block.lacking, go),
   ];
 }
@@ -73,7 +79,33 @@ function models(state, go) {
     state.shipped.map((m) => h("option", { value: m.name }, `${m.name}: ${m.summary}`)));
   const effects = state.model?.effects.length ? ` with ${state.model.effects.map(words).join(", ")}` : "";
   return h("div", { class: "row" }, h("label", { for: "model" }, "Model"), select,
-    state.model && h("span", { class: "quiet" }, `${words(state.model.plant)}${effects}`));
+    state.model && h("span", { class: "quiet" }, `${words(state.model.plant)}${effects}`),
+    h("details", { id: "sheet" }, h("summary", {}, "No model file? From a data sheet"), sheets(state, go)));
+}
+
+// Numbers of a data sheet, of which a model file is made; what is typed stays until it is taken.
+const typed = new Map();
+let form = "motor";
+
+function sheets(state, go) {
+  if (!state.forms?.length) return null;
+  const holder = h("div", { class: "sheet" });
+  const keep = (key) => (e) => typed.set(key, e.target.value);
+  const held = (key, value) => (typed.has(key) ? typed.get(key) : value);
+  const draw = () => {
+    const own = state.forms.find((f) => f.id === form) ?? state.forms[0];
+    const take = () => go("write", { form: own.id, values: Object.fromEntries(own.fields.map((f) => [f.name, [held(`${own.id} ${f.name}`, f.start), held(`${own.id} ${f.name} unit`, f.units[0])]])) });
+    fill(holder,
+      h("div", { class: "row" }, h("label", { for: "form" }, "What it is"), h("select", { id: "form", onchange: (e) => { form = e.target.value; draw(); } }, state.forms.map((f) => h("option", { value: f.id, selected: f.id === own.id }, f.title)))),
+      h("div", { class: "fields" }, own.fields.map((f) => [
+        h("label", { for: `form-${f.name}` }, h("b", {}, f.name), h("br"), h("span", { class: "quiet" }, f.doc)),
+        h("input", { type: "text", inputmode: "decimal", id: `form-${f.name}`, value: held(`${own.id} ${f.name}`, f.start), title: f.least, autocomplete: "off", oninput: keep(`${own.id} ${f.name}`) }),
+        h("select", { id: `form-unit-${f.name}`, "aria-label": `Unit of ${f.name}`, onchange: keep(`${own.id} ${f.name} unit`) }, f.units.map((u) => h("option", { value: u, selected: u === held(`${own.id} ${f.name} unit`, f.units[0]) }, u)))])),
+      h("div", { class: "row" }, h("button", { id: "write", disabled: Boolean(state.busy), onclick: take }, "Make the model file"),
+        h("span", { class: "quiet" }, "Roughly right is enough: 20 % off is allowed for, and Compare fits them anew.")));
+  };
+  draw();
+  return holder;
 }
 
 function records(state, go) {
@@ -84,9 +116,9 @@ function records(state, go) {
   const row = (r) => h("tr", {},
     h("td", { class: "name" }, r.name),
     h("td", {}, role(r), only && h("div", { class: "quiet" }, "but its last third")),
-    h("td", { class: "number" }, r.found ? r.found.samples.toLocaleString("en") : "reading ..."),
-    h("td", { class: "number" }, r.found ? `${number(r.found.end - r.found.start, 4)} s` : ""),
-    h("td", { class: "number" }, r.found ? `${number(1 / r.found.step, 4)} Hz` : ""),
+    h("td", { class: "number" }, !r.found ? (state.busy ? "reading ..." : "not read") : r.found.error && !r.found.untimed ? "cannot be read" : r.found.samples.toLocaleString("en")),
+    h("td", { class: "number" }, r.found && !r.found.error ? `${number(r.found.end - r.found.start, 4)} s` : ""),
+    h("td", { class: "number" }, r.found && !r.found.error ? `${number(1 / r.found.step, 4)} Hz` : ""),
     h("td", {}, r.found?.notes.join("; ")),
     h("td", {}, h("button", { class: "small", id: `drop-${r.file}`, "aria-label": `Take out ${r.name}`, onclick: () => go("drop", { file: r.file }) }, "Take out")));
   return h("table", {}, h("thead", {}, h("tr", {}, ["record", "used", "samples", "length", "rate", "noted", ""].map((t, i) => h("th", { class: i > 1 && i < 5 ? "number" : "", scope: "col" }, t)))),
@@ -98,20 +130,64 @@ function recorded(state) {
   const r = state.records[picked];
   const choose = state.records.length > 1 && h("div", { class: "row", role: "group", "aria-label": "Which record is shown" },
     state.records.map((one, k) => h("button", { class: "small", "aria-pressed": k === picked, id: `see-${k}`, onclick: (e) => { picked = k; show(e.target); } }, one.name)));
-  const own = state.mapping.find((table) => table.files.includes(r.file))?.rows ?? [];
+  const table = state.mapping.find((one) => one.files.includes(r.file));
+  const own = table?.rows ?? [];
   const units = Object.fromEntries(own.filter((m) => m.column).map((m) => [m.column, m.unit]));
+  const few = !table || table.count <= FEW;
+  const seen = () => (few ? [] : [...new Set([...(table.columns.filter((c) => own.some((m) => m.column?.includes(c.label.split(" [")[0]))).map((c) => c.label)), ...(picks.get(r.file) ?? [])])]);
   const ask = async (span) => {
-    const found = await api.show("record", { ...span, record: picked });
+    const found = await api.show("record", { ...span, record: picked, columns: seen() });
     for (const p of found.plots) p.unit ||= units[p.name] ?? "unit?";
     return found;
   };
-  const draw = () => plots("record", `${state.records[picked].path} ${picked} ${JSON.stringify(units)}`, ask, RAW);
+  const draw = () => plots("record", `${state.records[picked].path} ${picked} ${JSON.stringify([units, seen(), r.found?.error])}`, ask, RAW);
   const holder = h("div", {}, r.found ? draw() : null);
   const show = (button) => {
     fill(holder, draw());
     for (const b of button.parentNode.children) b.setAttribute("aria-pressed", b === button);
   };
-  return h("details", { open: true, id: "recorded" }, h("summary", {}, "What was recorded"), choose, holder);
+  return h("details", { open: true, id: "recorded" }, h("summary", {}, "What was recorded"), choose,
+    r.found?.untimed && h("p", { class: "quiet" }, "Over the rows, as long as the time is not known."),
+    !few && others(table, r, () => fill(holder, draw())), holder);
+}
+
+const FEW = 16; // columns that are all drawn
+const picks = new Map(); // columns that are drawn beside the mapped ones, by record
+const filters = new Map();
+
+// The other columns of a wide record: looked for by words, a tree by the parts of their names, drawn when ticked.
+function others(table, r, redraw) {
+  const own = picks.get(r.file) ?? picks.set(r.file, new Set()).get(r.file);
+  const list = h("div", { class: "tree", id: "tree" });
+  const tick = (c) => h("label", {}, h("input", { type: "checkbox", id: `see-column-${c.label}`, ...(own.has(c.label) ? { checked: true } : {}), onchange: (e) => { e.target.checked ? own.add(c.label) : own.delete(c.label); redraw(); } }), ` ${c.label}: ${range(c)}`);
+  const find = latestOnly(async (text) => {
+    filters.set(r.file, text);
+    const found = text.trim() ? await api.show("search", { record: picked, filter: text }) : { columns: table.columns.filter((c) => own.has(c.label)), count: table.count };
+    const groups = Map.groupBy ? Map.groupBy(found.columns, (c) => branch(c.label)) : grouped(found.columns);
+    fill(list, [...groups].map(([name, cs]) => (name ? h("details", { open: true }, h("summary", {}, name), cs.map(tick)) : cs.map(tick))),
+      text.trim() && found.count > found.columns.length && h("p", { class: "quiet" }, `${found.count - found.columns.length} more: write more of the name.`));
+  });
+  const field = h("input", { type: "search", id: "find-column", placeholder: `one of ${table.count} columns`, value: filters.get(r.file) ?? "", "aria-label": "Find a column by parts of its name", oninput: (e) => find(e.target.value) });
+  find(filters.get(r.file) ?? "");
+  return h("div", {}, h("div", { class: "row" }, h("label", { for: "find-column" }, "Drawn are the mapped columns, and"), field), list);
+}
+
+const branch = (label) => (/[/.]/.test(label) ? label.split(" [")[0].replace(/[/.][^/.]*$/, "") : "");
+
+function grouped(columns) {
+  const found = new Map();
+  for (const c of columns) found.set(branch(c.label), [...(found.get(branch(c.label)) ?? []), c]);
+  return found;
+}
+
+// Only the answer to the last question is used.
+function latestOnly(ask) {
+  let turn = 0;
+  return async (text) => {
+    const mine = ++turn;
+    await new Promise((go) => setTimeout(go, 120));
+    if (mine === turn) await ask(text).catch(() => null);
+  };
 }
 
 // A table for each group of records that have the same columns; ids of all but the first end in its number.
@@ -170,9 +246,24 @@ function field(id, label, value, placeholder, take) {
 
 // What the time is, where the reader is to be told.
 function time(table, end, map) {
-  return h("tr", {}, h("td", {}, h("b", {}, "time"), unit("s")), h("td", { class: "quiet", colspan: 4 }, table.time ? "" : "as it was read; a column, a formula, or the s from row to row"),
-    h("td", {}, field(`formula-t${end}`, "Column or formula of the time", table.time, "stamp [ms]", (text) => map("t", { formula: text }))),
-    h("td", { class: "quiet" }, table.time ? "as you set it" : "found by the reader"));
+  const stated = /^(.*\S)\s*\[([^\]]*)\]$/.exec(table.time);
+  const labels = [...new Set([...table.clock.columns, ...table.columns.map((c) => c.label)])];
+  const bare = (label) => label.split(" [")[0];
+  const now = stated ? stated[1] : table.time || table.clock.columns[0] || "";
+  const own = labels.find((l) => l === now || bare(l) === now);
+  const formula = Boolean(table.time) && !own;
+  const said = stated?.[2] ?? /\[([^\]]+)\]/.exec(own ?? "")?.[1] ?? "";
+  const send = (column, u) => map("t", { formula: column ? `${bare(column)}${u ? ` [${u}]` : ""}` : "" });
+  const asked = table.clock.asked;
+  return h("tr", {}, h("td", {}, h("b", {}, "time"), unit("s"), h("br"), h("span", { class: "quiet" }, "when it was measured")),
+    h("td", {}, h("select", { id: `map-t${end}`, "aria-label": "Column of the time", onchange: (e) => send(e.target.value, said) },
+      h("option", { value: "", selected: !own }, formula ? "by the formula" : "choose a column ..."),
+      labels.map((l) => h("option", { value: l, selected: l === own }, l)))),
+    h("td", {}, h("select", { id: `unit-t${end}`, disabled: !own, "aria-label": "Unit of the time", onchange: (e) => send(own, e.target.value) },
+      [...new Set([said || "s", "s", "ms", "us", "ns", "min"])].map((u) => h("option", { value: u, selected: u === (said || "s") }, u)))),
+    h("td", { colspan: 2 }, asked && h("button", { class: "small primary", id: `read-t${end}`, onclick: () => map("t", { formula: asked }) }, `Read ${bare(asked)} as ${/\[(\w+)\]/.exec(asked)?.[1]}`)),
+    h("td", {}, field(`formula-t${end}`, "Formula of the time, or the s from row to row", formula ? table.time : "", "0.01 (s from row to row)", (text) => map("t", { formula: text }))),
+    h("td", { class: "quiet" }, table.fault ? "the time is not known" : table.time ? "as you set it" : "found by the reader"));
 }
 
 function range(c) {
@@ -197,7 +288,7 @@ const MARKS = { note: "ℹ noted", offer: "△ on offer", refuse: "✕ in the wa
 function check(block, state, go) {
   const chosen = block.cures ?? [];
   const button = (f, k) => {
-    if (f.remap) return h("button", { id: `remap-${k}`, class: "small primary", onclick: () => go("remap", { finding: k }) }, `Use ${Object.entries(f.remap.signals).map(([name, spec]) => `${words(name)} = ${spec}`).join(", ")}`);
+    if (f.remap) return h("button", { id: `remap-${k}`, class: "small primary", onclick: () => go("remap", { finding: k }) }, f.remap.says ?? `Use ${Object.entries(f.remap.signals).map(([name, spec]) => `${words(name)} = ${spec}`).join(", ")}`);
     if (!f.cure || (f.applied && !chosen.includes(f.cure))) return null;
     const urgent = f.severity === "refuse" && !f.applied;
     return h("button", { id: `cure-${k}`, class: urgent ? "small primary" : "small", onclick: () => go("cure", { name: f.cure }) },
@@ -253,7 +344,9 @@ function compare(block, state, go) {
     table.querySelector("select")?.focus({ preventScroll: true });
   };
   return [
-    block.lost && h("div", { class: "row" }, h("button", { id: "to-columns", class: "primary", onclick: toColumns }, "See the columns")),
+    (block.lost || block.refit) && h("div", { class: "row" },
+      block.refit && h("button", { id: "refit", class: block.follows ? "primary" : "", disabled: Boolean(state.busy), onclick: () => go("refit") }, "Use the refitted values"),
+      block.lost && h("button", { id: "to-columns", class: block.mixed ? "primary" : "", onclick: toColumns }, "See the columns")),
     h("p", { class: "quiet" }, "Drag to zoom, double-click to see all; with the keyboard: plus, minus, arrows, 0."),
     modes, legend(["measured", "simulated", "residual"]), holder,
     where.length ? [h("h3", {}, "Where it fails"), h("ul", { class: "regions" }, where)] : null,
@@ -339,14 +432,16 @@ let tuner = null;
 function add(block, state, go) {
   if (block.why) return [];
   const busy = Boolean(state.busy);
-  const buttons = (block.offers ?? []).map((e, k) => h("button", { id: k ? `add-${e}` : "do-add", class: k ? "" : "primary", disabled: busy, onclick: () => go("add", { effect: e }) }, `Add ${words(e)}`));
+  const buttons = (block.offers ?? []).map((e, k) => h("button", { id: k ? `add-${e}` : "do-add", class: k || !block.sure ? "" : "primary", disabled: busy, onclick: () => go("add", { effect: e }) }, `Add ${words(e)}${block.sure ? "" : ", which explains a part"}`));
+  const over = h("select", { id: "learn-over", "aria-label": "Over what it is learned", disabled: busy }, ["speed", "position", "load"].map((o) => h("option", { value: o }, `over the ${o}`)));
+  const learn = block.learns && [h("button", { id: "learn", disabled: busy, onclick: () => go("learn", { over: over.value }) }, "Learn it as a curve"), over];
   const other = block.others?.length > 0 && h("select", { id: "add-other", "aria-label": "Add another effect", disabled: busy, onchange: (e) => e.target.value && go("add", { effect: e.target.value }) },
     h("option", { value: "" }, "add another one ..."), block.others.map((e) => h("option", { value: e }, words(e))));
   const channels = block.ladder?.length ? Object.keys(block.ladder[0].validation).filter((c) => c !== "score") : [];
   const forces = (block.ladder ?? []).map((r) => ({ label: r.label, validation: { force: r.force } }));
   if (!tuner || tuner.model !== state.model?.name) tuner = state.model ? new Tuner(state, block.std ?? {}, (values) => go("keep", { values })) : null;
   return [
-    h("div", { class: "row" }, buttons, other),
+    h("div", { class: "row" }, buttons, learn, other),
     block.result && Object.entries(block.result.values).map(([name, own]) => valued(name, own)),
     block.ladder?.length > 0 && h("div", { class: "pair", id: "ladder" }, channels.map((c) => ladder(block.ladder, c, state.model?.signals[c] ?? "")),
       forces.some((r) => r.validation.force) && ladder(forces, "force", "% of the effort", "missing on unseen data")),

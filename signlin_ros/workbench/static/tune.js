@@ -29,24 +29,43 @@ export class Tuner {
     const steps = 400;
     const value = (k) => p.from + ((p.to - p.from) * k) / steps;
     const unitText = p.unit === "-" ? "" : p.unit;
-    const fitted = `${number(p.value, 4)}${this.std[p.name] ? ` ± ${number(this.std[p.name], 2)}` : ""} ${unitText}`;
-    const shown = h("output", { for: `slide-${p.name}` }, fitted);
+    const shown = h("input", { type: "text", inputmode: "decimal", class: "typed", id: `type-${p.name}`, "aria-label": `${p.name} in ${unitText || "1"}; allowed: ${p.range}`, title: `allowed: ${p.range}`, value: number(p.value, 6), autocomplete: "off" });
+    const told = h("span", { class: "quiet" }, `${unitText}${this.std[p.name] ? ` ± ${number(this.std[p.name], 2)}` : ""}`);
     const range = h("input", { type: "range", id: `slide-${p.name}`, min: 0, max: steps, step: 1, "aria-label": `${p.name}: ${p.doc}` });
     range.value = Math.round(((p.value - p.from) / (p.to - p.from || 1)) * steps);
     p.start = range.value;
     range.addEventListener("input", () => {
       this.values[p.name] = value(Number(range.value));
-      shown.textContent = `${number(this.values[p.name], 4)} ${unitText}`;
-      range.setAttribute("aria-valuetext", shown.textContent);
+      shown.value = number(this.values[p.name], 4);
+      shown.setCustomValidity("");
+      changed();
+    });
+    const changed = () => {
+      range.setAttribute("aria-valuetext", `${shown.value} ${unitText}`);
       this.keeping.disabled = false;
       this.moved = performance.now();
       this.stack.load();
+    };
+    shown.addEventListener("change", () => {
+      const given = Number(shown.value.trim().replace(",", "."));
+      const bad = shown.value.trim() === "" || !Number.isFinite(given) || (p.low !== null && given < p.low) || (p.high !== null && given > p.high) || (given === p.low && p.range.startsWith("("));
+      shown.setCustomValidity(bad ? `allowed: ${p.range}` : "");
+      if (bad) {
+        shown.reportValidity();
+        return;
+      }
+      p.from = Math.min(p.from, given);
+      p.to = Math.max(p.to, given);
+      range.value = Math.round(((given - p.from) / (p.to - p.from || 1)) * steps);
+      this.values[p.name] = given;
+      changed();
     });
     p.reset = () => {
       range.value = p.start;
-      shown.textContent = fitted;
+      shown.value = number(p.value, 6);
+      shown.setCustomValidity("");
     };
-    return [h("label", { for: `slide-${p.name}`, title: p.doc }, p.name), range, shown];
+    return [h("label", { for: `slide-${p.name}`, title: p.doc }, p.name), range, h("span", { class: "given" }, shown, " ", told)];
   }
 
   reset() {
