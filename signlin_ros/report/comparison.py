@@ -20,14 +20,22 @@ from signlin_ros.report.files import write_report
 from signlin_ros.report.page import Block, Code, Items, Page, Picture, Section, Table, Text
 
 
-def compare_report(comparison: Comparison, path: str | Path, command: str = "", record: Sequence[Finding] = ()) -> Path:
+def compare_report(
+    comparison: Comparison,
+    path: str | Path,
+    command: str = "",
+    record: Sequence[Finding] = (),
+    first: Sequence[Section] = (),
+    lead: str = "",
+) -> Path:
     """Write the report on a comparison to ``path`` (HTML) and its pictures beside it; return the path.
 
-    ``command``: the command line that leads to it; ``record``: what was found in the records. Raises `InputError` where
-    it cannot be written.
+    ``command``: the command line that leads to it; ``record``: what was found in the records; ``first``: sections
+    before all others, and ``lead`` before the first sentence. Raises `InputError` where it cannot be written.
     """
     c = comparison
     sections = [
+        *first,
         Section("The record", findings(record)),
         Section("Scores", [*_first_rows(c), scores_table(c), Text(_HOW, "note"), *_effort(c)]),
         Section("Measured and predicted", _traces(c)),
@@ -38,7 +46,7 @@ def compare_report(comparison: Comparison, path: str | Path, command: str = "", 
         Section("To reproduce", reproduce(command)),
     ]
     title = f"Comparison of {name_of(c.model.source)} with {names_of(c.sources)}"
-    return write_report(Page(title, ("", ""), _lead(c), sections, foot()), path)
+    return write_report(Page(title, ("", ""), f"{lead} {_lead(c)}".strip(), sections, foot()), path)
 
 
 def name_of(source: str) -> str:

@@ -48,12 +48,14 @@ def diagnosis_report(
     model: Model | None = None,
     comparisons: tuple[Comparison, Comparison] | None = None,
     record: Sequence[Finding] = (),
+    first: Sequence[Section] = (),
 ) -> Path:
     """Write the report on a diagnosis, or on what `add` or `refine` did, and its pictures beside it; return the path.
 
     ``data``: the records of the fit, and those for validation (None: the last third was held out); ``model``: the base
     model as given. Both models are compared with the validation data for the report, unless ``comparisons`` (before
-    and after) are given. ``command``: the command line that leads to it; ``record``: what was found in the records.
+    and after) are given. ``command``: the command line that leads to it; ``record``: what was found in the records;
+    ``first``: sections before all others.
     Raises `InputError` where it cannot be written.
     """
     d, remarks = diagnosis, list(diagnosis.notes)
@@ -62,6 +64,7 @@ def diagnosis_report(
     base = model or (d.findings.case.problem.base if d.findings else None)
     before = comparisons[0] if comparisons else None
     sections = [
+        *first,
         Section("The record", findings(record)),
         Section("What the record shows", _shown(d)),
         Section("The error, step by step", _ladder(d)),
@@ -121,6 +124,12 @@ def _tie(entry: Entry) -> list[Block]:
         return []
     names = drawn.words(entry.indistinguishable_from).replace(" + ", ", ")
     return [Text(f"A tie: {names} would explain this record as well. See what this record cannot tell, below.", "note")]
+
+
+def evidence_blocks(d: Diagnosis, effect: str) -> list[Block]:
+    """Return the picture of an effect that was added; none where no force shows it."""
+    found = evidence(d.findings, effect) if d.findings else None
+    return [_picture(found, effect)] if found else []
 
 
 def _evidence(d: Diagnosis, entry: Entry) -> list[Block]:

@@ -16,6 +16,7 @@ from signlin_ros.diagnosis.words import own_parameters
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
 from signlin_ros.report.curves import LEAST, Band, band, memory
+from signlin_ros.report.waves import Spectrum, Wave, folded, spectrum, waves_of
 
 Array = NDArray[np.float64]
 
@@ -67,7 +68,7 @@ class Evidence:
     """The evidence for one effect, beside its nearest rival on the same data.
 
     ``quantity`` and ``unit`` of what is lacking; ``place``: the coordinate; ``cutoff`` of the low-pass in Hz;
-    ``sources`` of the data.
+    ``sources`` of the data; of a force that repeats its ``waves``, the strongest first, and its ``spectrum``.
     """
 
     quantity: str
@@ -77,6 +78,8 @@ class Evidence:
     sources: tuple[str, ...]
     named: Explanation
     rival: Explanation | None
+    waves: tuple[Wave, ...] = ()
+    spectrum: Spectrum | None = None
 
 
 def evidence(f: Judgement, effect: str, within: Fitted | None = None) -> Evidence | None:
@@ -85,7 +88,8 @@ def evidence(f: Judgement, effect: str, within: Fitted | None = None) -> Evidenc
     if force is None or changes_effort(find_effect(effect, "effects")):
         return None
     measured, computed = _lacking(f, fitted, effect)
-    place = _place(f, computed)
+    waves = waves_of(fitted.model, effect)
+    place = _place(f, computed, waves)
     named = _explanation(f, fitted, effect, place, measured, computed)
     if named is None:
         return None
@@ -94,7 +98,8 @@ def evidence(f: Judgement, effect: str, within: Fitted | None = None) -> Evidenc
     sources = tuple(dict.fromkeys(s.source for s in f.case.unseen.segments))
     cutoff = force.search.r.unseen.pieces[0].cutoff
     quantity = "missing torque" if unit == "N·m" else "missing force"
-    return Evidence(quantity, unit, place, cutoff, sources, named, _rival(f, fitted, effect, place))
+    rows = spectrum(_at(f, plant.position), measured, measured - computed, waves) if waves and _turns(f) else None
+    return Evidence(quantity, unit, place, cutoff, sources, named, _rival(f, fitted, effect, place), tuple(waves), rows)
 
 
 def nearest(f: Judgement) -> Fitted | None:
@@ -113,14 +118,34 @@ def _lacking(f: Judgement, fitted: Fitted, effect: str) -> tuple[Array, Array]:
     return without, without - with_it
 
 
-def _place(f: Judgement, computed: Array) -> Place:
-    """Return the coordinate over which a force is most nearly a curve, for each direction of motion."""
+def _at(f: Judgement, name: str) -> Array:
+    """Return a coordinate (N,) where forces are told, on unseen data."""
+    force = f.witnesses.force
+    assert force is not None  # noqa: S101  asked before
+    return np.concatenate([p.values[name][p.kept] for p in force.search.r.unseen.pieces])
+
+
+def _turns(f: Judgement) -> bool:
+    """Tell whether the axis turns: then waves have whole orders."""
+    return f.case.problem.shown(resolve_unit("Q", f.case.problem.base.plant)) == "rad"
+
+
+def _place(f: Judgement, computed: Array, waves: Sequence[Wave] = ()) -> Place:
+    """Return the coordinate over which a force is most nearly a curve, for each direction of motion; of one that
+    repeats the position within a period of its strongest wave.
+    """
     force, plant = f.witnesses.force, f.case.problem.base.plant
     assert force is not None  # noqa: S101  asked before
     parts = force.search.r.unseen.pieces
-    velocity, position = (
-        np.concatenate([p.values[n][p.kept] for p in parts]) for n in (plant.velocity, plant.position)
-    )
+    velocity, position = _at(f, plant.velocity), _at(f, plant.position)
+    if waves:
+        x, turns = folded(position, waves[0].order), _turns(f)
+        name = (
+            f"{plant.position} within 1/{waves[0].order:.4g} of a turn"
+            if turns
+            else f"{plant.position} within a period"
+        )
+        return Place(name, "rad" if turns else "m", x, np.zeros(x.size), False, False)
     side = np.sign(velocity)
     shares = {n: _unexplained(x, side, computed) for n, x in ((plant.velocity, velocity), (plant.position, position))}
     best = plant.velocity if shares[plant.velocity] <= shares[plant.position] + ALIKE else plant.position

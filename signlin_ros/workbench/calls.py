@@ -26,6 +26,8 @@ from signlin_ros.workbench.looking import columns, points, propose, record_curve
 from signlin_ros.workbench.ranking import Ranking
 from signlin_ros.workbench.uploaded import CodeError, opened
 
+MOST_XY = 4000
+"""Points of a picture of one quantity over another."""
 Args = Mapping[str, Any]
 Say = Callable[[dict[str, Any]], None]
 Answer = dict[str, Any]
@@ -153,6 +155,7 @@ def compare(args: Args, say: Say) -> Answer:
         "lost": _lost(result, content["first_rows"]),
         "errors": _errors(console.first_rows(content)),
         "channels": {name: channel.unit for name, channel in result.channels.items()},
+        "inputs": {name: result.units.get(name, "") for name in model.inputs},
         "stretches": [
             {"source": trace.source, "span": [float(trace.t[0]), float(trace.t[-1])]} for trace in result.traces
         ],
@@ -182,7 +185,7 @@ def _errors(rows: list[list[str]]) -> list[list[str]]:
 
 
 def _kept(trace: Any) -> dict[str, Any]:
-    return {name: getattr(trace, name) for name in ("t", "measured", "free", "windowed", "residual")}
+    return {name: getattr(trace, name) for name in ("t", "u", "measured", "free", "windowed", "residual")}
 
 
 def _intervals(result: Any, region: Any) -> list[list[float]]:
@@ -200,15 +203,46 @@ def compare_curves(args: Args, say: Say) -> Answer:
     held = np.load(args["store"])
     k, how = int(args.get("stretch") or 0), "free" if args.get("how") == "free" else "windowed"
     t, measured, simulated = (held[f"{k}/{name}"] for name in ("t", "measured", how))
+    also = [other[f"{k}/{how}"] for other in map(np.load, args.get("also") or ()) if f"{k}/{how}" in other]
     plots = []
     for j, (name, unit) in enumerate(args["channels"].items()):
         curves = {
             "measured": measured[:, j],
             "simulated": simulated[:, j],
+            **{f"also{i}": one[:, j] for i, one in enumerate(also) if one.shape == simulated.shape},
             "residual": measured[:, j] - simulated[:, j],
         }
         plots.append({"name": name, "unit": unit, **arrays.picture(t, curves, span(args), points(args))})
+    for j, (name, unit) in enumerate((args.get("inputs") or {}).items()):
+        curves = {"recorded": held[f"{k}/u"][:, j]}
+        plots.append({"name": name, "unit": unit, **arrays.picture(t, curves, span(args), points(args))})
     return {"plots": plots, "span": [float(t[0]), float(t[-1])]}
+
+
+def compare_xy(args: Args, say: Say) -> Answer:
+    """Return one quantity over another: ``x`` and ``y`` name channels, inputs or ``residual of CHANNEL``; measured and
+    simulated at the same samples, at most `MOST_XY` of them.
+    """
+    held, k = np.load(args["store"]), int(args.get("stretch") or 0)
+    how = "free" if args.get("how") == "free" else "windowed"
+    sides = {side: held[f"{k}/{name}"] for side, name in (("measured", "measured"), ("simulated", how))}
+    t, u = held[f"{k}/t"], held[f"{k}/u"]
+    part = arrays.window(t, *span(args))
+    every = max(1, (part.stop - part.start) // MOST_XY)
+    channels, inputs = list(args["channels"]), list(args.get("inputs") or {})
+
+    def values(name: str, side: str) -> Any:
+        if name in inputs:
+            return u[:, inputs.index(name)]
+        own = name.removeprefix("residual of ")
+        if own not in channels:
+            raise InputError(f"no such quantity: {name!r}")
+        j = channels.index(own)
+        return sides["measured"][:, j] - sides["simulated"][:, j] if own != name else sides[side][:, j]
+
+    x, y = str(args.get("x")), str(args.get("y"))
+    points_of = {side: [arrays.encoded(values(n, side)[part][::every]) for n in (x, y)] for side in sides}
+    return {"x": x, "y": y, "curves": points_of}
 
 
 # -------------------------------------------------------------------- diagnose, add
@@ -262,18 +296,24 @@ _LAST: dict[str, Any] = {}
 
 
 def report(args: Args, say: Say) -> Answer:
-    """Write the report on the last diagnosis to ``args["report"]``; on the comparison where that is not at hand."""
-    from signlin_ros import report as reports
+    """Write the report on the model as it is to ``args["report"]``: what was added to it, and the last diagnosis, where
+    that is of this model; else how it compares.
+    """
+    from signlin_ros.report import added, compare_report, diagnosis_report
 
-    held, command = _LAST.get(str(args.get("diagnosis"))), str(args.get("command") or "")
+    say({"what": "writing the report (model and script are there already)", "share": 0.2})
+    command, model = str(args.get("command") or ""), opened(args["model"])
+    steps = [added.Added(a["effect"], a["json"], _LAST.get(a["key"], (None,))[0]) for a in args.get("added") or ()]
+    first = [added.added_section(steps, model)]
+    held = _LAST.get(str(args.get("diagnosis")))
     if held is not None:
-        result, model, data, findings = held
-        reports.diagnosis_report(result, args["report"], command, data, model, record=findings)
+        result, base, data, findings = held
+        diagnosis_report(result, args["report"], command, data, base, record=findings, first=first)
     else:
         from signlin_ros.diagnosis import compare as run
 
-        model, records, findings = _loaded(args, args["data"])
-        reports.compare_report(run(model, records), args["report"], command, findings)
+        loaded, records, findings = _loaded(args, args["data"])
+        compare_report(run(loaded, records), args["report"], command, findings, first, added.lead_of(steps))
     return {"report": args["report"]}
 
 
@@ -314,17 +354,25 @@ def learn(args: Args, say: Say) -> Answer:
     }
 
 
+FREE = 1.0
+"""How far, in logarithms, numbers may be off that are to be fitted anew: the records decide."""
+
+
 def refit(args: Args, say: Say) -> Answer:
-    """Write a model with the base parameters that fit the records of ``args["data"]`` best to ``args["output"]``."""
+    """Write a model with the base parameters that fit the records of ``args["data"]`` best to ``args["output"]``.
+
+    They are freer than those of the refitted rows of `compare` and `diagnose`, which stay within the model's tolerance.
+    """
     from signlin_ros.diagnosis.case import case
     from signlin_ros.diagnosis.proposal import rounded
     from signlin_ros.diagnosis.witnesses import refitted
 
     say({"what": "refitting", "share": 0.1})
     model, first, second, _ = _sides(args)
-    found = refitted(case(model, first, second)).base
     original, output = opened(args["model"]), Path(args["output"])
-    new = rounded(found.model, found.parameters).with_options(with_position=original.with_position)
+    found = refitted(case(model.with_options(tolerance=FREE), first, second)).base
+    kept = {"with_position": original.with_position, "tolerance": original.tolerance}
+    new = rounded(found.model, found.parameters).with_options(**kept)
     new.placed_in(output.parent).save(output)
     return {"parameters": {name: one.to_json() for name, one in found.parameters.items()}}
 
@@ -367,7 +415,7 @@ VERBS: dict[str, Callable[[Args, Say], Answer]] = {
             diagnose,
             add,
         ),
-        *(report, tune, keep, sample, search, refit, written),
+        *(compare_xy, report, tune, keep, sample, search, refit, written),
     )
 }
 """What a worker process can be asked for."""

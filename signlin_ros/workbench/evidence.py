@@ -11,10 +11,14 @@ from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.results import Diagnosis
 from signlin_ros.diagnosis.witnesses import changes_effort
 from signlin_ros.effects import find_effect
+from signlin_ros.recording.trace import resolve_unit
 from signlin_ros.report.curves import Band
-from signlin_ros.report.evidence import Explanation, evidence
+from signlin_ros.report.evidence import Evidence, Explanation, evidence
+from signlin_ros.report.waves import said, waves_of
 from signlin_ros.workbench.arrays import encoded
 
+SHOWN = 6
+"""Effects of more parameters are told by their values in words, or by the table of all effects."""
 DOTS = 1500
 """So many samples of what the motion lacks are shown as dots."""
 
@@ -35,9 +39,23 @@ def shown(result: Diagnosis, asked: str = "") -> dict[str, Any]:
 
 def _values(result: Diagnosis, effect: str) -> dict[str, str]:
     """Return the parameters of an effect as they were fitted, with their errors and units."""
+    summary = _waves(result, effect)
+    if summary:
+        return {"": summary}
     keys = [key for key, use in result.model.effects.items() if use.type == effect]
     parts = ((name.partition("."), estimate) for name, estimate in result.parameters.items())
     return {own: str(estimate) for (key, _, own), estimate in parts if key in keys}
+
+
+def _waves(result: Diagnosis, effect: str) -> str:
+    """Return the waves of an effect in words: ``12 per turn, 0.0045 N·m``; empty where it does not repeat."""
+    waves = waves_of(result.model, effect)
+    if not waves or result.findings is None:
+        return ""
+    problem = result.findings.case.problem
+    plant = problem.base.plant
+    force, position = (problem.shown(resolve_unit(one, plant)) for one in ("F", "Q"))
+    return said(waves, position == "rad", force)
 
 
 def _why(effect: str) -> str:
@@ -86,14 +104,22 @@ def _shown(findings: Judgement, effect: str, within: Fitted | None = None) -> di
         "dots": encoded(e.named.measured[::one_in]),
         "named": _explanation(e.named),
         "rival": rival,
+        "spectrum": _spectrum(e),
         "rival_dots": encoded(e.rival.measured[::one_in]) if e.rival is not None else None,
     }
+
+
+def _spectrum(e: Evidence) -> dict[str, Any] | None:
+    s = e.spectrum
+    if s is None:
+        return None
+    return {"orders": encoded(s.orders), "missing": encoded(s.missing), "left": encoded(s.left)}
 
 
 def _explanation(x: Explanation) -> dict[str, Any]:
     return {
         "effect": x.effect,
-        "parameters": {name: str(value) for name, value in x.parameters.items()},
+        "parameters": {name: str(value) for name, value in x.parameters.items()} if len(x.parameters) <= SHOWN else {},
         "found": [_band(b) for b in x.found],
         "curve": [_band(b) for b in x.curve],
         "left": _left(x),

@@ -29,12 +29,29 @@ def compare(s: Session) -> dict[str, Any]:
     found, command = result(s, "compare", asked), commands.command({"verb": "compare", **asked})
     if found is None:
         return block("compare", "", False, "Model and measurement, on top of each other.", command)
+    others = _others_compared(s, asked)
     key, lost, mixed = s.project.key("compare", asked), found["lost"], _mixed_up(s)
     text = f"{_lost(lost)}{mixed}" if lost else _compared(found["json"])
     shown = {**found, "json": {**found["json"], "notes": _notes(found["json"]["notes"])}}
-    more = {"lost": bool(lost), "mixed": bool(mixed), "refit": bool(found["json"]["first_rows"])}
+    more: dict[str, Any] = {
+        "others": others,
+        "lost": bool(lost),
+        "mixed": bool(mixed),
+        "refit": bool(found["json"]["first_rows"]),
+    }
     follows = bool(lost) and all(one["follows"] for one in lost)
     return block("compare", "", True, text, command, result=shown, key=key, follows=follows, **more)
+
+
+def _others_compared(s: Session, asked: dict[str, Any]) -> list[dict[str, str]]:
+    """Return the other models that were compared with the same records: the key of their curves, and their names."""
+    found: dict[str, str] = {}
+    for done in s.project.choices["path"]:
+        if done["verb"] == "compare" and done["data"] == asked["data"] and done["model"] != asked["model"]:
+            key = s.project.key("compare", asked_of(done))
+            if s.project.result(key) is not None:
+                found[key] = Path(done["model"]).name
+    return [{"key": key, "name": name} for key, name in found.items()]
 
 
 def _notes(notes: list[str]) -> list[str]:
@@ -112,8 +129,17 @@ def diagnose(s: Session) -> dict[str, Any]:
             text = "Ask again: does the model lack anything else now?"
         return block("diagnose", "", False, text, command)
     content = _told(found["json"])
-    text = f"{content['verdict'].capitalize()}: {content['sentence']}"
+    text = f"{content['verdict'].capitalize()}: {_with_waves(content['sentence'], found['values'])}"
     return block("diagnose", "", True, text, command, result={**found, "json": content}, unseen=_unseen(s))
+
+
+def _with_waves(sentence: str, values: dict[str, dict[str, str]]) -> str:
+    """Return a sentence that says of an effect that repeats how often, and how large."""
+    for effect, own in values.items():
+        words = effect.replace("_", " ")
+        if own.get("") and words in sentence:
+            sentence = sentence.replace(words, f"{words} ({own['']})", 1)
+    return sentence
 
 
 def _told(content: dict[str, Any]) -> dict[str, Any]:
@@ -146,7 +172,7 @@ def add(s: Session) -> dict[str, Any]:
             part = ", ".join(name.replace("_", " ") for name in offers)
             text = f"Nothing is named: {part} would explain a part. What is missing can be learned as a curve."
     if last is not None:
-        text = on_page(last["json"]["sentence"])
+        text = _with_waves(on_page(last["json"]["sentence"]), last["found"]["values"])
     command = commands.command(last["step"]) if last else ""
     if not command and offers:
         command = commands.command({"verb": "add", **question(s, "add"), "effect": offers[0], "output": "NEW.yaml"})
@@ -238,6 +264,8 @@ def use(s: Session) -> dict[str, Any]:
     model = s.project.place("export/model.yaml") if done else _launched(s)
     text = "Take the model, the report, and the script of what was done."
     text = f"Written to {s.project.place('export')}." if done else text
+    if done and s.busy is not None and s.busy["stage"] == "use":
+        text += " The report follows."
     files = there if done else []
     return block("use", "", done, text, commands.launch_line(model), files=files, script=script(s))
 

@@ -15,6 +15,7 @@ import json
 import os
 import re
 import secrets
+import shutil
 import time
 import unicodedata
 from collections.abc import Iterator, Mapping
@@ -130,9 +131,38 @@ class Project:
     @classmethod
     def _title(cls, store: Path, identity: str) -> dict[str, Any]:
         file = store / identity / "state.json"
-        choices = json.loads(file.read_text(encoding="utf-8"))["choices"]
+        state = json.loads(file.read_text(encoding="utf-8"))
+        choices = state["choices"]
         names = [Path(name).name for name in (choices["model"], *(r["file"] for r in choices["records"])) if name]
-        return {"id": identity, "title": ", ".join(names) or "empty", "used": file.stat().st_mtime}
+        named = str(state.get("name") or "")
+        return {
+            "id": identity,
+            "title": named or ", ".join(names) or "empty",
+            "named": named,
+            "used": file.stat().st_mtime,
+        }
+
+    def rename(self, name: str) -> None:
+        """Call the project something; nothing: by what is in it."""
+        plain = " ".join("".join(c if c.isprintable() else " " for c in name).split())
+        self.state["name"] = plain[:LONGEST]
+        self._save()
+
+    def copied(self, store: Path) -> Project:
+        """Return a new project with all that is in this one but results, which are found again."""
+        copy = Project.create(store)
+        for file in self.folder.iterdir():
+            if file.is_file() and not file.name.startswith("."):
+                shutil.copy2(file, copy.folder / file.name)
+        copied = Project(store, copy.id)
+        copied.state |= {"created": time.time(), "running": None}
+        copied.rename(f"copy of {self._title(store, self.id)['title']}")
+        return copied
+
+    def delete(self) -> None:
+        """Delete the folder and all that is in it."""
+        self._check_links()
+        shutil.rmtree(self.folder)
 
     # ---------------------------------------------------------------- choices
 

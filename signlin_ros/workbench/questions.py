@@ -70,13 +70,21 @@ def script(s: Session) -> str:
 
 
 def reported(s: Session) -> dict[str, Any]:
-    """Return what a report is asked about: the last diagnosis or addition by its key, or else the comparison."""
-    asked = question(s, "compare")
-    done = [x for x in s.project.choices["path"] if x["verb"] in ("diagnose", "add")]
+    """Return what a report is asked about: the model as it is, what was added to it, the diagnosis of it if there is
+    one, and the comparison.
+    """
+    asked, path = question(s, "compare"), s.project.choices["path"]
+    steps = [(x, result(s, "add", asked_of(x))) for x in path if x["verb"] == "add"]
+    added = [
+        {"effect": x["effect"], "json": found["json"], "key": s.project.key("add", asked_of(x))}
+        for x, found in steps
+        if found is not None
+    ]
+    done = [x for x in path if x["verb"] == "diagnose" and x["model"] == asked["model"]]
     if not done:
-        return {**asked, "command": commands.command({"verb": "compare", **asked})}
-    key = s.project.key(done[-1]["verb"], asked_of(done[-1]))
-    return {**asked, "diagnosis": key, "command": commands.command(done[-1])}
+        return {**asked, "added": added, "command": commands.command({"verb": "compare", **asked})}
+    key = s.project.key("diagnose", asked_of(done[-1]))
+    return {**asked, "added": added, "diagnosis": key, "command": commands.command(done[-1])}
 
 
 __all__ = ["AS_THEY_ARE", "asked_of", "described", "question", "reported", "result", "script", "step"]

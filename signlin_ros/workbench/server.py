@@ -73,6 +73,14 @@ class Workbench:
                 listener.put_nowait(ENDED)
         self.live.end()
 
+    async def drop(self, session: Session) -> None:
+        """Close a project and delete it; pages that show it are told that it is gone."""
+        self.sessions.pop(session.project.id, None)
+        for listener in session.listeners:
+            listener.put_nowait(ENDED)
+        await session.close()
+        session.project.delete()
+
     def _let_rest(self) -> None:
         """End the worker processes of projects that were looked at before the latest ones."""
         for session in [s for s in self.sessions.values() if s.busy is None][:-AWAKE]:
@@ -154,6 +162,24 @@ async def projects(request: Request) -> Response:
     return JSONResponse(Project.titles(_bench(request).store), headers={"cache-control": "no-store"})
 
 
+async def arrange(request: Request) -> Response:
+    """Rename, duplicate or delete a project; returns the one to go on with."""
+    bench, args, verb = _bench(request), await asked(request), request.path_params["verb"]
+    session = bench.session(request.path_params["project"])
+    session.idle()
+    if verb == "rename":
+        session.project.rename(str(args.get("name") or ""))
+        session.tell()
+        return JSONResponse({"id": session.project.id})
+    if verb == "duplicate":
+        return JSONResponse({"id": session.project.copied(bench.store).id})
+    if verb != "delete":
+        raise InputError(f"no such action: {verb[:80]!r}")
+    await bench.drop(session)
+    known = Project.listed(bench.store)
+    return JSONResponse({"id": known[0] if known else Project.create(bench.store).id})
+
+
 async def action(request: Request) -> Response:
     """Do what a click asks for."""
     session, args = _session(request), await asked(request)
@@ -172,6 +198,7 @@ async def curves(request: Request) -> Response:
     return Response(await session.view.raw(verb, wanted), media_type="application/json")
 
 
+_COMPARED = {"compare": "compare_curves", "xy": "compare_xy"}
 _RECORD = {"record": "record_curves", "search": "search"}
 
 
@@ -183,13 +210,16 @@ def _view_question(session: Session, what: str, args: dict[str, Any]) -> tuple[s
         record = records[min(int(args.get("record") or 0), len(records) - 1)]
         wanted |= {"columns": args.get("columns"), "filter": args.get("filter")}
         return _RECORD[what], {**wanted, **columns.asked_of(session, record)}
-    if what == "compare":
+    if what in ("compare", "xy"):
         asked = questions.question(session, "compare")
         key = session.project.key("compare", asked)
         found = session.project.result(key)
         if found is not None:
-            store = str(session.project.array_file(key))
-            return "compare_curves", {**wanted, "store": store, "channels": found["channels"]}
+            stores = {one: str(session.project.array_file(one)) for one in (key, *session.compared())}
+            also = [stores[one] for one in args.get("also") or () if one in stores]
+            shown = {"channels": found["channels"], "inputs": found["inputs"], "also": also}
+            more = {"x": args.get("x"), "y": args.get("y")} if what == "xy" else {}
+            return _COMPARED[what], {**wanted, **shown, **more, "store": stores[key]}
     if what == "tune" and columns.complete(session):
         asked = questions.question(session, "compare")
         values = {str(k): float(v) for k, v in dict(args.get("values") or {}).items()}
@@ -307,6 +337,7 @@ def application(bench: Workbench, hosts: Sequence[str] = safety.LOCAL, token: st
         Route("/", entry),
         Route("/new", new, methods=["POST"]),
         Route("/projects", projects),
+        Route("/projects/{project}/{verb}", arrange, methods=["POST"]),
         Mount("/static", StaticFiles(directory=STATIC)),
         Route("/p/{project}", page),
         Mount("/p/{project}", routes=project),

@@ -73,6 +73,11 @@ class Session:
         """Return all that the page shows but curves."""
         return shown(self)
 
+    def compared(self) -> list[str]:
+        """Return the keys of all comparisons on the way to this model."""
+        done = (step for step in self.project.choices["path"] if step["verb"] == "compare")
+        return [self.project.key("compare", questions.asked_of(step)) for step in done]
+
     # ---------------------------------------------------------------- asking
 
     async def asked(self, lane: Lane, verb: str, args: Args, **more: Any) -> Any:
@@ -246,7 +251,9 @@ class Session:
         if why:
             self.project.take_back()
             await self.look()
-            raise InputError(f"{why.replace(f'{self.project.place()}/', '')}. It is left as it was.")
+            if self.busy is not None:
+                self.busy["stage"] = "record"
+            raise InputError(f"It is left as it was: {why.replace(f'{self.project.place()}/', '')}")
 
     async def _guess_model(self) -> None:
         """Choose the shipped model whose inputs are all in the records, if one is."""
@@ -343,17 +350,24 @@ class Session:
         await self._checked()
         await self.compare()
 
-    async def export(self) -> None:
-        """Write model, report and script to the folder ``export`` of the project."""
+    def export_model(self) -> None:
+        """Write model and script to the folder ``export`` of the project: they are there at once."""
         folder = self.project.made("export")
+        (folder / "report.html").unlink(missing_ok=True)
         model = Path(self.project.path(self.project.choices["model"]))
         described = questions.described(self)
         write_text(folder / "model.yaml", described["yaml"] if described else model.read_text(encoding="utf-8"))
         write_text(folder / "replay.sh", questions.script(self))
+        self.project.amend(exported=True)
+
+    async def export(self) -> None:
+        """Write the report beside them."""
+        self.export_model()
+        self.tell()
+        folder = self.project.made("export")
         with contextlib.suppress(RefusedError):
             args = {**questions.reported(self), "report": str(folder / "report.html")}
             await self.work.call("report", args, self._progress)
-        self.project.amend(exported=True)
 
 
 def _sure(rows: list[Args]) -> bool:

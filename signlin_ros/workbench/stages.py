@@ -75,7 +75,8 @@ def record(s: Session) -> dict[str, Any]:
         text += "One cannot be read as it is." if len(records) > 1 else "It cannot be read as it is."
     elif asked:
         name, _, unit = asked.rpartition(" [")
-        text = f"{count}, {samples:,} samples. Is the time {name} in {unit.rstrip(']')}? In s it would be {seconds:,.0f} s."
+        text = f"{count}, {samples:,} samples. "
+        text += f"Is the time {name} in {unit.rstrip(']')}? In s it would be {seconds:,.0f} s."
     elif s.project.choices["model"] is None:
         text += "Choose a model for it."
     elif wrong:
@@ -87,9 +88,13 @@ def record(s: Session) -> dict[str, Any]:
     if s.project.choices.get("guessed") and s.project.choices["model"]:
         text += f" {_example(s)} Drop the model file of your machine, or choose another one."
     done, error = columns.complete(s), advice("record", wrong) if wrong else None
-    return block(
-        "record", "", done, text, needs=not done, lacking=bool(wrong or lacking or asked), error=error, asked=asked
-    )
+    more: dict[str, Any] = {
+        "needs": not done,
+        "lacking": bool(wrong or lacking or asked),
+        "error": error,
+        "asked": asked,
+    }
+    return block("record", "", done, text, **more)
 
 
 def _asked(s: Session) -> str:
@@ -165,11 +170,19 @@ def check(s: Session) -> dict[str, Any]:
         return block("check", "", False, "Not checked yet.", command)
     pairs = zip(found["json"]["findings"], _remaps(s, found), strict=True)
     findings = [{**f, "sentence": on_page(f["sentence"]), "remap": remap} for f, remap in pairs]
+    if _estimated(s):  # standard errors of what was found tell more of it
+        findings = [f for f in findings if f["check"] != "excitation"]
     cures = s.project.choices["cures"]
     done = AS_THEY_ARE in cures or not any(f["severity"] == "refuse" and not f.get("applied") for f in findings)
     text = _checked(findings) + _named(s) + _whose_numbers(s, findings)
     more = {"findings": findings, "cures": cures, "looked": _looked(s), "needs": not done}
     return block("check", "", done, text, command, **more)
+
+
+def _estimated(s: Session) -> bool:
+    """Tell whether a diagnosis of these records has found values with standard errors."""
+    found = result(s, "diagnose", question(s, "diagnose"))
+    return found is not None and len(found["json"]["ladder"]) > 1
 
 
 def _named(s: Session) -> str:

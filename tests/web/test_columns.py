@@ -258,6 +258,7 @@ def test_projects_are_listed_and_led_to(
     page.open(given.address)
     page.done("check")
     (first,) = (folder.name for folder in (given.folder / ".signlin").iterdir())
+    page.click("arrange-open")
     page.click("new")
     page.wait(lambda: first not in page.driver.current_url, "the new project")
     page.wait(lambda: page.driver.find_elements("css selector", "#projects option + option"), "the list of projects")

@@ -23,6 +23,8 @@ export const act = (name, args) => post(`/do/${name}`, args);
 export const show = (what, args) => post(`/show/${what}`, args);
 export const projects = async () => answered(await fetch("/projects", { cache: "no-store" }));
 export const newProject = async () => answered(await fetch("/new", { method: "POST", headers: HEADERS, body: "{}" }));
+export const arrange = async (verb, args = {}) =>
+  answered(await fetch(`/projects/${location.pathname.split("/")[2]}/${verb}`, { method: "POST", headers: HEADERS, body: JSON.stringify(args) }));
 export const exported = (name) => `${base}/export/${name}`;
 export const events = () => new EventSource(`${base}/events`);
 export const liveEvents = () => new EventSource(`${base}/live`);

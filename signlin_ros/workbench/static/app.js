@@ -40,6 +40,7 @@ function lost(...what) {
 }
 
 async function go(name, args) {
+  if (name === "redraw") return draw();
   trouble = {};
   try {
     if (name === "files") await take(args);
@@ -92,6 +93,7 @@ function draw() {
   document.getElementById("loading")?.remove();
   const busy = Boolean(state.busy);
   if (!busy && wasBusy) say("Done.");
+  if (!busy && wasBusy) projects();
   wasBusy = busy;
   for (const [id, label, name] of [["undo", state.undo, "Undo"], ["redo", state.redo, "Redo"]]) {
     const button = document.getElementById(id);
@@ -257,7 +259,8 @@ async function projects() {
   const clock = { month: "short", day: "numeric", hour: "2-digit", minute: "2-digit" };
   const found = await api.projects().catch(() => []);
   const others = found.filter((p) => p.id !== here);
-  fill(select, h("option", { value: here, selected: true }, `.signlin/${here}`),
+  const own = found.find((p) => p.id === here);
+  fill(select, h("option", { value: here, selected: true }, own?.title ?? "this project"),
     others.map((p) => h("option", { value: p.id }, `${p.title} (${new Date(1000 * p.used).toLocaleString("en", clock)})`)));
   select.disabled = !others.length;
   select.onchange = () => { location.href = `/p/${select.value}`; };
@@ -266,6 +269,25 @@ async function projects() {
 document.getElementById("undo").addEventListener("click", () => go("undo"));
 document.getElementById("redo").addEventListener("click", () => go("redo"));
 document.getElementById("new").addEventListener("click", async () => { location.href = `/p/${(await api.newProject()).id}`; });
+for (const [verb, ask] of [
+  ["rename", () => { const name = prompt("Name of this project", document.getElementById("projects").selectedOptions[0]?.textContent ?? ""); return name === null ? null : { name }; }],
+  ["duplicate", () => ({})],
+  ["delete", () => (confirm("Delete this project, with its records, models and results? This cannot be undone.") ? {} : null)],
+]) {
+  document.getElementById(verb).addEventListener("click", async () => {
+    document.getElementById("arrange").open = false;
+    const args = ask();
+    if (!args) return;
+    try {
+      const { id } = await api.arrange(verb, args);
+      if (verb === "rename") await projects();
+      else location.href = `/p/${id}`;
+    } catch (error) {
+      trouble = { record: error.message };
+      draw();
+    }
+  });
+}
 dropping();
 theme();
 tabs();

@@ -9,6 +9,9 @@ const LOOKS = {
   measured: { stroke: "--measured", width: 1.2 },
   simulated: { stroke: "--simulated", width: 1.8, dash: [7, 4] },
   residual: { stroke: "--residual", width: 1.1 },
+  also0: { stroke: "--rival", width: 1.5, dash: [2, 3] },
+  also1: { stroke: "--good", width: 1.5, dash: [9, 3, 2, 3] },
+  also2: { stroke: "--noise", width: 1.8 },
 };
 const LABELS = { recorded: "recorded", measured: "measured", simulated: "simulated", residual: "residual: measured less simulated" };
 
@@ -16,7 +19,7 @@ export function legend(names) {
   const line = (look) =>
     h("svg", { width: 34, height: 10, "aria-hidden": true },
       h("path", { d: "M1 5H33", fill: "none", stroke: `var(${look.stroke})`, "stroke-width": look.width + 0.8, "stroke-dasharray": look.dash?.join(" ") }));
-  return h("div", { class: "legend" }, names.map((n) => h("span", {}, line(LOOKS[n]), " ", LABELS[n])));
+  return h("div", { class: "legend" }, names.map((n) => (Array.isArray(n) ? n : [n, LABELS[n]])).map(([n, text]) => h("span", {}, line(LOOKS[n]), " ", text)));
 }
 
 export class Stack {
@@ -53,8 +56,9 @@ export class Stack {
     }
   }
 
-  draw({ plots, span }) {
+  draw({ plots, span, rows }) {
     this.whole = span;
+    this.over = rows ? "row" : "time [s]";
     const wanted = plots.flatMap((p) => this.rows.map((row) => ({ p, row, names: row.curves.filter((c) => c in p.curves) }))).filter((x) => x.names.length);
     const same = wanted.length === this.charts.length && wanted.every((w, k) => this.charts[k].name === w.p.name && this.charts[k].names.join() === w.names.join());
     if (!same) this.clear();
@@ -87,6 +91,12 @@ export class Stack {
     const label = `${names[0] === "residual" ? "residual" : words(p.name)}${unit(p.unit)}`;
     const chart = { name: p.name, names, data };
     const room = Math.min(7.5 * label.length + 16, 240); // the label stands upright beside the curve
+    const reading = h("div", { class: "reading", "aria-hidden": true });
+    const read = (v) => {
+      const k = v.cursor.idx;
+      const text = (j) => `${names[j].replace(/^also\d/, "other model")} ${number(v.data[j + 1][k], 4)}`;
+      reading.textContent = k === null || k === undefined ? "" : `${number(v.data[0][k], 6)}${this.over === "row" ? "" : " s"}: ${names.map((_, j) => text(j)).join(", ")}${p.unit && p.unit !== "-" ? ` ${p.unit}` : ""}`;
+    };
     const u = new uPlot({
       width: Math.max(this.element.clientWidth, 300),
       height: Math.max(row.height, room) + (last ? 52 : 0),
@@ -94,12 +104,13 @@ export class Stack {
       cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
       scales: { x: { time: false }, y: { range: () => ranged(chart.data) } },
       axes: [
-        { ...axis, ticks: { ...axis.ticks, show: last }, size: last ? 42 : 8, values: last ? undefined : (_, s) => s.map(() => ""), label: last ? "time [s]" : undefined, labelSize: last ? 18 : 0 },
+        { ...axis, ticks: { ...axis.ticks, show: last }, size: last ? 42 : 8, values: last ? undefined : (_, s) => s.map(() => ""), label: last ? this.over : undefined, labelSize: last ? 18 : 0 },
         { ...axis, size: 64, space: 22, label, labelSize: 18, values: (_, s) => s.map((v) => number(v, 4)) },
       ],
       series: [{}, ...names.map((n) => ({ label: n, stroke: css(LOOKS[n].stroke), width: LOOKS[n].width, dash: LOOKS[n].dash, points: { show: false } }))],
-      hooks: { setSelect: [(v) => this.selected(v)], drawClear: [(v) => this.shade(v)] },
+      hooks: { setCursor: [read], setSelect: [(v) => this.selected(v)], drawClear: [(v) => this.shade(v)] },
     }, data, holder);
+    holder.append(reading);
     u.over.addEventListener("dblclick", () => this.load([null, null]));
     u.over.addEventListener("wheel", (e) => this.wheel(e, u), { passive: false });
     chart.u = u;

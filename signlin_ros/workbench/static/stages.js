@@ -3,12 +3,13 @@
 import * as api from "./api.js";
 import { h, fill, number, unit, words } from "./dom.js";
 import { Stack, legend } from "./plots.js";
-import { evidence, ladder } from "./svg.js";
+import { evidence, ladder, scatter, spectrum } from "./svg.js";
 import { Tuner } from "./tune.js";
 
 const stacks = new Map();
 const RAW = [{ curves: ["recorded"], height: 120 }];
-const PAIR = [{ curves: ["measured", "simulated"], height: 180 }, { curves: ["residual"], height: 110 }];
+const ALSO = ["also0", "also1", "also2"];
+const PAIR = [{ curves: ["measured", "simulated", ...ALSO], height: 180 }, { curves: ["residual"], height: 110 }, { curves: ["recorded"], height: 80 }];
 
 export function restyle() {
   for (const { stack } of stacks.values()) stack.restyle();
@@ -310,6 +311,8 @@ function check(block, state, go) {
 
 // -------------------------------------------------------------------- compare
 
+const shownToo = new Set(); // other models whose simulation is drawn too
+let across = ["", ""];
 let shownStretch = 0;
 let how = "windowed";
 
@@ -317,7 +320,10 @@ function compare(block, state, go) {
   if (!block.result) return [];
   const { json, errors: rows, stretches, regions, channels } = block.result;
   shownStretch = Math.min(shownStretch, stretches.length - 1);
-  const draw = () => plots("compare", `${block.key} ${shownStretch} ${how}`, (span) => api.show("compare", { ...span, stretch: shownStretch, how }), PAIR);
+  const also = (block.others ?? []).filter((o) => shownToo.has(o.key)).slice(0, ALSO.length);
+  const draw = () => plots("compare", `${block.key} ${shownStretch} ${how} ${also.map((o) => o.key)}`, (span) => api.show("compare", { ...span, stretch: shownStretch, how, also: also.map((o) => o.key) }), PAIR);
+  const models = block.others?.length > 0 && h("div", { class: "row", role: "group", "aria-label": "Other models in the same plots" }, h("span", { class: "quiet" }, "Also simulated by"),
+    block.others.map((o) => h("label", {}, h("input", { type: "checkbox", id: `also-${o.key}`, ...(shownToo.has(o.key) ? { checked: true } : {}), onchange: (e) => { e.target.checked ? shownToo.add(o.key) : shownToo.delete(o.key); go("redraw"); } }), ` ${o.name}`)));
   const holder = h("div", {}, draw());
   const again = () => fill(holder, draw());
   const pick = (k) => {
@@ -348,19 +354,37 @@ function compare(block, state, go) {
       block.refit && h("button", { id: "refit", class: block.follows ? "primary" : "", disabled: Boolean(state.busy), onclick: () => go("refit") }, "Use the refitted values"),
       block.lost && h("button", { id: "to-columns", class: block.mixed ? "primary" : "", onclick: toColumns }, "See the columns")),
     h("p", { class: "quiet" }, "Drag to zoom, double-click to see all; with the keyboard: plus, minus, arrows, 0."),
-    modes, legend(["measured", "simulated", "residual"]), holder,
+    modes, models, legend(["measured", "simulated", ...also.map((o, k) => [`also${k}`, `simulated by ${o.name}`]), "residual"]), holder,
+    xy(block, channels, block.result.inputs),
     where.length ? [h("h3", {}, "Where it fails"), h("ul", { class: "regions" }, where)] : null,
-    h("details", { id: "scores" }, h("summary", {}, "Scores"), errors(rows), scores(json, channels)),
+    h("details", { id: "scores" }, h("summary", {}, "Scores"), errors(rows, channels), scores(json, channels)),
     json.notes.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, short(n, state))))),
   ];
+}
+
+// One quantity over another, in what the plots above show.
+function xy(block, channels, inputs) {
+  const names = [...Object.keys(channels), ...Object.keys(inputs ?? {}), ...Object.keys(channels).map((c) => `residual of ${c}`)];
+  if (!names.includes(across[0])) across = [names[0], names[1] ?? names[0]];
+  const holder = h("div", { id: "xy-plot" });
+  const units = { ...channels, ...inputs };
+  const label = (n) => `${words(n)}${unit(units[n.replace("residual of ", "")])}`;
+  const draw = async () => {
+    const [from, to] = stackOf("compare")?.span ?? [null, null];
+    const found = await api.show("xy", { from, to, stretch: shownStretch, how, x: across[0], y: across[1] });
+    fill(holder, legend(["measured", "simulated"]), scatter(found.curves, across.map(label)));
+  };
+  const choose = (k) => h("select", { id: `xy-${k ? "y" : "x"}`, "aria-label": k ? "Upwards" : "To the right", onchange: (e) => { across[k] = e.target.value; draw(); } }, names.map((n) => h("option", { value: n, selected: n === across[k] }, label(n))));
+  return h("details", { id: "xy", ontoggle: (e) => e.target.open && draw() }, h("summary", {}, "One quantity over another"), h("div", { class: "row" }, choose(1), h("span", {}, "over"), choose(0), h("button", { class: "small", onclick: draw }, "Draw what is shown above")), holder);
 }
 
 // A note without the folder of the project in front of each file.
 const short = (note, state) => note.replaceAll(`${state.folder}/`, "");
 
 // The rows by which models are told apart, as the command line prints them; the first row is the head.
-function errors(rows) {
+function errors(rows, units = {}) {
   if (!rows?.length) return null;
+  rows = rows.map((r, k) => (k ? r.map((t, j) => (j === 1 && units[t] ? `${words(t)}${unit(units[t])}` : t)) : r));
   const cells = (tag, row) => row.map((t, k) => h(tag, { class: k > 1 ? "number" : "", ...(tag === "th" ? { scope: "col" } : {}) }, t));
   return h("table", { class: "errors" }, h("thead", {}, h("tr", {}, cells("th", rows[0]))), h("tbody", {}, rows.slice(1).map((r) => h("tr", {}, cells("td", r)))));
 }
@@ -381,7 +405,7 @@ function diagnose(block, state, go) {
   const { json, errors: rows } = block.result;
   return [
     found(block.result, block.unseen),
-    rows?.length > 0 && h("details", { id: "errors" }, h("summary", {}, "The error, step by step"), errors(rows)),
+    rows?.length > 0 && h("details", { id: "errors" }, h("summary", {}, "The error, step by step"), errors(rows, state.model?.signals)),
     h("details", { id: "ranking" }, h("summary", {}, "All effects that competed, best first"), ranking(json.ranking)),
     json.experiments?.length > 0 && h("details", {}, h("summary", {}, "What to record to find out more"), h("ul", {}, json.experiments.map((n) => h("li", {}, n)))),
     json.notes?.length > 0 && h("details", {}, h("summary", {}, json.notes.length === 1 ? "1 note" : `${json.notes.length} notes`), h("ul", {}, json.notes.map((n) => h("li", {}, short(n, state))))),
@@ -397,14 +421,14 @@ function found({ evidence: seen, values, unseen: none }, data) {
 }
 
 const valued = (name, own) => {
-  const text = Object.entries(own).map(([parameter, value]) => `${parameter} = ${value}`).join(", ");
+  const text = Object.entries(own).map(([parameter, value]) => (parameter ? `${parameter} = ${value}` : value)).join(", ");
   return h("h3", {}, words(name), text && [": ", h("span", { class: "value" }, text)]);
 };
 
 function pictured(e, why, data) {
   if (!e) return h("p", { class: "quiet" }, why);
   return [h("p", { class: "quiet" }, `What unseen data show of it (${data}):`),
-    h("div", { class: "pair" }, evidence(e, "named", "curve"), e.rival && evidence(e, "rival", "rival"))];
+    h("div", { class: "pair" }, evidence(e, "named", "curve"), e.spectrum && spectrum(e.spectrum, e.unit), e.rival && evidence(e, "rival", "rival"))];
 }
 
 // What was tried while a diagnosis runs.
@@ -417,12 +441,15 @@ function tried(rows) {
 
 const STATUS = { confirmed: "✓ confirmed", ambiguous: "≈ a tie", not_excited: "… not to be seen here", rejected: "✕ rejected", not_applicable: "– does not apply" };
 
+// Of many values the first ones, and how many there are.
+const fewest = (pairs) => (pairs.length > 8 ? [...pairs.slice(0, 6), ["", `and ${pairs.length - 6} more, in the model file`]] : pairs);
+
 function ranking(entries) {
   const worst = (v) => v && Math.max(...Object.entries(v).filter(([k]) => k !== "score").map(([, s]) => s?.rmse_over_noise ?? 0));
   return h("table", {}, h("thead", {}, h("tr", {}, ["effect", "", "error / noise", "why", "fitted"].map((t, k) => h("th", { class: k === 2 ? "number" : "", scope: "col" }, t)))),
     h("tbody", {}, entries.map((e) => h("tr", {}, h("td", {}, words(e.effect)), h("td", { class: "status" }, STATUS[e.status] ?? e.status ?? ""),
       h("td", { class: "number" }, number(worst(e.validation))), h("td", {}, e.why ?? ""),
-      h("td", {}, Object.entries(e.parameters ?? {}).map(([n, p]) => `${n} = ${number(p.value, 4)}${p.std ? ` ± ${number(p.std, 2)}` : ""} ${p.unit === "-" ? "" : p.unit}`).join(", "))))));
+      h("td", {}, fewest(Object.entries(e.parameters ?? {})).map(([n, p]) => n === "" ? p : `${n} = ${number(p.value, 4)}${p.std ? ` ± ${number(p.std, 2)}` : ""} ${p.unit === "-" ? "" : p.unit}`).join(", "))))));
 }
 
 // -------------------------------------------------------------------- add

@@ -90,8 +90,33 @@ export function evidence(e, which, cls) {
   }
   for (const b of side.curve) f.line(decode(b.at), decode(b.mean), cls);
   const values = Object.entries(side.parameters).map(([k, v]) => `${k} = ${v}`).join(", ");
-  return h("figure", {}, f.svg, h("figcaption", { class: "quiet" },
+  const mark = (cls, text) => h("span", {}, h("svg", { width: 30, height: 12, "aria-hidden": true }, cls === "dots" ? [4, 11, 19, 26].map((x, k) => h("circle", { cx: x, cy: k % 2 ? 4 : 8, r: 1.8, fill: "var(--measured)", "fill-opacity": 0.5 })) : h("path", { class: cls, d: "M1 6H29" })), " ", text);
+  const key = h("div", { class: "legend" }, mark("dots", "samples"), mark("mean", "their mean, ± 2 standard errors"), mark(cls, `computed with ${name}`));
+  return h("figure", {}, key, f.svg, h("figcaption", { class: "quiet" },
     h("b", {}, name), values ? `: ${values}. ` : ". ", `It leaves ${number(side.left)} ${e.unit} (RMS).`));
+}
+
+// How large the missing force is by order, before and after: bars side by side.
+export function spectrum(s, unitText) {
+  const orders = decode(s.orders), missing = decode(s.missing), left = decode(s.left);
+  const top = Math.max(...missing, ...left, 1e-300);
+  const f = new Frame("Amplitude of the missing force by order", [0.3, orders.length + 0.7], [0, 1.08 * top], ["periods per turn", `amplitude${unit(unitText)}`]);
+  const bar = (k, v, cls, shift) => f.inside.append(h("rect", { class: cls, x: f.x(orders[k] + shift), y: f.y(v), width: Math.max(f.x(0.36) - f.x(0), 1.5), height: Math.max(f.bottom - f.y(v), 0) }));
+  for (let k = 0; k < orders.length; k++) {
+    bar(k, missing[k], "bar first", -0.38);
+    bar(k, left[k], "bar", 0.02);
+  }
+  const box = (cls) => h("svg", { width: 14, height: 12, "aria-hidden": true }, h("rect", { class: cls, x: 0, y: 1, width: 12, height: 10 }));
+  return h("figure", {}, h("div", { class: "legend" }, h("span", {}, box("bar first"), " missing without it"), h("span", {}, box("bar"), " left with it")), f.svg, h("figcaption", { class: "quiet" }, "By order."));
+}
+
+// One quantity over another.
+export function scatter(curves, labels) {
+  const sides = Object.entries(curves).map(([name, [x, y]]) => [name, decode(x), decode(y)]);
+  const reach = (k) => wider(quantiles(sides.flatMap((s) => [...s[k]]), 0, 1), 0.04);
+  const f = new Frame(`${labels[1]} over ${labels[0]}`, reach(1), reach(2), labels, 620, 420);
+  for (const [name, x, y] of sides) f.line(x, y, `xy ${name}`);
+  return f.svg;
 }
 
 // The error on unseen data, a bar for each step, and the noise below which nothing can fall.
@@ -104,9 +129,11 @@ export function ladder(rungs, channel, unitText, what = "RMS error on unseen dat
   svg.append(h("text", { x: 0, y: 14, "font-weight": 600 }, `${channel}${unit(unitText)}: ${what}`));
   rungs.forEach((r, k) => {
     const s = r.validation[channel];
-    const y = 26 + k * step, size = Math.max((full * (s?.rmse ?? 0)) / top, 1);
-    svg.append(h("text", { x: left - 8, y: y + 15, "text-anchor": "end" }, r.label),
-      h("rect", { class: k ? "bar" : "bar first", x: left, y, width: size, height: 22, rx: 2 }),
+    const known = Number.isFinite(s?.rmse ?? NaN);
+    const y = 26 + k * step, size = known ? Math.max((full * s.rmse) / top, 1) : 0;
+    svg.append(h("text", { x: left - 8, y: y + 15, "text-anchor": "end" }, r.label));
+    if (!known) svg.append(h("text", { class: "none", x: left, y: y + 15 }, "not computed"));
+    else svg.append(h("rect", { class: k ? "bar" : "bar first", x: left, y, width: size, height: 22, rx: 2 }),
       h("text", { x: left + size + 6, y: y + 15 }, `${number(s?.rmse)}${s?.rmse_over_noise ? `  (${number(s.rmse_over_noise)} × noise)` : ""}`));
   });
   if (Number.isFinite(noise)) {
