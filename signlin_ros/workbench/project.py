@@ -20,10 +20,11 @@ import time
 import unicodedata
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from signlin_ros.errors import InputError
 from signlin_ros.files import BAGS, PACKED, TABLES, TEXT, write_text
+from signlin_ros.workbench import trust
 
 STORE = ".signlin"
 VERSION = 1
@@ -65,29 +66,30 @@ def _claimed(file: Path) -> bool:
     return True
 
 
-def lock(store: Path, port: int) -> IO[str]:
-    """Return the open lock of a store, which this process holds until it ends; ``port``: where it listens.
+def lock(store: Path, port: int) -> int:
+    """Return the descriptor of a store that is locked until this process ends; ``port``: where it listens.
 
-    Raises `InputError` where another server has it: two would overwrite what the other one writes.
+    Raises `InputError` where another server has it: two would overwrite what the other one writes. Who has it stands
+    beside what was agreed to on this machine (`trust`), not in the store.
     """
     store.mkdir(exist_ok=True)
-    file = store / "server.json"
-    descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o600)
-    stream = os.fdopen(descriptor, "r+", encoding="utf-8")
+    held = os.open(store, os.O_RDONLY | os.O_DIRECTORY)
+    note = trust.place().with_name(f"server_{trust.digest(os.fsencode(store.resolve()))[:16]}.json")
     try:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
+        os.close(held)
         said = ""
-        with stream, contextlib.suppress(ValueError, KeyError, TypeError):
-            other = json.loads(stream.read())
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            other = json.loads(note.read_text(encoding="utf-8"))
             said = f", pid {int(other['pid'])}, port {int(other['port'])}"
         raise InputError(f"{store.resolve()}: project is open in another server{said}") from None
     except OSError:
-        return stream  # a file system without locks
-    stream.truncate(0)
-    stream.write(json.dumps({"pid": os.getpid(), "port": port}))
-    stream.flush()
-    return stream
+        return held  # a file system without locks
+    with contextlib.suppress(OSError):
+        note.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        write_text(note, json.dumps({"pid": os.getpid(), "port": port}))
+    return held
 
 
 class Project:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import os
 import socket
 import threading
 import webbrowser
@@ -394,8 +395,10 @@ def serve(
             super().handle_exit(sig, frame)
 
     options: Any = {"log_level": "warning", "timeout_graceful_shutdown": 3, "ws": "none"}
-    with contextlib.closing(held):
+    try:
         Server(uvicorn.Config(app, **options)).run(sockets=[listening])
+    finally:
+        os.close(held)
 
 
 def _listening(host: str, port: int) -> socket.socket:

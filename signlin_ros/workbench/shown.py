@@ -45,9 +45,10 @@ def shown(s: Session) -> dict[str, Any]:
 
 def _record_shown(s: Session, record: dict[str, str]) -> dict[str, Any]:
     found = columns.read(s, record)
-    known = ("samples", "start", "end", "step", "notes", "untimed", "error")
+    known = ("columns", "texts", "samples", "start", "end", "step", "notes", "untimed", "error")
     found = {name: found[name] for name in known} if found else None
     if found:
+        found["columns"] = found["columns"][: columns.MOST]
         found["notes"] = [on_page(note) for note in found["notes"]]
     return {**record, "name": Path(record["file"]).name, "path": s.project.path(record["file"]), "found": found}
 

@@ -10,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
@@ -121,7 +122,8 @@ class Client:
 
 def environment() -> dict[str, str]:
     root = str(Path(__file__).parents[2])
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
+    own = {"XDG_STATE_HOME": str(Path(tempfile.gettempdir()) / "signlin_tests_state")}
+    return {**own, **os.environ, "PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])}
 
 
 def starting(folder: Path) -> Iterator[Callable[..., Server]]:

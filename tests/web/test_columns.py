@@ -171,7 +171,7 @@ def test_columns_that_are_mixed_up_are_put_right_by_a_click(
     page.press("as-they-are")
     page.click("do-compare")
     page.done("compare")
-    assert page.says("compare").startswith("The current and speed fit no model")
+    assert page.says("compare").startswith("The model follows current")
     assert "with current and speed exchanged the model follows the record" in page.says("compare")
     page.picture("fits_no_model", "stage-compare")
     page.click("to-columns")

@@ -36,7 +36,7 @@ export function command(text) {
     await navigator.clipboard?.writeText(text);
     e.target.textContent = "Copied";
   };
-  return h("div", { class: "command" }, h("code", { tabindex: 0, "aria-label": "The same on the command line" }, text),
+  return h("div", { class: "command" }, h("code", { tabindex: 0, "aria-label": "The same on the command line" }, text.split(" ").map((w, k) => [k ? " " : "", h("span", {}, w)])),
     h("button", { class: "small", onclick: copy }, "Copy"));
 }
 
@@ -95,7 +95,7 @@ function sheets(state, go) {
   const held = (key, value) => (typed.has(key) ? typed.get(key) : value);
   const draw = () => {
     const own = state.forms.find((f) => f.id === form) ?? state.forms[0];
-    const take = () => go("write", { form: own.id, values: Object.fromEntries(own.fields.map((f) => [f.name, [held(`${own.id} ${f.name}`, f.start), held(`${own.id} ${f.name} unit`, f.units[0])]])) });
+    const take = () => document.getElementById("sheet").removeAttribute("open") ?? go("write", { form: own.id, values: Object.fromEntries(own.fields.map((f) => [f.name, [held(`${own.id} ${f.name}`, f.start), held(`${own.id} ${f.name} unit`, f.units[0])]])) });
     fill(holder,
       h("div", { class: "row" }, h("label", { for: "form" }, "What it is"), h("select", { id: "form", onchange: (e) => { form = e.target.value; draw(); } }, state.forms.map((f) => h("option", { value: f.id, selected: f.id === own.id }, f.title)))),
       h("div", { class: "fields" }, own.fields.map((f) => [
@@ -115,7 +115,7 @@ function records(state, go) {
     onchange: () => go("role", { file: r.file }) },
     [["estimation", "for the fit"], ["validation", "unseen by the fit"]].map(([value, text]) => h("option", { value, selected: r.role === value }, text)));
   const row = (r) => h("tr", {},
-    h("td", { class: "name" }, r.name),
+    h("td", { class: "name", title: r.name }, r.name),
     h("td", {}, role(r), only && h("div", { class: "quiet" }, "but its last third")),
     h("td", { class: "number" }, !r.found ? (state.busy ? "reading ..." : "not read") : r.found.error && !r.found.untimed ? "cannot be read" : r.found.samples.toLocaleString("en")),
     h("td", { class: "number" }, r.found && !r.found.error ? `${number(r.found.end - r.found.start, 4)} s` : ""),
@@ -204,7 +204,7 @@ function signals(table, end, several, go) {
   const apart = table.alike > 1 && h("button", { class: "small", id: `apart${end}`, onclick: () => go("apart", { file }) }, table.apart ? "Map them all like this one" : "Map them one by one");
   return [
     (several || table.alike > 1) && h("div", { class: "row" }, h("b", {}, table.names.join(", ")), apart),
-    h("table", { class: "mapping" }, h("thead", {}, h("tr", {}, ["signal", "column", "its unit", "factor", "sign", "or a formula", "why"].map((t) => h("th", { scope: "col" }, t)))),
+    h("table", { class: "mapping" }, h("thead", {}, h("tr", {}, ["signal", "column", "its unit", "factor", "sign", "or a formula"].map((t) => h("th", { scope: "col" }, t)))),
       h("tbody", {}, table.rows.map((m) => signal(m, table, end, map)), time(table, end, map))),
     table.texts.length > 0 && h("p", { class: "quiet" }, `Columns of text, which a formula may take the sign of: ${table.texts.join(", ")}.`),
   ];
@@ -225,15 +225,15 @@ function signal(m, table, end, map) {
     h("td", {}, h("select", { id: `map-${m.signal}${end}`, "aria-label": `Column for ${name}`, onchange: (e) => send({ column: e.target.value, unit: "" }) },
       h("option", { value: "", selected: !m.column }, m.needed ? "choose a column ..." : "not measured"),
       formula && h("option", { value: parts.column, selected: true }, "by the formula"),
-      table.columns.map((c) => h("option", { value: c.label, selected: c.label === parts.column }, `${c.label}: ${range(c)}`)))),
+      table.columns.map((c) => h("option", { value: c.label, selected: c.label === parts.column }, `${c.label}: ${range(c)}`))),
+      h("div", { class: "quiet why" }, m.why)),
     h("td", {}, h("select", { id: `unit-${m.signal}${end}`, disabled: !m.column || formula, "aria-label": `Unit of the column for ${name}`, onchange: (e) => send({ unit: e.target.value }) },
       !own && h("option", { value: "", selected: !now }, "as the model"),
       [...new Set([...(own || parts.unit ? [now] : []), ...m.units])].map((u) => h("option", { value: u, selected: u === now }, u)))),
     h("td", {}, h("select", { id: `factor-${m.signal}${end}`, disabled: !m.column || formula, "aria-label": `Factor for ${name}`, onchange: (e) => send({ factor: Number(e.target.value) }) },
       [...new Set([1, 0.001, 0.01, 0.1, 10, 100, 1000, Math.abs(parts.factor)])].sort((a, b) => a - b).map((f) => h("option", { value: f * Math.sign(parts.factor), selected: f === Math.abs(parts.factor) }, `× ${number(f, 6)}`)))),
     h("td", {}, h("button", { class: "small", id: `sign-${m.signal}${end}`, disabled: !m.column || formula, "aria-pressed": parts.factor < 0, onclick: () => send({ factor: -parts.factor }) }, parts.factor < 0 ? "sign reversed" : "reverse sign")),
-    h("td", {}, field(`formula-${m.signal}${end}`, `Formula of columns for ${name}`, formula ? m.column : "", m.kind === "input" ? "sign(dir) * pwm" : "0.0105 * c2 - 1", (text) => map(m.signal, { formula: text }))),
-    h("td", { class: "quiet" }, m.why));
+    h("td", {}, field(`formula-${m.signal}${end}`, `Formula of columns for ${name}`, formula ? m.column : "", m.kind === "input" ? "sign(dir) * pwm" : "0.0105 * c2 - 1", (text) => map(m.signal, { formula: text }))));
 }
 
 // A field for a formula; while something is typed that was not taken yet, the page does not draw it anew.
@@ -259,12 +259,12 @@ function time(table, end, map) {
   return h("tr", {}, h("td", {}, h("b", {}, "time"), unit("s"), h("br"), h("span", { class: "quiet" }, "when it was measured")),
     h("td", {}, h("select", { id: `map-t${end}`, "aria-label": "Column of the time", onchange: (e) => send(e.target.value, said) },
       h("option", { value: "", selected: !own }, formula ? "by the formula" : "choose a column ..."),
-      labels.map((l) => h("option", { value: l, selected: l === own }, l)))),
+      labels.map((l) => h("option", { value: l, selected: l === own }, l))),
+      h("div", { class: "quiet why" }, table.fault ? "the time is not known" : table.time ? "as you set it" : "found by the reader")),
     h("td", {}, h("select", { id: `unit-t${end}`, disabled: !own, "aria-label": "Unit of the time", onchange: (e) => send(own, e.target.value) },
       [...new Set([said || "s", "s", "ms", "us", "ns", "min"])].map((u) => h("option", { value: u, selected: u === (said || "s") }, u)))),
     h("td", { colspan: 2 }, asked && h("button", { class: "small primary", id: `read-t${end}`, onclick: () => map("t", { formula: asked }) }, `Read ${bare(asked)} as ${/\[(\w+)\]/.exec(asked)?.[1]}`)),
-    h("td", {}, field(`formula-t${end}`, "Formula of the time, or the s from row to row", formula ? table.time : "", "0.01 (s from row to row)", (text) => map("t", { formula: text }))),
-    h("td", { class: "quiet" }, table.fault ? "the time is not known" : table.time ? "as you set it" : "found by the reader"));
+    h("td", {}, field(`formula-t${end}`, "Formula of the time, or the s from row to row", formula ? table.time : "", "0.01 (s from row to row)", (text) => map("t", { formula: text }))));
 }
 
 function range(c) {

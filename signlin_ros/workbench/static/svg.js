@@ -14,7 +14,8 @@ export function ticks(low, high, count = 5) {
 
 class Frame {
   constructor(title, xs, ys, labels, width = 520, height = 300) {
-    Object.assign(this, { width, height, left: 66, right: width - 12, top: 12, bottom: height - 44 });
+    const longest = Math.max(...ticks(ys[0], ys[1]).map((v) => number(v, 4).length), 3);
+    Object.assign(this, { width, height, left: 34 + 7.2 * longest, right: width - 12, top: 12, bottom: height - 44 });
     this.x0 = xs[0]; this.x1 = xs[1]; this.y0 = ys[0]; this.y1 = ys[1];
     this.svg = h("svg", { viewBox: `0 0 ${width} ${height}`, role: "img", width: "100%" }, h("title", {}, title));
     this.clip = `clip-${Math.random().toString(36).slice(2)}`;

@@ -65,7 +65,7 @@ export class Tuner {
       shown.value = number(p.value, 6);
       shown.setCustomValidity("");
     };
-    return [h("label", { for: `slide-${p.name}`, title: p.doc }, p.name), range, h("span", { class: "given" }, shown, " ", told)];
+    return [h("label", { for: `slide-${p.name}`, title: p.doc }, words(p.name).replace(".", " ")), range, h("span", { class: "given" }, shown, " ", told)];
   }
 
   reset() {
