@@ -16,12 +16,14 @@ from signlin_ros.diagnosis.words import own_parameters
 from signlin_ros.effects import find_effect
 from signlin_ros.recording.trace import resolve_unit
 from signlin_ros.report.curves import LEAST, Band, band, memory
-from signlin_ros.report.waves import Spectrum, Wave, folded, spectrum, waves_of
+from signlin_ros.report.waves import TURN, Spectrum, Wave, folded, spectrum, waves_of
 
 Array = NDArray[np.float64]
 
 ENOUGH = 20
 """Samples below which nothing is shown of a direction of motion."""
+PASSES = 0.5
+"""A wave passes the low-pass of the forces up to this part of its cut-off."""
 ALIKE = 0.02
 """Parts of a variance that differ by less are alike: then a force is shown over velocity."""
 BINS = 30
@@ -30,7 +32,10 @@ BINS = 30
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """A coordinate: x (N,), and the direction of motion ``side`` (N,); ``single``: shown over time, as it is."""
+    """A coordinate: x (N,), and the direction of motion ``side`` (N,); ``single``: shown over time, as it is.
+
+    ``kept`` (M,): which of M samples these are; None: all.
+    """
 
     name: str
     unit: str
@@ -38,6 +43,7 @@ class Place:
     side: Array
     single: bool
     dense: bool
+    kept: NDArray[np.bool_] | None = None
 
     @property
     def label(self) -> str:
@@ -98,7 +104,9 @@ def evidence(f: Judgement, effect: str, within: Fitted | None = None) -> Evidenc
     sources = tuple(dict.fromkeys(s.source for s in f.case.unseen.segments))
     cutoff = force.search.r.unseen.pieces[0].cutoff
     quantity = "missing torque" if unit == "N·m" else "missing force"
-    rows = spectrum(_at(f, plant.position), measured, measured - computed, waves) if waves and _turns(f) else None
+    rows = None
+    if place.kept is not None and _turns(f):
+        rows = spectrum(_at(f, plant.position)[place.kept], named.measured, named.measured - named.computed, waves)
     return Evidence(quantity, unit, place, cutoff, sources, named, _rival(f, fitted, effect, place), tuple(waves), rows)
 
 
@@ -125,6 +133,12 @@ def _at(f: Judgement, name: str) -> Array:
     return np.concatenate([p.values[name][p.kept] for p in force.search.r.unseen.pieces])
 
 
+def _passing(velocity: Array, wave: Wave, cutoff: float) -> NDArray[np.bool_]:
+    """Return at which velocities (N,) a wave passes the low-pass of the forces; all where it hardly does anywhere."""
+    slow = np.abs(velocity) * wave.order < PASSES * TURN * cutoff
+    return slow if np.count_nonzero(slow) >= 10 * ENOUGH else np.ones(velocity.size, dtype=np.bool_)
+
+
 def _turns(f: Judgement) -> bool:
     """Tell whether the axis turns: then waves have whole orders."""
     return f.case.problem.shown(resolve_unit("Q", f.case.problem.base.plant)) == "rad"
@@ -139,13 +153,14 @@ def _place(f: Judgement, computed: Array, waves: Sequence[Wave] = ()) -> Place:
     parts = force.search.r.unseen.pieces
     velocity, position = _at(f, plant.velocity), _at(f, plant.position)
     if waves:
-        x, turns = folded(position, waves[0].order), _turns(f)
+        kept = _passing(velocity, waves[0], parts[0].cutoff)
+        x, turns = folded(position[kept], waves[0].order), _turns(f)
         name = (
             f"{plant.position} within 1/{waves[0].order:.4g} of a turn"
             if turns
             else f"{plant.position} within a period"
         )
-        return Place(name, "rad" if turns else "m", x, np.zeros(x.size), False, False)
+        return Place(name, "rad" if turns else "m", x, np.zeros(x.size), False, False, kept)
     side = np.sign(velocity)
     shares = {n: _unexplained(x, side, computed) for n, x in ((plant.velocity, velocity), (plant.position, position))}
     best = plant.velocity if shares[plant.velocity] <= shares[plant.position] + ALIKE else plant.position
@@ -202,6 +217,8 @@ def _explanation(
     f: Judgement, fitted: Fitted, effect: str, place: Place, measured: Array, computed: Array
 ) -> Explanation | None:
     """Return what is missing and what an effect makes of it; None where the record has too little of it."""
+    if place.kept is not None:
+        measured, computed = measured[place.kept], computed[place.kept]
     sides = [place.side == s for s in np.unique(place.side) if np.count_nonzero(place.side == s) >= ENOUGH]
     if not sides:
         return None

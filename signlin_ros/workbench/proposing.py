@@ -53,6 +53,10 @@ WANTED = (
     "sollwert",
 )
 """In the name of a column that says what was asked for, not what came of it."""
+DIRECTION = ("dir", "direction", "richtung", "drehrichtung", "sign", "sgn", "vorzeichen", "sens", "cw", "ccw")
+"""In the name of a column that says which way it goes."""
+DUTY, FULL = ("pwm", "duty", "tastgrad", "throttle"), (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0, 65535.0)
+"""In the name of a column in parts of the supply, and what the whole of it may be."""
 ALIKE = 0.9
 """Correlation of a derivative with a column from which on one is taken for the derivative of the other."""
 STILL = 3.0
@@ -77,7 +81,32 @@ def mapping(model: Model, records: Sequence[Record], given: Mapping[str, str]) -
             _propose(row, records, taken)
     if records and not told:
         _follow(rows, records[0], taken)
+    for row in rows:
+        if records and row["kind"] == "input" and row["column"] and not row["set"]:
+            row.update(_driven(row["column"], records))
     return rows
+
+
+def _driven(label: str, records: Sequence[Record]) -> dict[str, Any]:
+    """Return what a column that drives may need: ``direction``, a column of two values called so where it never changes
+    its own sign; ``full``, its largest value where it is a duty cycle or a PWM and has no unit.
+    """
+    signal = next((s for k, s in records[0].signals.items() if (s.label or k) == label), None)
+    if signal is None or not np.isfinite(signal.values).any():
+        return {}
+    low, high = float(np.nanmin(signal.values)), float(np.nanmax(np.abs(signal.values)))
+    tokens = _tokens(label)
+    found: dict[str, Any] = {}
+    if any(word in tokens for word in DUTY) and not signal.unit:
+        found["full"] = next((full for full in FULL if high <= full), None)
+    ways = [name for name, _ in _common(records) if any(word in _tokens(name) for word in DIRECTION) and name != label]
+    if low >= 0.0 and ways:
+        found["direction"] = ways[0]
+    return found
+
+
+def _tokens(label: str) -> list[str]:
+    return [t for t in re.split(r"[^a-z]+", re.sub(r"[\[(].*", "", label).lower()) if t]
 
 
 def _row(model: Model, name: str, records: Sequence[Record], given: Mapping[str, str]) -> dict[str, Any]:
@@ -165,8 +194,7 @@ def _common(records: Sequence[Record]) -> list[tuple[str, str]]:
 
 def _likeness(row: Mapping[str, Any], label: str, unit: str) -> tuple[float, str]:
     """Return points and the reason why a column may be a signal."""
-    plain = re.sub(r"[\[(].*", "", label).strip().lower()
-    tokens = [t for t in re.split(r"[^a-z]+", plain) if t]
+    plain, tokens = re.sub(r"[\[(].*", "", label).strip().lower(), _tokens(label)
     words = WORDS.get(row["signal"], (row["signal"],))
     points, why = 0.0, []
     if plain in words:

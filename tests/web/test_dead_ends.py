@@ -261,3 +261,16 @@ def test_a_wide_table_is_looked_through_by_words(client: Client) -> None:
     assert [p["name"] for p in shown["plots"]] == ["speed", "drive/axis3/temperature_2999"]
     everything = json.loads(client.ask("POST", f"/p/{project}/show/record", b"{}", {"x-signlin": "1"})[1])
     assert len(everything["plots"]) <= 40
+
+
+def test_a_pwm_is_offered_its_sign_and_its_full_scale() -> None:
+    t = np.arange(500) / 100.0
+    given = record(
+        pwm=(np.round(200 * np.abs(np.sin(t))), ""), richtung=((np.sin(t) > 0) * 1.0, ""), speed=(np.cos(t), "rad/s")
+    )
+    rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [given], {})}
+    assert (rows["voltage"]["direction"], rows["voltage"]["full"]) == ("richtung", 255.0)
+    signed = record(voltage=(np.sin(t), "V"), richtung=((np.sin(t) > 0) * 1.0, ""), speed=(np.cos(t), "rad/s"))
+    rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [signed], {})}
+    assert "direction" not in rows["voltage"]
+    assert "full" not in rows["voltage"]

@@ -226,7 +226,8 @@ function signal(m, table, end, map) {
       h("option", { value: "", selected: !m.column }, m.needed ? "choose a column ..." : "not measured"),
       formula && h("option", { value: parts.column, selected: true }, "by the formula"),
       table.columns.map((c) => h("option", { value: c.label, selected: c.label === parts.column }, `${c.label}: ${range(c)}`))),
-      h("div", { class: "quiet why" }, m.why)),
+      h("div", { class: "quiet why" }, m.why),
+      (m.direction || m.full) && driven(m, end, map)),
     h("td", {}, h("select", { id: `unit-${m.signal}${end}`, disabled: !m.column || formula, "aria-label": `Unit of the column for ${name}`, onchange: (e) => send({ unit: e.target.value }) },
       !own && h("option", { value: "", selected: !now }, "as the model"),
       [...new Set([...(own || parts.unit ? [now] : []), ...m.units])].map((u) => h("option", { value: u, selected: u === now }, u)))),
@@ -234,6 +235,19 @@ function signal(m, table, end, map) {
       [...new Set([1, 0.001, 0.01, 0.1, 10, 100, 1000, Math.abs(parts.factor)])].sort((a, b) => a - b).map((f) => h("option", { value: f * Math.sign(parts.factor), selected: f === Math.abs(parts.factor) }, `× ${number(f, 6)}`)))),
     h("td", {}, h("button", { class: "small", id: `sign-${m.signal}${end}`, disabled: !m.column || formula, "aria-pressed": parts.factor < 0, onclick: () => send({ factor: -parts.factor }) }, parts.factor < 0 ? "sign reversed" : "reverse sign")),
     h("td", {}, field(`formula-${m.signal}${end}`, `Formula of columns for ${name}`, formula ? m.column : "", m.kind === "input" ? "sign(dir) * pwm" : "0.0105 * c2 - 1", (text) => map(m.signal, { formula: text }))));
+}
+
+// A PWM in counts, or without its sign: what it is at full scale, and where the sign stands.
+function driven(m, end, map) {
+  const plain = (label) => (/^[^\W\d]\w*$/.test(label) ? label : `"${label.split(" [")[0]}"`);
+  const signed = m.direction ? `sign(${plain(m.direction)}) * ${plain(m.column)}` : plain(m.column);
+  const scaled = (volts) => map(m.signal, { formula: `${signed} * ${volts} / ${m.full}` });
+  const take = (e) => {
+    const volts = Number(e.target.value.replace(",", "."));
+    if (volts > 0) scaled(volts);
+  };
+  return [m.direction && h("div", {}, h("button", { class: "small primary", id: `signed-${m.signal}${end}`, onclick: () => map(m.signal, { formula: signed }) }, `Take its sign from ${m.direction}`)),
+    m.full && h("label", { class: "why" }, `${m.full} is `, h("input", { type: "text", inputmode: "decimal", class: "typed short", id: `full-${m.signal}${end}`, autocomplete: "off", placeholder: "12", onchange: take }), ` ${m.unit}${m.direction ? ", with that sign" : ""}`)];
 }
 
 // A field for a formula; while something is typed that was not taken yet, the page does not draw it anew.

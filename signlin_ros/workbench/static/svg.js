@@ -108,7 +108,7 @@ export function spectrum(s, unitText) {
     bar(k, left[k], "bar", 0.02);
   }
   const box = (cls) => h("svg", { width: 14, height: 12, "aria-hidden": true }, h("rect", { class: cls, x: 0, y: 1, width: 12, height: 10 }));
-  return h("figure", {}, h("div", { class: "legend" }, h("span", {}, box("bar first"), " missing without it"), h("span", {}, box("bar"), " left with it")), f.svg, h("figcaption", { class: "quiet" }, "By order."));
+  return h("figure", {}, h("div", { class: "legend" }, h("span", {}, box("bar first"), " missing without it"), h("span", {}, box("bar"), " left with it")), f.svg, h("figcaption", { class: "quiet" }, "The part of the record that is slow enough for these waves, by order."));
 }
 
 // One quantity over another.
