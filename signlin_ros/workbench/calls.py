@@ -302,9 +302,9 @@ def report(args: Args, say: Say) -> Answer:
     from signlin_ros.report import added, compare_report, diagnosis_report
 
     say({"what": "writing the report (model and script are there already)", "share": 0.2})
-    command, model = str(args.get("command") or ""), opened(args["model"])
+    command = str(args.get("command") or "")
     steps = [added.Added(a["effect"], a["json"], _LAST.get(a["key"], (None,))[0]) for a in args.get("added") or ()]
-    first = [added.added_section(steps, model)]
+    first = [added.added_section(steps, opened(args["model"]))] if steps else []
     held = _LAST.get(str(args.get("diagnosis")))
     if held is not None:
         result, base, data, findings = held

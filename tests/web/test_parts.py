@@ -134,11 +134,13 @@ def test_the_text_of_a_model_does_not_end_its_place_in_a_script(tmp_path: Path) 
 def test_what_the_check_found_decides_whether_one_may_go_on(
     findings: list[dict[str, Any]], cures: list[str], done: bool, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rows = [{"check": "clipped", "record": "a.csv", "applied": False, "channel": "speed", **f} for f in findings]
+    row = {"check": "clipped", "record": "a.csv", "applied": False, "channel": "speed", "sentence": ""}
+    rows = [{**row, **f} for f in findings]
     found = {"json": {"findings": rows}, "directions": [None] * len(rows)}
     choices = {"cures": cures, "records": [], "model": "dc_motor"}
     project = SimpleNamespace(choices=choices, files=lambda _: ["a.csv"], path=str)
     session: Any = SimpleNamespace(project=project, tables=None)
+    monkeypatch.setattr(stages, "_estimated", lambda _: False)
     monkeypatch.setattr(stages, "before", lambda _: "")
     monkeypatch.setattr(stages, "result", lambda *_: found)
     block = stages.check(session)
