@@ -19,6 +19,10 @@ TARGETS = (
     "casadi",
     "do-mpc",
     "sympy",
+    "urdf",
+    "sdf",
+    "bam",
+    "isaaclab",
 )
 
 

@@ -31,6 +31,10 @@ TARGETS = {
     "casadi": "casadi_model",
     "do-mpc": "do_mpc_model",
     "sympy": "sympy_model",
+    "urdf": "urdf",
+    "sdf": "sdf",
+    "bam": "bam",
+    "isaaclab": "isaaclab",
 }
 """Every target and the module that writes it."""
 
@@ -72,13 +76,15 @@ def export(model: Model, target: str, out: str | Path, data: ModelData | None = 
     """Write a model for a target and measure there what is lost.
 
     The run is driven by a record's inputs, or by a stated standard excitation. Raises `InputError` for an unknown
-    target or a path that cannot be written, `ModelError` for a model that the target cannot hold.
+    target or a path that cannot be written, `ModelError` for a model that the target cannot hold. What is known of the
+    record (a gain, a mass) is in the file.
     """
     found, path = find_target(target), Path(out)
     if path.suffix != found.suffix:
         raise InputError(f"{path}: --to {target} writes {found.suffix}")
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}")
+    model = model if data is None else model.under(data.conditions)
     drive = standard_excitation(model) if data is None else drive_of(model, data)
     try:
         exported = found.write(model, path, drive)

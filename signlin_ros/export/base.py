@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from signlin_ros import __version__
 from signlin_ros.errors import MissingExtraError, ModelError
-from signlin_ros.export.functions import Constant, constants
+from signlin_ros.export.functions import Constant, constants, parameters
 from signlin_ros.model import Model
 
 Array = NDArray[np.float64]
@@ -99,7 +99,7 @@ def refuse_imposed(model: Model, target: str) -> None:
 def constant_note(constant: Constant) -> str:
     """Return the unit of a number, what it is, and how well it is known."""
     words = [constant.unit, constant.doc] if constant.unit else [constant.doc]
-    if constant.tolerance > 0.0:
+    if constant.tolerance > 0.0 and constant.value:
         words.append(f"known to ±{100 * constant.tolerance:.3g} % (the model's tolerance)")
     return ", ".join(word for word in words if word)
 
@@ -129,11 +129,16 @@ def table_of_constants(model: Model) -> list[tuple[Constant, str]]:
     return [(c, constant_note(c)) for c in (*pars, *surfaces)]
 
 
+def table_of_parameters(model: Model) -> list[str]:
+    """Return every parameter of a model as a line: name, value, unit, meaning, tolerance."""
+    return [f"{c.public} = {c.value:.8g} {constant_note(c)}" for c in parameters(model)]
+
+
 def ranges(model: Model) -> dict[str, tuple[float, float]]:
     """Return where a number may lie, two standard deviations either way, for those whose uncertainty is known."""
-    pars, _ = constants(model)
+    pars = parameters(model)
     return {
-        c.public: (c.value * (1 - 2 * c.tolerance), c.value * (1 + 2 * c.tolerance))
+        c.public: (c.value - 2 * abs(c.value) * c.tolerance, c.value + 2 * abs(c.value) * c.tolerance)
         for c in pars
         if c.tolerance > 0.0 and c.value
     }
@@ -152,4 +157,5 @@ __all__ = [
     "refuse_sensors",
     "require",
     "table_of_constants",
+    "table_of_parameters",
 ]

@@ -53,9 +53,9 @@ def standard_excitation(model: Model) -> Drive:
 def _on_first(model: Model, t: Array, values: Array) -> Drive:
     u = np.zeros((t.size, len(model.inputs)))
     u[:, 0] = values
-    for i, name in enumerate(model.inputs):
-        if name in ("torque_enable",):
-            u[:, i] = 1.0
+    for name, value in model.plant.unrecorded(model.parameters).items():
+        if name in model.inputs:
+            u[:, model.inputs.index(name)] = value
     return Drive(t, u, t, np.array(model.x0))
 
 

@@ -47,29 +47,26 @@ def identifier(name: str) -> str:
     return f"_{plain}" if plain[:1].isdigit() else plain
 
 
-def constants(model: Model) -> tuple[list[Constant], list[Constant]]:
-    """Return the parameters of a model in the order of its trace, and the scales of its surfaces."""
+def parameters(model: Model) -> list[Constant]:
+    """Return the parameters of a model in the order of its trace."""
     declared = {name.split(".", 1)[1]: par for name, par in model.par_declarations().items()}
     found = []
     for name in model.trace.parameters:
         par = declared.get(name)
-        base = "." not in name
-        found.append(
-            Constant(
-                identifier(name),
-                name,
-                model.value(name),
-                par.unit if par else "-",
-                par.doc if par else "",
-                model.tolerance_of(name) if base else 0.0,
-            )
-        )
+        unit, doc = (par.unit, par.doc) if par else ("-", "")
+        tolerance = 0.0 if "." in name else model.tolerance_of(name)
+        found.append(Constant(identifier(name), name, model.value(name), unit, doc, tolerance))
+    return found
+
+
+def constants(model: Model) -> tuple[list[Constant], list[Constant]]:
+    """Return the parameters of a model, and the scales of its surfaces; raise `ModelError` where these are unknown."""
     known = zip(model.trace.surfaces, scales(model), strict=True)
-    found_scales = [
+    found = [
         Constant(f"scale_{k}", f"scale {k}", float(v), "", f"scale of sign_j on {s.name}")
         for k, (s, v) in enumerate(known)
     ]
-    return found, found_scales
+    return parameters(model), found
 
 
 @symbolic
@@ -172,11 +169,19 @@ def _bare(model: Model, values: dict[str, Any]) -> ca.SX:
     """Return the acceleration of the plant without its effects, in the parameters' symbols of the whole."""
     bare = model
     for key in model.effects:
-        bare = bare.without_effect(key)
+        bare = without(bare, key)
     t, whole = bare.trace, model.trace
     known = dict(zip(whole.parameters, ca.vertsplit(whole.p), strict=True))
     row = _with(t, t.f[t.states.index(model.plant.velocity)], values)
     return ca.substitute(row, t.p, ca.vertcat(*(known[name] for name in t.parameters)))
+
+
+def without(model: Model, key: str) -> Model:
+    """Return a model without an effect, and without what its options say of that effect's own states."""
+    own = {name for name in model.states if name.startswith(f"{key}.")}
+    tables = ("operating_range", "initial_state", "state_weights", "signals")
+    kept = {t: {n: v for n, v in getattr(model, t).items() if n not in own} for t in tables}
+    return (model.with_options(**kept) if own else model).without_effect(key)
 
 
 def texts(model: Model, constants_prefix: str, x: str = "x[{i}]", u: str = "u[{i}]") -> list[str]:
@@ -203,7 +208,9 @@ __all__ = [
     "identifier",
     "linear_rows",
     "number",
+    "parameters",
     "smooth_outputs",
     "smooth_rates",
     "texts",
+    "without",
 ]

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from signlin_ros.effects import CATALOGUE, EFFECTS, SensorEffect
 from signlin_ros.errors import InputError
 from signlin_ros.export import TARGETS, export, find_target
+from signlin_ros.export.excitation import standard_excitation
+from signlin_ros.export.functions import without
+from signlin_ros.export.loss import reference
 from signlin_ros.model import Model
 
 SIZES: dict[str, dict[str, Any]] = {
@@ -40,6 +45,9 @@ SIZES: dict[str, dict[str, Any]] = {
     "thermal_resistance": {"a": 0.0039, "C": 0.02, "R_th": 20.0},
 }
 """Values at which an effect is of some size on the paper's motor; nominal ones for the rest."""
+OWN = 0.1
+"""Range of an effect's own states, where the plant's ranges say how large surfaces are."""
+DROPPED = "dropped"
 NOT_A_MODEL_ALONE = ("learned_force", "temperature_dependent_friction")
 """Effects that need a record: a curve of its own, a temperature."""
 
@@ -68,9 +76,19 @@ def bench() -> Model:
     return Model.load("dc_motor").without_effect("coulomb_friction").with_options(with_position=True)
 
 
-def models() -> Iterator[tuple[str, Model | str]]:
+def servo_bench() -> Model:
+    """Return the XL-330 servo on its arm without friction, torque on and supply constant."""
+    bare = Model.load("xl330_servo")
+    for key in bare.effects:
+        bare = bare.without_effect(key)
+    used = {name: value for name, value in bare.operating_range.items() if name != "supply"}
+    return bare.with_options(with_inputs=(), operating_range=used, signals={})
+
+
+def models(base: Model | None = None) -> Iterator[tuple[str, Model | str]]:
     """Yield every effect of the catalogue on a plant that takes it, or why it is left out."""
-    yield "(none)", bench()
+    base = bench() if base is None else base
+    yield "(none)", base
     for name in CATALOGUE:
         if name not in EFFECTS or issubclass(EFFECTS[name], SensorEffect):
             continue
@@ -78,9 +96,14 @@ def models() -> Iterator[tuple[str, Model | str]]:
             yield name, "needs a record of its own"
             continue
         try:
-            yield name, bench().with_effect(name, **SIZES.get(name, {}))
-        except InputError:
-            yield name, Model.load("mass_spring_damper").with_effect(name, **SIZES.get(name, {}))
+            found = base.with_effect(name, **SIZES.get(name, {}))
+            own = {state: OWN for state in found.states if "." in state}
+            if base.operating_range:
+                found = found.with_options(operating_range={**own, **base.operating_range})
+        except InputError as error:
+            yield name, str(error)
+        else:
+            yield name, found
 
 
 def cell(name: str, model: Model, target: str, folder: Path) -> Cell:
@@ -89,7 +112,7 @@ def cell(name: str, model: Model, target: str, folder: Path) -> Cell:
     try:
         done = export(model, target, out)
     except InputError as error:
-        return Cell(name, target, None, "refused", str(error))
+        return Cell(name, target, None, "refused", str(error)[:200])
     if done.loss.not_run:
         return Cell(name, target, None, "not run", done.loss.not_run, done.exported.holds, done.exported.lost)
     channel = done.loss.channels.get(model.plant.velocity)
@@ -99,12 +122,31 @@ def cell(name: str, model: Model, target: str, folder: Path) -> Cell:
     return Cell(name, target, channel.percent, "", "", done.exported.holds, done.exported.lost, settings)
 
 
-def matrix(targets: Sequence[str] = tuple(TARGETS), effects: Sequence[str] = ()) -> Iterator[Cell]:
+def dropped(model: Model, name: str) -> Cell:
+    """Return what a target would lose that leaves an effect out, in the column "dropped"."""
+    if name not in model.effects:
+        return Cell(name, DROPPED, 0.0)
+    drive, bare = standard_excitation(model), without(model, name)
+    start = dict(zip(model.states, drive.x0, strict=True))
+    try:
+        other = reference(bare, replace(drive, x0=np.array([start[n] for n in bare.states])))
+    except InputError as error:
+        return Cell(name, DROPPED, None, "-", str(error))
+    speed = reference(model, drive)[model.plant.velocity]
+    off = other[model.plant.velocity] - speed
+    return Cell(name, DROPPED, 100 * float(np.sqrt(np.mean(off**2) / np.mean(speed**2))))
+
+
+def matrix(
+    targets: Sequence[str] = tuple(TARGETS), effects: Sequence[str] = (), base: Model | None = None
+) -> Iterator[Cell]:
     """Yield every cell, effect by effect."""
     with tempfile.TemporaryDirectory() as folder:
-        for name, model in models():
+        for name, model in models(base):
             if effects and name not in effects:
                 continue
+            if not isinstance(model, str):
+                yield dropped(model, name)
             for target in targets:
                 if isinstance(model, str):
                     yield Cell(name, target, None, "left out", model)
@@ -119,8 +161,10 @@ def table(cells: Sequence[Cell]) -> list[str]:
     for c in cells:
         rows.setdefault(c.effect, {})[c.target] = c
     lines = ["| effect | " + " | ".join(targets) + " |", "|---|" + "---:|" * len(targets)]
-    lines += [f"| `{name}` | " + " | ".join(row[t].text for t in targets) + " |" for name, row in rows.items()]
+    for name, row in rows.items():
+        texts = [row[t].text if t in row else "" for t in targets]
+        lines.append(f"| `{name}` | {' | '.join(texts)} |")
     return lines
 
 
-__all__ = ["Cell", "bench", "cell", "matrix", "models", "table"]
+__all__ = ["Cell", "bench", "cell", "dropped", "matrix", "models", "servo_bench", "table"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,14 +20,16 @@ from signlin_ros.export.base import (
     ranges,
     refuse_imposed,
     refuse_sensors,
-    table_of_constants,
+    table_of_parameters,
 )
 from signlin_ros.export.loss import reference
 from signlin_ros.export.mjcf_laws import LAWS, PLANTS
 from signlin_ros.export.mjcf_parts import LostError, Parts, Setting, document
 from signlin_ros.export.mjcf_run import run
+from signlin_ros.export.nearest import nearest_friction
 from signlin_ros.model import Model
 from signlin_ros.model.uses import is_sensor
+from signlin_ros.simulation import Trajectory
 
 TIMESTEPS = (2e-3, 1e-3, 5e-4, 2e-4, 1e-4, 5e-5, 2e-5)
 """Steps in s that are tried, from MuJoCo's own on."""
@@ -79,6 +82,7 @@ def _put(parts: Parts, key: str, type: str, values: dict[str, float]) -> None:
         parts.holds.append(f"{key}: {LAWS[type](parts, values, key)}")
     except LostError as error:
         parts.lost.append(f"{key}: {error}")
+        parts.unheld.append(key)
 
 
 class Mjcf(Target):
@@ -93,7 +97,7 @@ class Mjcf(Target):
         where = model.plant.position
         path = ours[where] if where in model.states else np.cumsum(speed) * np.median(np.diff(drive.t))
         sizes = (float(np.std(path)) or 1.0, float(np.sqrt(np.mean(speed**2))))
-        parts, setting, found = _best(model, sizes, drive, speed)
+        parts, setting, found = _best(model, sizes, drive, ours)
         said, settings = _said(model, parts, setting, found, drive, speed)
         text = document(model.plant.name, parts, setting, [*_comment(model, parts), *said])
         out.write_text(text, encoding="utf-8")
@@ -113,12 +117,15 @@ def _error(model: Model, parts: Parts, setting: Setting, drive: Drive, speed: Ar
     return error if np.isfinite(error) else np.inf
 
 
-def _best(model: Model, sizes: tuple[float, float], drive: Drive, speed: Array) -> tuple[Parts, Setting, float | None]:
+def _best(
+    model: Model, sizes: tuple[float, float], drive: Drive, path: Trajectory
+) -> tuple[Parts, Setting, float | None]:
     """Return the first setting that is good, from the longest step on, else the best; None: it was not run."""
     tried = [parts_of(model, *sizes)]
     if tried[0].bristle_is_free:
         tried += [parts_of(model, *sizes, bristle=b) for b in STIFFER[1:]]
-    step = float(np.median(np.diff(drive.t)))
+    tried = [*(_with_nearest(p, model, path) for p in tried if p.unheld), *tried]
+    step, speed = float(np.median(np.diff(drive.t))), path[model.plant.velocity]
     best: tuple[float, Parts, Setting] = (np.inf, tried[0], Setting("implicitfast", min(TIMESTEPS[0], step)))
     try:
         for timestep in TIMESTEPS:
@@ -136,6 +143,20 @@ def _best(model: Model, sizes: tuple[float, float], drive: Drive, speed: Array) 
     except NotRunError:
         return tried[0], Setting("Euler", TIMESTEPS[3]), None
     return best[1], best[2], best[0]
+
+
+def _with_nearest(parts: Parts, model: Model, path: Trajectory) -> Parts:
+    """Return parts in which dry and viscous friction stand for what is not held, as they come nearest on this run."""
+    found = copy.deepcopy(parts)
+    for key in parts.unheld:
+        if key not in model.effects:
+            continue
+        mu, b = nearest_friction(model, key, path)
+        found.frictionloss += mu
+        found.damping[0] += b
+        if mu or b:
+            found.lost.append(f"{key}: frictionloss {mu:.3g} and damping {b:.3g} stand for it, nearest on this run")
+    return found
 
 
 def _said(
@@ -174,11 +195,7 @@ def _comment(model: Model, parts: Parts) -> list[str]:
     lines += parts.notes
     lines += [f"held: {line}" for line in parts.holds] + [f"lost: {line}" for line in parts.lost]
     lines.append("numbers:")
-    lines += [
-        f"  {c.public} = {c.value:.8g} {note}"
-        for c, note in table_of_constants(model)
-        if not c.public.startswith("scale ")
-    ]
+    lines += [f"  {line}" for line in table_of_parameters(model)]
     known = ranges(model)
     if known:
         lines.append("ranges for randomisation (two standard deviations either way):")

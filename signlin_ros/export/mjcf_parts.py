@@ -18,8 +18,8 @@ class Parts:
     """A joint, its actuator, passive elements, and a second inertia.
 
     ``damping`` are the coefficients of v, v|v| and v³, ``stiffness`` those of x, x² and x³; ``control`` is what a
-    control is an input of ours times; ``needs`` is the oldest version of MuJoCo; ``travel`` is the RMS of the
-    position, for stiffnesses that are free.
+    control is an input of ours times; ``unheld`` are the keys of effects that have no element; ``needs`` is the oldest
+    version of MuJoCo; ``travel`` is the RMS of the position, for stiffnesses that are free.
     """
 
     hinge: bool
@@ -45,6 +45,7 @@ class Parts:
     notes: list[str] = field(default_factory=list)
     holds: list[str] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
+    unheld: list[str] = field(default_factory=list)
 
     def passively(self, name: str, **attributes: str) -> None:
         """Add a force that is no control's: a motor without inputs, cogging or LuGre friction (MuJoCo 3.12)."""
