@@ -210,7 +210,9 @@ def _largest(model: Model, t: Trace, p: NDArray[np.float64]) -> NDArray[np.float
     g = ca.vertcat(*(s.g for s in t.surfaces))
     symbols = ca.vertcat(*(s.symbol for s in t.surfaces))
     needed = {str(s) for s in ca.symvar(g)} & {*t.states, *t.inputs}
-    missing = sorted(needed - set(model.operating_range))
+    held = {name: abs(value) for name, value in model.plant.unrecorded(model.parameters).items()}
+    limits = {**held, **model.operating_range}
+    missing = sorted(needed - set(limits))
     if missing:
         surfaces = ", ".join(f"surface {s.name}" for s in t.surfaces)
         raise ModelError(
@@ -219,7 +221,7 @@ def _largest(model: Model, t: Trace, p: NDArray[np.float64]) -> NDArray[np.float
         )
     names = sorted(needed)
     corners = np.array(np.meshgrid(*([[-1.0, 0.0, 1.0]] * len(names)))).reshape(len(names), -1)
-    point = {name: corners[i] * model.operating_range[name] for i, name in enumerate(names)}
+    point = {name: corners[i] * limits[name] for i, name in enumerate(names)}
     columns = [point.get(name, 0.0) for name in (*t.states, *t.inputs)]
     function = ca.Function("g", [t.x, t.u, t.p, symbols], [ca.densify(g)])
     best = np.zeros(len(t.surfaces))

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from signlin_ros.errors import InputError, choices, suggest
+from signlin_ros.errors import InputError, ModelError, choices, suggest
 from signlin_ros.export.base import Exported, Target
 from signlin_ros.export.excitation import STATED, standard_excitation
 from signlin_ros.export.loss import Loss, drive_of, measure
@@ -84,6 +84,8 @@ def export(model: Model, target: str, out: str | Path, data: ModelData | None = 
         raise InputError(f"{path}: --to {target} writes {found.suffix}")
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}")
+    if model.plant.velocity not in (*model.states, *model.inputs):
+        raise ModelError(f"{model.source}: export takes a drive of one moving mass; {model.plant.name} has several")
     model = model if data is None else model.under(data.conditions)
     drive = standard_excitation(model) if data is None else drive_of(model, data)
     try:

@@ -44,7 +44,7 @@ class IsaacLab(Target):
         rows = [f"    {k!r}: {v!r}," if isinstance(v, str) else f"    {k!r}: {number(v)}," for k, v in data.items()]
         text = [
             docstring(model, "An actuator for Isaac Lab: CFG goes into ArticulationCfg.actuators."),
-            numbers(model),
+            numbers(model, smooth=False),
             names_of(model),
             "\n".join(["DATA = {  # SI units", *rows, "}", f"BENCH = {bench_of(model)!r}"]),
             _bam_cfg(found, loop) if bam else _implicit_cfg(simple),

@@ -9,7 +9,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from signlin_ros.export.base import Array, Drive, heading, ranges, table_of_constants
+from signlin_ros.export.base import Array, Drive, constant_note, heading, ranges, table_of_constants
+from signlin_ros.export.functions import parameters
 from signlin_ros.export.lines import Dialect, number, written
 from signlin_ros.model import Model
 
@@ -20,9 +21,13 @@ def docstring(model: Model, what: str) -> str:
     return f'"""{inner}\n"""'
 
 
-def numbers(model: Model) -> str:
-    """Return the numbers of a model as a mapping with units, meanings and tolerances as comments, and their ranges."""
-    rows = [f'    "{c.name}": {number(c.value)},  # {note}' for c, note in table_of_constants(model)]
+def numbers(model: Model, smooth: bool = True) -> str:
+    """Return the numbers of a model as a mapping with units, meanings and tolerances as comments, and their ranges.
+
+    ``smooth``: with the scales of sign_j.
+    """
+    listed = table_of_constants(model) if smooth else [(c, constant_note(c)) for c in parameters(model)]
+    rows = [f'    "{c.name}": {number(c.value)},  # {note}' for c, note in listed]
     known = [f'    "{n.replace(".", "_")}": ({low:.8g}, {high:.8g}),' for n, (low, high) in ranges(model).items()]
     lines = ["PARAMETERS = {", *rows, "}"]
     return "\n".join([*lines, "RANGES = {  # two standard deviations either way, for randomisation", *known, "}"])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from signlin_ros.export.base import Array, Drive, Exported, NotRunError, Target, refuse_imposed, refuse_sensors
-from signlin_ros.export.functions import exact_rates, identifier, texts
+from signlin_ros.export.functions import exact_rates, identifier
 from signlin_ros.export.lines import SYMPY
 from signlin_ros.export.python_text import docstring, function_text, loaded, names_of, numbers, runge_kutta
 from signlin_ros.model import Model
@@ -31,7 +31,8 @@ class SympyModel(Target):
         refuse_imposed(model, self.name)
         what = "The exact equations for SymPy: xdot is a matrix in the symbols x, u and p."
         pars = {c: c for c in (identifier(n) for n in model.trace.parameters)}
-        names = [t for t in texts(model, 'p["{name}"]') if not t.startswith('p["scale_')]
+        names = [f"x[{i}]" for i in range(len(model.states))] + [f"u[{i}]" for i in range(len(model.inputs))]
+        names += [f'p["{name}"]' for name in pars]
         body = function_text(
             "rates(x, u, p)", "Return x' (n, 1).", exact_rates(model), names, SYMPY, "return sp.Matrix([{values}])"
         )
@@ -42,7 +43,14 @@ class SympyModel(Target):
             "xdot = rates(x, u, p)",
             "values = {p[name]: PARAMETERS[name] for name in p}",
         ]
-        parts = [docstring(model, what), "import sympy as sp", numbers(model), names_of(model), _TOOLS, body]
+        parts = [
+            docstring(model, what),
+            "import sympy as sp",
+            numbers(model, smooth=False),
+            names_of(model),
+            _TOOLS,
+            body,
+        ]
         out.write_text("\n\n".join([*parts, "\n".join(tail)]) + "\n", encoding="utf-8")
         lost = list(refuse_sensors(model))
         if any(s.kind == "switch" for s in model.trace.surfaces):

@@ -2,6 +2,7 @@
 
 import json
 from importlib import resources
+from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -16,6 +17,8 @@ from signlin_ros.export.loss import reference
 from signlin_ros.export.matrix import cell, models, table
 from signlin_ros.model import Model
 from signlin_ros.simulation import simulate
+
+SMALL_ARM = Path(__file__).resolve().parents[2] / "config" / "arm" / "small_arm.yaml"
 
 
 @pytest.fixture
@@ -89,6 +92,7 @@ def test_text_says_what_is_held_lost_and_how_much(run, tmp_path):
         (("dc_motor", "--to", "mjfc", "-o", "m.xml"), "did you mean 'mjcf'?"),
         (("dc_motor", "--to", "c", "-o", "m.xml"), ".c"),
         (("force_element", "--to", "mjcf", "-o", "m.xml"), "imposed"),
+        ((SMALL_ARM, "--to", "c", "-o", "m.c"), "one moving mass"),
         (("dc_motor", "--to", "c", "-o", "no/such/folder/m.c"), "no"),
     ],
 )
