@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import click
 
+from signlin_ros.cli.arms import arm_options, diagnosed, is_arm, refuse_elsewhere
 from signlin_ros.cli.options import (
     Examples,
     Report,
@@ -27,6 +28,7 @@ def _diagnosis_options(function: Callable[..., Report]) -> Callable[..., None]:
     """Add what `diagnose`, `add` and `refine` share: MODEL, DATA and the options on them."""
     found: Any = function
     for add_one in (
+        arm_options,
         json_option,
         cure_option,
         signal_option,
@@ -89,6 +91,8 @@ def _learned(
     signals: tuple[str, ...],
     jobs: int | None = None,
     cures: tuple[str, ...] = (),
+    band: float | None = None,
+    fit_share: float | None = None,
 ) -> Report:
     if report is not None:
         raise InputError("--report: add learned_force draws none; use signlin compare NEW.yaml DATA --report OUT.html")
@@ -101,6 +105,9 @@ def _learned(
     from signlin_ros.model import SUFFIXES, Model
 
     original = Model.load(model)
+    if is_arm(original):
+        raise InputError("learned_force: is not learned for an arm")
+    refuse_elsewhere(original, band, fit_share)
     check_files(original, data, validation, output, SUFFIXES)
     loaded, first, second = load_sides(original, data, validation, mapping)
     first, second, findings = check_sides(loaded, first, second, cures)
@@ -135,6 +142,8 @@ def _diagnosed(
     cures: tuple[str, ...],
     output: str | None = None,
     effect: str | None = None,
+    band: float | None = None,
+    fit_share: float | None = None,
 ) -> Report:
     mapping = mapping_of(signals, *data, *validation)
     from signlin_ros import console
@@ -148,6 +157,9 @@ def _diagnosed(
 
     original = Model.load(model)
     check_files(original, data, validation, output, SUFFIXES, report)
+    if is_arm(original):
+        return diagnosed(verb, original, data, validation, mapping, band, fit_share, output, effect)
+    refuse_elsewhere(original, band, fit_share)
     loaded, first, second = load_sides(original, data, validation, mapping)
     first, second, findings = check_sides(loaded, first, second, cures)
     records = [*first, *(second or ())]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from signlin_ros.cli.arms import arm_options, compared, is_arm, refuse_elsewhere
 from signlin_ros.cli.options import (
     Examples,
     Report,
@@ -28,6 +29,7 @@ signlin compare my_servo.yaml monday.csv tuesday.csv --signal displacement=q_mea
 @click.option("--horizon", type=float, help="How far ahead to predict, in s; default: MODEL's update_period.")
 @click.option("--cutoff", type=float, help="Low-pass of the effort computed from the motion, in Hz.")
 @click.option("--report", metavar="OUT.html", help="Write a report with pictures.")
+@arm_options
 @cure_option
 @signal_option
 @json_option
@@ -40,6 +42,8 @@ def compare(
     report: str | None,
     signals: tuple[str, ...],
     cures: tuple[str, ...],
+    band: float | None,
+    fit_share: float | None,
 ) -> Report:
     """Compare MODEL with the measurements in DATA: how good it is, and where it fails.
 
@@ -59,6 +63,9 @@ def compare(
 
     original = Model.load(model)
     check_files(original, data, validation, report=report)
+    if is_arm(original):
+        return compared(original, data, validation, mapping, band, fit_share)
+    refuse_elsewhere(original, band, fit_share)
     loaded, first, second = load_sides(original, data, validation, mapping)
     first, second, findings = check_sides(loaded, first, second, cures)
     records = [*first, *(second or ())]

@@ -71,10 +71,13 @@ class ArmModel(Model):
             found["parameters"] = {MOTOR_INERTIA: inertia}
         uses = {key.partition(".")[2]: use for key, use in self.effects.items() if key.partition(".")[0] == joint}
         if uses:
-            found["effects"] = {
-                k: {n: v for n, v in u.written().items() if n != "type" or v != k} for k, u in uses.items()
-            }
+            found["effects"] = {k: self._written_use(f"{joint}.{k}", k, u) for k, u in uses.items()}
         return found
+
+    def _written_use(self, key: str, own: str, use: EffectUse) -> dict[str, Any]:
+        """Return an effect as its section has it."""
+        found = {n: v for n, v in use.written().items() if n != "type" or v != own}
+        return {**found, "at": "joint"} if key in self.arm.at_joint else found
 
     # ---------------------------------------------------------------- changing
 
@@ -228,7 +231,7 @@ def _fields(mapping: Mapping[str, Any], source: str, folder: Path) -> dict[str, 
         joint.name: effort_of(sections[joint.name].get("effort"), f"{joint.name}.effort", joint.effort_unit)
         for joint in robot.joints
     }
-    file = replace(file, efforts=tuple(efforts.items()))
+    file = replace(file, efforts=tuple(efforts.items()), at_joint=_parted(sections))
     placed = file if file.is_text else replace(file, robot=str((folder / file.robot).resolve()))
     changed = 0 if file.is_text else Path(placed.robot).stat().st_mtime_ns  # a plant is kept for each state of its URDF
     plant = _plant(replace(placed, tolerance=0.0, efforts=()), changed, tuple((n, e.unit) for n, e in efforts.items()))
@@ -265,6 +268,20 @@ def _section(value: Any, joint: str) -> dict[str, Any]:
     return dict(value)
 
 
+def _parted(sections: dict[str, dict[str, Any]]) -> tuple[str, ...]:
+    """Return the keys of the effects that act on their joint and not on its motor, and take that word out of them."""
+    found = []
+    for name, section in sections.items():
+        own = section.get("effects")
+        for key, item in (own or {}).items() if isinstance(own, Mapping) else ():
+            if isinstance(item, Mapping) and "at" in item:
+                if item["at"] not in ("joint", "motor"):
+                    raise ModelError(f"{name}.effects.{key}.at: found {item['at']!r}; allowed: joint, motor")
+                section["effects"] = {**section["effects"], key: {k: v for k, v in item.items() if k != "at"}}
+                found += [f"{name}.{key}"] if item["at"] == "joint" else []
+    return tuple(found)
+
+
 def _effects(robot: Robot, sections: Mapping[str, Mapping[str, Any]]) -> dict[str, EffectUse]:
     found: dict[str, EffectUse] = {}
     for joint in robot.joints:
@@ -279,7 +296,7 @@ def _effects(robot: Robot, sections: Mapping[str, Mapping[str, Any]]) -> dict[st
 @functools.lru_cache(maxsize=64)
 def _plant(file: ArmFile, changed: int, units: tuple[tuple[str, str], ...]) -> type[ArmPlant]:
     robot = file.loaded(file.unloaded(Path()))
-    return arm_plant(robot, file.motors(robot.names), dict(units), file.at_motor(robot.names))
+    return arm_plant(robot, file.motors(robot.names), dict(units), file.at_motor(robot.names), file.at_joint)
 
 
 __all__ = ["ArmModel"]

@@ -66,7 +66,10 @@ class Payload:
 
 @dataclass(frozen=True)
 class ArmFile:
-    """The part of a model file that describes the arm; all of it hashable."""
+    """The part of a model file that describes the arm; all of it hashable.
+
+    ``at_joint``: keys of effects that act on a joint where a coupling parts it from its motor.
+    """
 
     robot: str
     joints: tuple[str, ...] = ()
@@ -77,6 +80,7 @@ class ArmFile:
     payload: Payload | None = None
     couplings: tuple[tuple[str, Coupling], ...] = ()
     efforts: tuple[tuple[str, Effort], ...] = field(default=())
+    at_joint: tuple[str, ...] = ()
 
     @property
     def is_text(self) -> bool:

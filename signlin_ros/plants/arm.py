@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -33,6 +33,10 @@ class ArmPlant(Plant):
     robot: ClassVar[Robot]
     motors: ClassVar[Array]
     """Coordinates of the motors from those of the joints, P (n, n), 1 on its diagonal."""
+    places: ClassVar[Array]
+    """Coordinates in which effects act (K, n): of the motors, then of the joints that a coupling parts from theirs."""
+    at_joint: ClassVar[frozenset[str]] = frozenset()
+    """Effects that act on such a joint and not on its motor, by their keys."""
     at_motor: ClassVar[tuple[bool, ...]]
     """Whether the input of each joint is that of its motor, P^T of which acts on the joints."""
 
@@ -66,16 +70,35 @@ class ArmPlant(Plant):
         """Return nothing: position, velocity and effort are those of a joint."""
         return {}
 
+    @classmethod
+    def place_of(cls, key: str) -> int:
+        """Return in which of `places` an effect acts, by its key."""
+        i = cls.robot.names.index(key.rpartition(".")[0])
+        return cls.robot.n + parted(cls.motors).index(i) if key in cls.at_joint and i in parted(cls.motors) else i
+
     def rates(self, m: Any, x: Any, u: Any, p: Any, act: Acting) -> dict[str, Any]:
         """Raise: the equations of an arm are recorded in parts (`signlin_ros.recording.arm`)."""
         raise NotImplementedError("an arm is recorded by signlin_ros.recording.arm")
 
 
-def arm_plant(robot: Robot, motors: Array, units: Mapping[str, str], at_motor: tuple[bool, ...]) -> type[ArmPlant]:
+def parted(motors: Array) -> list[int]:
+    """Return the joints that a coupling parts from their motors (n, n)."""
+    return [i for i, row in enumerate(motors) if np.count_nonzero(row) > 1]
+
+
+def places(motors: Array) -> Array:
+    """Return the coordinates in which effects act (K, n), see `ArmPlant.places`."""
+    return np.concatenate([motors, np.eye(len(motors))[parted(motors)]])
+
+
+def arm_plant(
+    robot: Robot, motors: Array, units: Mapping[str, str], at_motor: tuple[bool, ...], at_joint: Iterable[str] = ()
+) -> type[ArmPlant]:
     """Return the plant of a robot; ``units`` of the inputs by joint."""
     inputs = {f"{name}.effort": units[name] for name in robot.names}
-    body = {"robot": robot, "motors": motors, "at_motor": at_motor, "inputs": inputs, "__doc__": ArmPlant.__doc__}
-    return type("ArmPlant", (ArmPlant,), body)
+    own = {"robot": robot, "motors": motors, "places": places(motors), "inputs": inputs}
+    more = {"at_motor": at_motor, "at_joint": frozenset(at_joint), "__doc__": ArmPlant.__doc__}
+    return type("ArmPlant", (ArmPlant,), own | more)
 
 
-__all__ = ["GAIN", "MOTOR_INERTIA", "ArmPlant", "arm_plant"]
+__all__ = ["GAIN", "MOTOR_INERTIA", "ArmPlant", "arm_plant", "parted", "places"]

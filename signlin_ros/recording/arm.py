@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from signlin_ros.errors import ModelError
 from signlin_ros.mathops import Recorder, Surface
 from signlin_ros.par import Namespace, as_law_sees
-from signlin_ros.plants.arm import GAIN, MOTOR_INERTIA, ArmPlant
+from signlin_ros.plants.arm import GAIN, MOTOR_INERTIA, ArmPlant, parted
 from signlin_ros.recording.asking import asked
 from signlin_ros.recording.trace import EffectSlot, Structure, Trace, resolve_unit
 from signlin_ros.robots.recorded import Factors, Recorded
@@ -27,12 +27,12 @@ FASTEST, STRONGEST = np.pi, 100.0
 
 @dataclass(frozen=True)
 class Parts:
-    """The equations of an arm before they are put together; motors' coordinates are P times those of the joints.
+    """The equations of an arm before they are put together; effects act in coordinates P (K, n) times the joints'.
 
     ``M`` (n, n) with the motors' inertias, ``bias`` (n); ``needed`` (n) is M a + bias at the symbols ``a``. Effects
-    exert ``forces`` (n) on the motors and ``rates`` are of their own states, both with ``surfaces`` in the symbols
-    ``angle``, ``speed``, ``drive``, ``load`` (n each), which stand for ``P q``, ``P v``, ``drives`` and ``loads``.
-    ``acting`` (n, n) turns efforts at the inputs into those on the joints.
+    exert ``forces`` (K) there and ``rates`` are of their own states, both with ``surfaces`` in the symbols
+    ``angle``, ``speed``, ``drive``, ``load`` (K each), which stand for ``P q``, ``P v``, ``drives`` and ``loads``.
+    ``acting`` (n, n) turns efforts at the inputs into those on the joints, ``driven`` (K, n) into what effects see.
     """
 
     M: ca.SX
@@ -50,6 +50,7 @@ class Parts:
     loads: ca.SX
     P: NDArray[np.float64]
     acting: NDArray[np.float64]
+    driven: NDArray[np.float64]
 
 
 @dataclass
@@ -69,19 +70,17 @@ class ArmTracer:
     def __init__(self, structure: Structure) -> None:
         assert issubclass(structure.plant, ArmPlant)  # noqa: S101 - for the type checker
         self.structure, self.plant, self.robot = structure, structure.plant, structure.plant.robot
-        self.m, n = Recorder(), self.robot.n
+        self.m = Recorder()
         self.units = {**self.plant.states({}), **self.plant.inputs}
         self.q, self.v = ([ca.SX.sym(f"{name}.{of}") for name in self.robot.names] for of in ("position", "velocity"))
         self.symbols = dict(zip(self.plant.states({}), (*self.q, *self.v), strict=True))
         self.inputs = {name: ca.SX.sym(name) for name in self.plant.inputs}
         self.parameters = {name: ca.SX.sym(name) for name in self.plant.pars()}
-        self.angle, self.drive = ca.SX.sym("angle", n), ca.SX.sym("drive", n)
-        self.load = ca.vertcat(*(ca.SX.sym(f"{name}.load") for name in self.robot.names))
-        self.P, alone = self.plant.motors, ca.DM(np.abs(self.plant.motors).sum(axis=1)) == 1
-        known = [
-            self.v[i] if alone[i] else ca.SX.sym(f"{name}.motor_velocity") for i, name in enumerate(self.robot.names)
-        ]
-        self.speed = ca.vertcat(*known)
+        self.P, self.parted = self.plant.places, parted(self.plant.motors)
+        self.angle, self.drive, self.load = (ca.SX.sym(name, len(self.P)) for name in ("angle", "drive", "load"))
+        names = enumerate(self.robot.names)
+        moves = [ca.SX.sym(f"{name}.motor_velocity") if i in self.parted else self.v[i] for i, name in names]
+        self.speed = ca.vertcat(*moves, *(self.v[i] for i in self.parted))
         self.surfaces: list[Surface] = []
 
     def _of_joints(self, name: str) -> ca.SX:
@@ -94,7 +93,7 @@ class ArmTracer:
         """Return every effect with its parameters and its motor, its states declared."""
         found = []
         for slot in self.structure.slots:
-            i = self._joint(slot)
+            i = self.plant.place_of(slot.key)
             values: dict[str, Any] = dict(slot.structural)
             for name in slot.parameters:
                 if name not in values:
@@ -136,27 +135,24 @@ class ArmTracer:
         """Return the trace, its parts kept."""
         robot, n = self.robot, self.robot.n
         body, q, v = Recorded(robot, self.q, self.v), ca.vertcat(*self.q), ca.vertcat(*self.v)
-        P, eye = ca.sparsify(ca.SX(self.P)), ca.SX.eye(n)
-        motor = P.T @ ca.diag(self._of_joints(MOTOR_INERTIA)) @ P
+        own = ca.sparsify(ca.SX(self.plant.motors))
+        motor = own.T @ ca.diag(self._of_joints(MOTOR_INERTIA)) @ own
         a = ca.SX.sym("a", n)
         needed = body.inverse(ca.vertsplit(a)) + motor @ a
         entries = self._entries()
-        forces, rates = [ca.SX(0)] * n, []
+        forces, rates = [ca.SX(0)] * len(self.P), []
         # friction may depend on external forces, which act on the motor as the rigid body does
         for external in (True, False):
             for entry in entries:
                 if entry[0].effect.external == external:
-                    i = self._joint(entry[0])
+                    i = self.plant.place_of(entry[0].key)
                     forces[i] = forces[i] + self._said("force", entry)
         for entry in entries:
             rates += list(self._said("rates", entry).values()) if entry[0].effect.states else []
         drives = self._drives(entries)
-        acting = np.where(np.array(self.plant.at_motor)[None, :], self.P.T, np.eye(n))
-        loads = (
-            -ca.solve(ca.DM(self.P.T), ca.DM.eye(n)) @ body.bias
-            if not np.array_equal(self.P, np.eye(n))
-            else -body.bias
-        )
+        acting = np.where(np.array(self.plant.at_motor)[None, :], self.plant.motors.T, np.eye(n))
+        into = ca.sparsify(ca.DM(np.linalg.inv(self.plant.motors.T))) if self.parted else ca.DM.eye(n)
+        loads = ca.vertcat(-(into @ body.bias), *(-body.bias[i] for i in self.parted))
         parts = Parts(
             M=body.M + motor,
             bias=body.bias,
@@ -173,8 +169,9 @@ class ArmTracer:
             loads=loads,
             P=self.P,
             acting=acting,
+            driven=np.concatenate([np.eye(n), np.eye(n)[self.parted]]),
         )
-        return self._trace(parts, Factors(parts.M), P, eye, q, v)
+        return self._trace(parts, Factors(parts.M), q, v)
 
     def _drives(self, entries: list[tuple[EffectSlot, Any, Namespace, _Motor]]) -> ca.SX:
         """Return what each input exerts, past the effects on it."""
@@ -186,8 +183,8 @@ class ArmTracer:
                 raise ModelError(f"{slot.key}: an arm has no delays")
         return self._of_joints(GAIN) * ca.vertcat(*found)
 
-    def _trace(self, parts: Parts, factors: Factors, P: ca.SX, eye: ca.SX, q: ca.SX, v: ca.SX) -> Trace:
-        names = tuple(self.symbols)
+    def _trace(self, parts: Parts, factors: Factors, q: ca.SX, v: ca.SX) -> Trace:
+        names, P = tuple(self.symbols), ca.sparsify(ca.SX(parts.P))
 
         def whole(e: Any) -> ca.SX:
             return placed(parts, ca.SX(e), q, v)
@@ -217,7 +214,7 @@ def placed(parts: Parts, e: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
     return ca.substitute(
         e,
         ca.vertcat(parts.angle, parts.speed, parts.drive, parts.load),
-        ca.vertcat(P @ q, P @ v, parts.drives, parts.loads),
+        ca.vertcat(P @ q, P @ v, ca.sparsify(ca.SX(parts.driven)) @ parts.drives, parts.loads),
     )
 
 

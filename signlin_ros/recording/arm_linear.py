@@ -38,8 +38,8 @@ def arm_terms(form: SmoothForm, parts: Parts, secant: bool) -> tuple[ca.SX, ca.S
     by_q = -ca.jacobian(parts.needed, q) + force_q
     by_v = -ca.jacobian(parts.needed, v) + force_v
     by_own = P.T @ held.slopes(parts.forces, own)
-    into = ca.jacobian(parts.drives, t.u)
-    by_u = (ca.sparsify(ca.SX(parts.acting)) + P.T @ held.slopes(parts.forces, parts.drive)) @ held.of(into)
+    into, driven = ca.jacobian(parts.drives, t.u), ca.sparsify(ca.SX(parts.driven))
+    by_u = (ca.sparsify(ca.SX(parts.acting)) + P.T @ held.slopes(parts.forces, parts.drive) @ driven) @ held.of(into)
     columns = ca.horzcat(by_q, by_v, by_own, by_u)
     solved = ca.horzcat(*(factors.solve(columns[:, k]) for k in range(columns.shape[1])))
     lower = held.rates(P, q, v, own)
@@ -106,7 +106,11 @@ class _Held:
         if not own.numel():
             return ca.SX(0, q.numel() * 3)
         parts = self.parts
-        by_u = self.slopes(rates, parts.drive) @ ca.jacobian(parts.drives, self.form.trace.u)
+        by_u = (
+            self.slopes(rates, parts.drive)
+            @ ca.sparsify(ca.SX(parts.driven))
+            @ ca.jacobian(parts.drives, self.form.trace.u)
+        )
         return ca.horzcat(
             self.slopes(rates, parts.angle) @ P, self.slopes(rates, parts.speed) @ P, self.slopes(rates, own), by_u
         )

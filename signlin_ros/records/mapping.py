@@ -218,7 +218,7 @@ def _chosen(
     notes = [Note(f"{model.signals[name]!r} is not used: {why}", "left_out", name) for name, why in idle.items()]
     for name in names:
         key = given.get(name) or own.get(name)
-        key = key or record.find(name, further=False) or _default(record, model, name, notes)
+        key = key or record.find(name, further=False) or _of_joint(record, name) or _default(record, model, name, notes)
         if key is not None:
             chosen[name] = key
         if name in why_not:
@@ -300,6 +300,14 @@ def _name(model: Model, key: str, spec: str, strict: bool) -> str | None:
         if not strict:
             return None
         raise ModelError(f"signal {key}={spec}: {error}") from None
+
+
+def _of_joint(record: Record, name: str) -> str | None:
+    """The key of ``elbow.position`` in a JointState, ``/joint_states.position[elbow]``, where one topic has it."""
+    joint, _, quantity = name.rpartition(".")
+    end = f".{quantity}[{joint}]"
+    found = [key for key, label in record.labels.items() if joint and label.endswith(end)]
+    return found[0] if len(found) == 1 else None
 
 
 def _default(record: Record, model: Model, name: str, notes: list[Note]) -> str | None:

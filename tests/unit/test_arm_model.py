@@ -181,3 +181,15 @@ def test_another_method_is_refused_for_an_arm_and_per_joint_for_others():
         Linearizer(MODEL, "optimal")
     with pytest.raises(InputError, match="known for the plant dc_motor"):
         Linearizer(Model.load("dc_motor"), "per_joint")
+
+
+def test_friction_of_the_joint_itself_stays_with_it_beside_a_coupling():
+    own = {"type": "viscous_friction", "b": 0.5, "at": "joint"}
+    couplings = {"wrist": {"joints": ["shoulder", "elbow"], "position": [30, 0, 30, 30]}}
+    elbow = {"effects": {"viscous_friction": {"b": 2.0}, "bearing": own}}
+    model = Model.from_dict(content(couplings=couplings, elbow=elbow, shoulder={}, waist={}))
+    assert Model.from_dict(model.to_dict()).to_dict() == model.to_dict()
+    x = np.array([0.0, 0.3, -0.2, 0.0, 1.0, 0.5])
+    r, r0 = Linearizer(model)(x), Linearizer(Model.from_dict(content(elbow={}, shoulder={}, waist={})))(x)
+    damping = -np.linalg.solve(r.B[3:], r.A[3:, 3:]) + np.linalg.solve(r0.B[3:], r0.A[3:, 3:])
+    assert np.allclose(damping, [[0, 0, 0], [0, 2.0, 2.0], [0, 2.0, 2.5]], atol=1e-9)

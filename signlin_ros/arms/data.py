@@ -1,0 +1,135 @@
+"""Records of an arm: positions, velocities and efforts of all joints at even times, cut at gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.errors import RecordError
+from signlin_ros.model.arm import ArmModel
+from signlin_ros.plants.arm import GAIN
+from signlin_ros.records import ModelData, read_runs
+
+Array = NDArray[np.float64]
+LONG = 5.0
+"""Times the median step from which on two samples have a gap between them."""
+SHORTEST = 2.0
+"""Seconds that a part of a record needs."""
+EVEN = 0.1
+"""Part of a step by which samples may be off an even time and count as even."""
+SAME, PER_LEVEL = 1e-3, 20
+"""Part of their range within which two efforts are one level; samples per level from which on levels are few."""
+HELD_OUT = 2 / 3
+"""Share of every record that is fitted to, where no other is given to validate with."""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A part of a record without gaps, evenly sampled: t (T,) s; q, tau (T, n); v (T, n) or None where not measured.
+
+    Units are rad, rad/s and N·m (m, m/s and N of a prismatic joint), tau at the joints. ``steps`` (n,) of the efforts
+    where these come in few levels, 0 elsewhere.
+    """
+
+    t: Array
+    q: Array
+    v: Array | None
+    tau: Array
+    source: str
+    steps: Array
+
+    @property
+    def step(self) -> float:
+        """Time between samples in s."""
+        return float(self.t[1] - self.t[0])
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    def part(self, first: float, last: float) -> Run:
+        """Return the samples between two shares of the run, 0 to 1."""
+        cut = slice(round(first * len(self)), round(last * len(self)))
+        v = None if self.v is None else self.v[cut]
+        return replace(self, t=self.t[cut], q=self.q[cut], v=v, tau=self.tau[cut])
+
+
+def read_data(model: ArmModel, paths: Sequence[str], signals: Mapping[str, str]) -> list[ModelData]:
+    """Return the records in files in the model's terms, joints found by name; raise `RecordError` naming what lacks."""
+    records = [record for path in paths for record in read_runs(path, model, signals)]
+    for record in records:
+        lost = [f"{name}.position" for name in model.robot.names if f"{name}.position" not in record.measured]
+        if lost:
+            raise RecordError(
+                f"{record.source}: {', '.join(lost)} missing; joints are found by name, not by their order: columns "
+                f"{lost[0]}, or a JointState, or --signal {lost[0]}=COLUMN; or leave the joint out of joints"
+            )
+    return records
+
+
+def runs_of(model: ArmModel, record: ModelData) -> list[Run]:
+    """Return the parts of a record between gaps, sampled evenly; raise `RecordError` where nothing is long enough."""
+    names = model.robot.names
+    q = np.stack([record.measured[f"{name}.position"] for name in names], axis=1)
+    measured = all(f"{name}.velocity" in record.measured for name in names)
+    v = np.stack([record.measured[f"{name}.velocity"] for name in names], axis=1) if measured else None
+    gains = np.array([model.parameters[f"{name}.{GAIN}"] for name in names])
+    tau = record.u * gains
+    at_motor = np.array(model.arm_plant.at_motor)
+    tau = tau @ np.where(at_motor[None, :], model.arm_plant.motors.T, np.eye(len(names))).T
+    good = np.isfinite(q).all(axis=1) & np.isfinite(tau).all(axis=1)
+    if v is not None:
+        good &= np.isfinite(v).all(axis=1)
+    at = np.flatnonzero(good)
+    step = float(np.median(np.diff(record.t)))
+    cuts = np.flatnonzero(np.diff(record.t[at]) > LONG * step) + 1
+    found = [
+        _even(record.t[part], q[part], None if v is None else v[part], tau[part], step, record.source)
+        for part in np.split(at, cuts)
+        if part.size > 1 and record.t[part[-1]] - record.t[part[0]] >= SHORTEST
+    ]
+    if not found:
+        raise RecordError(f"{record.source}: no part without gaps is {SHORTEST:g} s long")
+    return found
+
+
+def _even(t: Array, q: Array, v: Array | None, tau: Array, step: float, source: str) -> Run:
+    """Return samples at even times, in between by straight lines; as they are where they are even already."""
+    steps = np.array([effort_step(column) for column in tau.T])
+    if np.abs(t - t[0] - step * np.arange(t.size)).max() <= EVEN * step:
+        return Run(t[0] + step * np.arange(t.size), q, v, tau, source, steps)
+    even = np.arange(t[0], t[-1], step)
+
+    def at(values: Array) -> Array:
+        return np.stack([np.interp(even, t, column) for column in values.T], axis=1)
+
+    return Run(even, at(q), None if v is None else at(v), at(tau), source, steps)
+
+
+def effort_step(tau: Array) -> float:
+    """Return the step of efforts (T,) that come in few levels; 0 where they do not."""
+    same = SAME * float(np.ptp(tau))
+    levels = np.unique(np.round(tau / same)) if same > 0.0 else np.zeros(1)
+    few = levels.size > 1 and levels.size * PER_LEVEL <= tau.size
+    return float(np.median(np.diff(levels))) * same if few else 0.0
+
+
+def sides(
+    model: ArmModel, records: Sequence[ModelData], validation: Sequence[ModelData], share: float = HELD_OUT
+) -> tuple[list[Run], list[Run]]:
+    """Return the runs to fit and those that no fit sees: other records, or the last part of each."""
+    runs = [run for record in records for run in runs_of(model, record)]
+    if validation:
+        return runs, [run for record in validation for run in runs_of(model, record)]
+    known, unseen = [run.part(0.0, share) for run in runs], [run.part(share, 1.0) for run in runs]
+    long = [k for k, run in enumerate(unseen) if run.t.size and run.t[-1] - run.t[0] >= 0.5 * SHORTEST]
+    if not long:
+        raise RecordError(
+            f"{runs[0].source}: the last {1 - share:.0%} are too short to validate with; give --validation"
+        )
+    return known, [unseen[k] for k in long]
+
+
+__all__ = ["HELD_OUT", "Run", "read_data", "runs_of", "sides"]

@@ -1,0 +1,223 @@
+"""Weighted least squares over the rows of all joints, with a prior at the URDF for what is inertial.
+
+Each joint's rows are weighted by what is left of them (IDIM-WLS); without priors, a payload is swallowed by links of
+any mass.   [Gautier and Poignet, Control Engineering Practice 9(12), 2001]
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.arms.piece import Rows
+from signlin_ros.robots import Robot
+from signlin_ros.robots.inertia import NAMES, TEN
+
+Array = NDArray[np.float64]
+LEAST_MASS, LEAST_INERTIA = 0.05, 1e-3
+"""kg and kg·m² of a body of which a prior is relative to no less."""
+OFFSET, SPREAD = 0.12, 0.003
+"""m by which centres of mass are off, and kg·m² per kg, at a tolerance of one."""
+ROUNDS = 4
+"""Times that the weights are worked out anew."""
+RIDGE = 1e-9
+"""Of the largest column: what no column tells from another stays where it was."""
+
+
+def prior(robot: Robot, tolerance: float) -> Array:
+    """Return standard deviations (10 n,) of the inertial parameters around those of the URDF."""
+    found = []
+    for joint in robot.joints:
+        m = max(float(joint.pi[0]), LEAST_MASS)
+        moment = OFFSET * m + np.abs(joint.pi[1:4]).max()
+        inertia = 2.5 * max(float(np.abs(joint.pi[4:]).max()), LEAST_INERTIA) + 10 * SPREAD * m
+        found += [m, *[moment] * 3, *[inertia] * 6]
+    return tolerance * np.array(found)
+
+
+class Products:
+    """Products of columns joint by joint: ``G`` (n, k, k) of columns, ``b`` (n, k) of columns and the effort."""
+
+    def __init__(self, X: Array, rows: Rows) -> None:
+        self.at = [np.flatnonzero(rows.joint == i) for i in range(rows.n)]
+        self.G = np.stack([X[at].T @ X[at] for at in self.at])
+        self.b = np.stack([X[at].T @ rows.y[at] for at in self.at])
+
+    def plus(self, X: Array, C: Array, rows: Rows) -> Products:
+        """Return the products of columns X (N, k), which these are of, with more columns C (N, c) beside them."""
+        other = copy(self)
+        P = np.stack([X[at].T @ C[at] for at in self.at])
+        S = np.stack([C[at].T @ C[at] for at in self.at])
+        other.G = np.concatenate(
+            [np.concatenate([self.G, P], axis=2), np.concatenate([np.swapaxes(P, 1, 2), S], axis=2)], axis=1
+        )
+        other.b = np.concatenate([self.b, np.stack([C[at].T @ rows.y[at] for at in self.at])], axis=1)
+        return other
+
+
+@dataclass(frozen=True, eq=False)
+class Design:
+    """Columns of a regression on the rows of a fit and on unseen ones, each with a prior.
+
+    ``known`` (N, k), ``unseen`` (M, k); ``mean`` and ``sd`` (k,), infinite where nothing is known before. Products of
+    columns are worked out once, and only those of new ones when there are more.
+    """
+
+    names: tuple[str, ...]
+    known: Array
+    unseen: Array
+    mean: Array
+    sd: Array
+    before: Design | None = field(default=None, repr=False)
+    worked: dict[int, Products] = field(default_factory=dict, repr=False)
+
+    def plus(
+        self, names: tuple[str, ...], known: Array, unseen: Array, mean: float = 0.0, sd: float = np.inf
+    ) -> Design:
+        """Return a design with more columns, of one prior."""
+        k = len(names)
+        return Design(
+            (*self.names, *names),
+            np.concatenate([self.known, known], axis=1),
+            np.concatenate([self.unseen, unseen], axis=1),
+            np.concatenate([self.mean, np.full(k, mean)]),
+            np.concatenate([self.sd, np.full(k, sd)]),
+            self,
+        )
+
+    def products(self, rows: Rows) -> Products:
+        """Return the products of the columns on the rows of the fit."""
+        found = self.worked.get(id(rows))
+        if found is None:
+            before = self.before
+            if before is not None and id(rows) in before.worked:
+                k = len(before.names)
+                found = before.worked[id(rows)].plus(before.known, self.known[:, k:], rows)
+            else:
+                found = Products(self.known, rows)
+            self.worked[id(rows)] = found
+        return found
+
+    def without(self, *names: str) -> Design:
+        """Return a design without some columns."""
+        keep = np.array([name not in names for name in self.names])
+        kept = tuple(name for name in self.names if name not in names)
+        return Design(kept, self.known[:, keep], self.unseen[:, keep], self.mean[keep], self.sd[keep])
+
+    def swapped(self) -> Design:
+        """Return the design with its two sides exchanged."""
+        before = None if self.before is None else self.before.swapped()
+        return replace(self, known=self.unseen, unseen=self.known, before=before)
+
+    def at(self, name: str) -> int:
+        """Return the place of a column."""
+        return self.names.index(name)
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A fitted design: ``theta`` (k,), its curvature ``G`` (k, k), residuals, and the weights (n,) of the joints."""
+
+    design: Design
+    theta: Array
+    G: Array
+    residual: Array
+    weights: Array
+    rows: Rows = field(repr=False)
+    new: Rows = field(repr=False)
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.theta[self.design.at(name)])
+
+    @property
+    def pi(self) -> Array:
+        """The inertial parameters (10 n,)."""
+        return self.theta[: TEN * self.rows.n]
+
+    @property
+    def unseen(self) -> Array:
+        """What is left of unseen rows (M,)."""
+        return self.new.y - self.design.unseen @ self.theta
+
+    @property
+    def known_rms(self) -> Array:
+        """RMS of what is left of the rows of the fit, joint by joint (n,)."""
+        return self.rows.by_joint(self.residual)
+
+    @property
+    def rms(self) -> Array:
+        """RMS of what is left of unseen rows, joint by joint (n,)."""
+        return self.new.by_joint(self.unseen)
+
+    @property
+    def tension(self) -> float:
+        """Mean square distance of the inertial parameters from their priors, in standard deviations."""
+        sd = self.design.sd[: TEN * self.rows.n]
+        finite = np.isfinite(sd) & (sd > 0)
+        away = (self.pi - self.design.mean[: TEN * self.rows.n])[finite] / sd[finite]
+        return float(np.mean(away**2)) if away.size else 0.0
+
+    @property
+    def objective(self) -> float:
+        """Half the sum of squares of weighted residuals and of distances from the priors."""
+        finite = np.isfinite(self.design.sd)
+        away = (self.theta - self.design.mean)[finite] / self.design.sd[finite]
+        weighted = self.residual * self.weights[self.rows.joint]
+        return 0.5 * float(weighted @ weighted + away @ away)
+
+    def inverse(self) -> Array:
+        """Return the inverse (k, k) of the curvature."""
+        scale = 1.0 / np.sqrt(np.diag(self.G))
+        return np.asarray(scale[:, None] * np.linalg.inv(self.G * scale[:, None] * scale) * scale)
+
+    def errors(self) -> Array:
+        """Return standard errors (k,) that allow for residuals that are alike within a block."""
+        X = self.design.known * self.weights[self.rows.joint, None]
+        S = blocks(X * (self.residual * self.weights[self.rows.joint])[:, None], self.rows.block)
+        inner = self.inverse()
+        robust = np.sqrt(np.maximum(np.einsum("ij,ji->i", inner @ (S.T @ S), inner), 0.0))
+        return np.asarray(np.maximum(robust, np.sqrt(np.maximum(np.diag(inner), 0.0))))
+
+
+def blocks(values: Array, block: NDArray[np.int64]) -> Array:
+    """Return sums of rows (N, k) over their blocks."""
+    count = int(block.max(initial=0)) + 1
+    return np.stack([np.bincount(block, column, count) for column in values.T], axis=1)
+
+
+def fit(design: Design, rows: Rows, new: Rows, weights: Array | None = None) -> Estimate:
+    """Fit a design; ``weights`` (n,) of the joints are worked out where they are not given."""
+    if weights is not None:
+        return _solved(design, rows, new, weights)
+    found = np.ones(rows.n)
+    for _ in range(ROUNDS):
+        left = _solved(design, rows, new, found).known_rms
+        found = 1.0 / np.maximum(np.where(rows.counts > 0, np.nan_to_num(left), 1.0), 1e-9)
+    return _solved(design, rows, new, found)
+
+
+def _solved(design: Design, rows: Rows, new: Rows, weights: Array) -> Estimate:
+    products = design.products(rows)
+    precision = np.where(np.isfinite(design.sd), 1.0 / np.maximum(design.sd, 1e-12) ** 2, 0.0)
+    data = np.tensordot(weights**2, products.G, axes=1)
+    G = data + np.diag(precision)
+    size = np.diag(G).copy()
+    size[size <= 0.0] = 1.0
+    scale = 1.0 / np.sqrt(size)
+    scaled = G * scale[:, None] * scale + RIDGE * np.eye(len(size))
+    right = weights**2 @ products.b - data @ design.mean
+    theta = design.mean + scale * np.linalg.solve(scaled, scale * right)
+    G = scaled / scale[:, None] / scale
+    return Estimate(design, theta, G, rows.y - design.known @ theta, weights, rows, new)
+
+
+def rigid(robot: Robot, tolerance: float, rows: Rows, new: Rows, carried: Array | float = 0.0) -> Design:
+    """Return the rigid body as a design, its parameters near those of the URDF and what it carries (10 n,)."""
+    names = tuple(f"{name}.{par}" for name in robot.names for par in NAMES)
+    return Design(names, rows.Y, new.Y, robot.pi + carried, np.maximum(prior(robot, tolerance), 1e-12))
+
+
+__all__ = ["Design", "Estimate", "blocks", "fit", "prior", "rigid"]

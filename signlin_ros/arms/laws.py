@@ -1,0 +1,201 @@
+"""What an arm may lack, as columns of a regression: effects of the catalogue in each joint, and laws of the robot.
+
+A column is the force of an effect's own `force` with one parameter 1 and the others 0: no law is written twice. The
+load that friction depends on is that of the model, never the measured effort: |effort| sign(v) is the effort itself
+wherever friction is most of it, and "explains" anything, on unseen data too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.arms.piece import Piece, Rows
+from signlin_ros.effects import find_effect
+from signlin_ros.par import as_law_sees
+from signlin_ros.robots import Robot, inverse_dynamics
+from signlin_ros.robots.inertia import TEN, moved
+
+Array = NDArray[np.float64]
+POINTS = 6
+"""Values of a parameter that does not enter linearly, of which each is tried."""
+NARROW, WIDE = 0.01, 0.5
+"""The smallest and the largest of them, as a part of the joint's largest velocity."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """An effect as what is added to a joint: the parameter that enters linearly, one that does not, and its kin.
+
+    ``base`` is the effect that it contains, whose place it takes; ``positive``: of one sign only; ``loaded``: it
+    depends on the load.
+    """
+
+    effect: str
+    linear: str
+    shape: str = ""
+    base: str = ""
+    positive: bool = True
+    loaded: bool = False
+
+
+BASIC = (Law("viscous_friction", "b"), Law("coulomb_friction", "mu"), Law("constant_load", "F0", positive=False))
+"""What everybody puts in each joint, beside its motor's inertia."""
+EXTRA = (
+    Law("stribeck_friction", "excess", "v_s", base="coulomb_friction"),
+    Law("cubic_viscous_friction", "b3", base="viscous_friction", positive=False),
+    Law("asymmetric_viscous_friction", "b_p", base="viscous_friction", positive=False),
+    Law("load_dependent_friction", "kappa_e", loaded=True),
+)
+"""What may be missing beyond that."""
+
+
+class Loads:
+    """What the rigid body of a model exerts on the joints at every sample of some pieces, and its motors' efforts."""
+
+    def __init__(self, robot: Robot, pi: Array) -> None:
+        self.robot, self.pi = robot, pi
+        self._known: dict[int, Array] = {}
+
+    def of(self, piece: Piece) -> Array:
+        """Return forces and torques of the rigid body (T, K) where effects act."""
+        if id(piece) not in self._known:
+            found = inverse_dynamics(self.robot, piece.q, piece.v, piece.a, self.pi)
+            n = self.robot.n
+            parted = [int(np.flatnonzero(row)[0]) for row in piece.motors[n:]]
+            self._known[id(piece)] = np.concatenate([found @ np.linalg.inv(piece.motors[:n]), found[:, parted]], axis=1)
+        return self._known[id(piece)]
+
+
+@dataclass
+class _Motor:
+    """What an effect sees of a joint's motor at T samples."""
+
+    position: Array
+    velocity: Array
+    external_force: Array
+    drive_force: Array
+
+
+def force(effect: str, values: Mapping[str, Any], piece: Piece, i: int, load: Array) -> Array:
+    """Return the force (T,) of an effect on the motor i."""
+    found = find_effect(effect, "effects")
+    pars = as_law_sees(found.pars(), {**dict.fromkeys(found.pars(), 0.0), **values})
+    velocity = piece.signs[i].velocity
+    motor = _Motor(piece.angle[:, i], velocity, -load[:, i], load[:, i])
+    with np.errstate(all="ignore"):
+        out = found().force(piece.signs[i], motor, pars)
+    return np.asarray(np.broadcast_to(out, velocity.shape), dtype=float)
+
+
+def column(law: Law, shape: float, rows: Rows, i: int, loads: Loads) -> Array:
+    """Return the effort (N, 1) that one unit of a law needs: minus its force."""
+    values: dict[str, float] = {law.linear: 1.0}
+    if law.shape:
+        values[law.shape] = shape
+    if law.effect == "asymmetric_viscous_friction":
+        values["b_n"] = -1.0  # beside viscous friction only the difference is new
+    kept = (law.effect, law.linear, shape, i)
+    if law.loaded:
+        return rows.motor(i, lambda p: -force(law.effect, values, p, i, loads.of(p)))[:, None]
+    if kept not in rows.known:
+        nothing = np.zeros((1, len(rows.pieces[0].motors)))
+        rows.known[kept] = rows.motor(i, lambda p: -force(law.effect, values, p, i, nothing))[:, None]
+    return rows.known[kept]
+
+
+def shapes(law: Law, rows: Rows, i: int) -> list[float]:
+    """Return the values of a law's other parameter that are tried."""
+    if not law.shape:
+        return [0.0]
+    fastest = max(float(np.percentile(np.abs(p.speed[:, i]), 99)) for p in rows.pieces)
+    noise = max(float(p.noise[i]) for p in rows.pieces)
+    values: list[float] = np.geomspace(
+        max(NARROW * fastest, 3.0 * noise), max(WIDE * fastest, 6.0 * noise), POINTS
+    ).tolist()
+    return values
+
+
+def motor_inertia(rows: Rows, i: int) -> Array:
+    """Return the effort (N, 1) that one unit of a motor's inertia needs."""
+    kept = ("motor_inertia", i)
+    if kept not in rows.known:
+        rows.known[kept] = rows.motor(i, lambda p: (p.a @ p.motors.T)[:, i])[:, None]
+    return rows.known[kept]
+
+
+# ---------------------------------------------------------------- laws of the robot
+
+
+def payload(rows: Rows, joint: int, R: Array, t: Array, size: int = 4) -> Array:
+    """Return the effort (N, size) that a body on a link needs, by mass and first moments in the link's frame."""
+    units = np.stack([moved(unit, R, t) for unit in np.eye(TEN)[:size]], axis=1)
+    part = slice(TEN * joint, TEN * (joint + 1))
+    return rows.Y[:, part] @ units
+
+
+def gain(rows: Rows, i: int, drives: Sequence[Array]) -> Array:
+    """Return the effort (N, 1) that a gain of joint i off by one would add: what its motor exerts by the model."""
+    found = []
+    for piece, drive in zip(rows.pieces, drives, strict=True):
+        values = piece.filtered(drive[:, i])
+        found += [values[piece.moving[:, j]] * (i == j) for j in range(rows.n)]
+    return np.concatenate(found)[:, None]
+
+
+def compliance(rows: Rows, i: int, loads: Loads) -> Array:
+    """Return the effort (N, 1) that a unit of compliance (rad per N·m) behind the motor of joint i needs.
+
+    The link lags behind its motor by load times compliance; the derivative of the inverse dynamics along that.
+    """
+    robot, pi = loads.robot, loads.pi
+
+    def of(piece: Piece) -> Array:
+        bend = inverse_dynamics(robot, piece.q, piece.v, piece.a, pi)[:, i]
+        step = 1e-3 / max(float(np.abs(bend).max()), 1e-9)
+        rate = np.gradient(bend, piece.step)
+        moved = [values.copy() for values in (piece.q, piece.v, piece.a)]
+        for values, change in zip(moved, (bend, rate, np.gradient(rate, piece.step)), strict=True):
+            values[:, i] -= step * change
+        before = inverse_dynamics(robot, piece.q, piece.v, piece.a, pi)
+        return ((inverse_dynamics(robot, moved[0], moved[1], moved[2], pi) - before) / step)[:, :, None]
+
+    return rows.whole(of)
+
+
+def tilt(rows: Rows, loads: Loads) -> Array:
+    """Return the effort (N, 2) that a base tilted by one rad about x and about y would add."""
+    robot, pi = loads.robot, loads.pi
+    g = robot.gravity
+    down = float(np.linalg.norm(g)) or 1.0
+    across = np.linalg.svd(g[None, :] / down)[2][1:]
+
+    def of(piece: Piece) -> Array:
+        columns = []
+        for direction in across:
+            rest = np.zeros_like(piece.q)
+            tilted = replace(robot, gravity=down * direction)
+            columns.append(inverse_dynamics(tilted, piece.q, rest, rest, pi))
+        return np.stack(columns, axis=2)
+
+    return rows.whole(of)
+
+
+__all__ = [
+    "BASIC",
+    "EXTRA",
+    "Law",
+    "Loads",
+    "column",
+    "compliance",
+    "force",
+    "gain",
+    "motor_inertia",
+    "payload",
+    "shapes",
+    "tilt",
+]

@@ -1,0 +1,188 @@
+"""Motion and effort of a run through one low-pass, and rows of all joints for a regression.
+
+Motion is filtered at twice the cut-off, then what is computed from it and the effort alike at the cut-off; rows where a
+joint stands still are left out, as are the ends, where filters have not settled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from signlin_ros.arms.data import Run
+from signlin_ros.filters import low_pass, sensor_noise, slope
+from signlin_ros.mathops import NumpyMath
+from signlin_ros.robots import Robot, regressor
+
+Array = NDArray[np.float64]
+STILL = 3.0
+"""Times its noise below which a velocity is standstill; the sign of less is not known."""
+CRAWL = 0.004
+"""The same as a part of the largest velocity."""
+STUCK = 0.15
+"""Share of the filter's window at standstill from which on a row is left out."""
+EDGE = 1.2
+"""Periods of the cut-off that are left out at both ends."""
+PER_PERIOD = 2.5
+"""Rows per period of the cut-off: more would repeat each other."""
+OVER = 12.0
+"""Samples per period of the cut-off at which the rigid body is worked out; motion is slower by far."""
+BLOCK = 0.5
+"""Seconds of a block of rows whose errors may be correlated, at least; two periods of the cut-off, too."""
+SHARE, WIDER, LOWEST, OF_RATE = 0.999, 4.0, 3.0, 12.0
+"""The band: so much of every velocity's power, so many times wider, at least this many Hz, and a part of the rate."""
+
+
+def chosen_band(runs: Sequence[Run]) -> float:
+    """Return a cut-off in Hz that leaves the motion and the jumps of its friction, and most noise out."""
+    found = []
+    for run in runs:
+        rate = 1.0 / run.step
+        v = np.gradient(run.q, run.step, axis=0) if run.v is None else run.v
+        f, power = welch(v, rate, nperseg=min(len(run), int(8 * rate)), axis=0)
+        share = np.cumsum(power, axis=0) / np.maximum(power.sum(axis=0), 1e-300)
+        highest = max(float(f[np.argmax(column >= SHARE)]) for column in share.T)
+        found.append(float(np.clip(WIDER * highest, min(LOWEST, rate / OF_RATE), rate / OF_RATE)))
+    return float(f"{min(found):.2g}")
+
+
+class SoftSigns(NumpyMath):
+    """Evaluates laws with a sign of the velocity that is as uncertain as the velocity's noise makes it."""
+
+    def __init__(self, velocity: Array, noise: float) -> None:
+        super().__init__()
+        self.velocity, self._width = velocity, 2.0 * noise
+
+    def sign(self, g: Any) -> Any:  # type: ignore[override]
+        """Return the sign of g, of the velocity as its noise leaves it."""
+        return np.clip(g / self._width, -1.0, 1.0) if g is self.velocity else np.sign(g)
+
+
+class Piece:
+    """One run, filtered: q, v, a (T, n) of the joints at times ``step`` s apart, ``speed`` (T, K) where effects act.
+
+    ``motors`` (K, n): first the n motors from the joints, then the joints that a coupling has parted from their motors.
+    """
+
+    def __init__(self, robot: Robot, motors: Array, run: Run, band: float) -> None:
+        self.robot, self.run = robot, run
+        rate = 1.0 / run.step
+        self.band = band
+        wide = min(2.0 * band, 0.4 * rate)
+        self.q = low_pass(run.q, wide, run.step)
+        passed = np.sqrt(2.0 * wide * run.step)
+        if run.v is None:
+            self.v = _slopes(self.q, run.step)
+            noise = 2.0 * np.pi * wide * _noise(run.q) * passed
+        else:
+            self.v = low_pass(run.v, wide, run.step)
+            noise = _noise(run.v) * passed
+        self.a = _slopes(self.v, run.step)
+        edge = min(int(EDGE / band * rate) + 1, len(run) // 4)
+        every = max(1, int(rate / (OVER * band)))
+        self.step = every * run.step
+        self.q, self.v, self.a = self.q[::every], self.v[::every], self.a[::every]
+        self._joint_noise = noise
+        self._place(motors)
+        first, last, apart = -(-edge // every), (len(run) - edge) // every, rate / every / (PER_PERIOD * band)
+        self.index = np.arange(first, max(last, first + 1), max(1, int(apart)))
+        self.moving = self._moving(band)
+        self.tau = low_pass(run.tau, band, run.step)[self.index * every]
+        self.block = (self.index * self.step / max(BLOCK, 2.0 / band)).astype(int)
+
+    def coupled(self, motors: Array) -> Piece:
+        """Return the piece with other motors; which rows count stays as it is."""
+        other = copy(self)
+        other._place(motors)
+        return other
+
+    def _place(self, motors: Array) -> None:
+        """Work out angles and speeds (T, K) in the coordinates in which effects act."""
+        self.motors, self.speed, self.angle = motors, self.v @ motors.T, self.q @ motors.T
+        self.noise = np.maximum(np.sqrt((motors**2) @ self._joint_noise**2), 1e-9)
+        self.signs = [SoftSigns(self.speed[:, i], self.noise[i]) for i in range(len(motors))]
+
+    def _moving(self, band: float) -> NDArray[np.bool_]:
+        """Return which rows of which joint count (rows, n): no motor that acts on it stands still."""
+        slow = np.maximum(STILL * self.noise, CRAWL * np.abs(self.speed).max(axis=0))
+        stuck = low_pass((np.abs(self.speed) < slow).astype(float), band, self.step)[self.index] > STUCK
+        return np.asarray(~((stuck.astype(float) @ (self.motors != 0.0)) > 0.0))
+
+    def filtered(self, values: Array) -> Array:
+        """Return values (T, ...) through the low-pass, at the rows."""
+        return low_pass(values, self.band, self.step)[self.index]
+
+
+def _slopes(values: Array, step: float) -> Array:
+    return np.stack([slope(column, step) for column in values.T], axis=1)
+
+
+def _noise(values: Array) -> Array:
+    return np.array([sensor_noise(column) for column in values.T])
+
+
+class Rows:
+    """Rows of all joints of several pieces, joint after joint in each: ``joint``, ``block``, the effort ``y`` (N,).
+
+    ``Y`` (N, 10 n) is the regressor of the rigid body; ``known`` keeps columns that do not depend on the model.
+    """
+
+    def __init__(self, pieces: Sequence[Piece]) -> None:
+        self.pieces = list(pieces)
+        self.known: dict[tuple[object, ...], Array] = {}
+        self.robot, self.n = pieces[0].robot, pieces[0].robot.n
+        joints, blocks, count = [], [], 0
+        for piece in pieces:
+            for i in range(self.n):
+                kept = piece.moving[:, i]
+                joints.append(np.full(int(kept.sum()), i))
+                blocks.append(count + piece.block[kept])
+            count += int(piece.block.max(initial=0)) + 1
+        self.joint, self.block = np.concatenate(joints), np.concatenate(blocks)
+        self.y = np.concatenate([p.tau[p.moving[:, i], i] for p in pieces for i in range(self.n)])
+        self.Y = self.whole(lambda p: regressor(self.robot, p.q, p.v, p.a))
+
+    def __len__(self) -> int:
+        return int(self.y.size)
+
+    def coupled(self, motors: Array) -> Rows:
+        """Return the same rows with other motors."""
+        other = copy(self)
+        other.pieces, other.known = [piece.coupled(motors) for piece in self.pieces], {}
+        return other
+
+    def whole(self, of: Callable[[Piece], Array]) -> Array:
+        """Return rows (N, k) of what a function says of all joints (T, n, k)."""
+        found = []
+        for piece in self.pieces:
+            values = piece.filtered(of(piece))
+            found += [values[piece.moving[:, i], i] for i in range(self.n)]
+        return np.concatenate(found)
+
+    def motor(self, i: int, of: Callable[[Piece], Array]) -> Array:
+        """Return rows (N,) of what a function says of the motor i (T,): it acts on the joints that it moves."""
+        found = []
+        for piece in self.pieces:
+            values = piece.filtered(of(piece))
+            found += [piece.motors[i, j] * values[piece.moving[:, j]] for j in range(self.n)]
+        return np.concatenate(found)
+
+    def by_joint(self, r: Array) -> Array:
+        """Return the RMS of residuals (N,) joint by joint (n,), NaN where none counts."""
+        squares = np.bincount(self.joint, r**2, self.n)
+        count = np.bincount(self.joint, minlength=self.n)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.sqrt(squares / count))
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Rows of each joint (n,)."""
+        return np.bincount(self.joint, minlength=self.n)
+
+
+__all__ = ["Piece", "Rows", "SoftSigns", "chosen_band"]

@@ -1,0 +1,301 @@
+"""What is missing, one law after the other: sure on the rows of the fit, and worth it on rows that no fit saw.
+
+Every law is first told by the fall of the weighted squares that it promises beside all that is fitted already, inertial
+parameters with their priors included; the best are fitted in earnest. A law stands if its coefficient is many standard
+errors from nothing (of blocks, corrected for the number of laws tried), if unseen rows lose a visible part of their
+squares, and if those rows by themselves say the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from signlin_ros.arms.fit import Design, Estimate, blocks, fit, rigid
+from signlin_ros.arms.laws import (
+    BASIC,
+    EXTRA,
+    Law,
+    Loads,
+    column,
+    compliance,
+    gain,
+    motor_inertia,
+    payload,
+    shapes,
+    tilt,
+)
+from signlin_ros.arms.piece import Rows
+from signlin_ros.robots import Robot
+from signlin_ros.robots.inertia import TEN, moved
+
+Array = NDArray[np.float64]
+DOUBT = 1e-4
+"""Probability of a law that is not there, over all that are tried."""
+FLOOR = 4.0
+"""Standard errors that a coefficient needs, at least."""
+AGAIN = 2.5
+"""Standard errors, of the same sign, on unseen rows alone."""
+WORTH = 0.05
+"""Part of the squares of a joint's unseen rows that a law must take away."""
+TIE = 0.75
+"""Part of the best law's worth from which on another one is as good."""
+MOST = 8
+"""Laws that are fitted in earnest in a round."""
+SHARE = 1e-4
+"""Part of a column that must be new beside what is fitted already."""
+GIVEN = 0.3
+"""Relative error of a motor's inertia that the file gives."""
+ROUNDS = 12
+"""Laws that are added, at most."""
+
+
+@dataclass(frozen=True)
+class Key:
+    """What a law is called: its effect and joint; of the robot: ``payload``, ``tilt`` or ``coupling``, at -1."""
+
+    law: str
+    at: int
+    shape: float = 0.0
+
+    def same(self, other: Key) -> bool:
+        """Tell whether two laws are one, whatever their shapes."""
+        return (self.law, self.at) == (other.law, other.at)
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A law that stands: its columns, coefficients with standard errors, unseen RMS (n,) before and after, rivals."""
+
+    key: Key
+    names: tuple[str, ...]
+    values: Array
+    errors: Array
+    before: Array
+    after: Array
+    worth: float
+    rivals: tuple[Key, ...] = ()
+
+
+@dataclass(eq=False)
+class State:
+    """Where a search stands: the rows, the design, its estimate, and the robot's loads under it."""
+
+    robot: Robot
+    rows: Rows
+    new: Rows
+    tolerance: float
+    basic: tuple[tuple[int, Law], ...]
+    inertias: Array
+    payload_at: tuple[int, Array, Array] | None
+    barred: frozenset[int] = frozenset()
+    carried: Array | float = 0.0
+    tilts: bool = True
+    terms: list[tuple[Key, Law | None]] = field(default_factory=list)
+    found: list[Found] = field(default_factory=list)
+
+    def loads(self, estimate: Estimate | None) -> Loads:
+        """Return the loads of the rigid body as it is estimated, else as it is given."""
+        return Loads(self.robot, self.robot.pi + self.carried if estimate is None else self.body(estimate))
+
+    def body(self, estimate: Estimate) -> Array:
+        """Return the inertial parameters (10 n,), a payload that was found on them."""
+        pi: Array = estimate.pi.copy()
+        if "payload.m" in estimate.design.names and self.payload_at is not None:
+            joint, R, t = self.payload_at
+            own = np.zeros(TEN)
+            own[:4] = [estimate[f"payload.{name}"] for name in ("m", "mx", "my", "mz")]
+            pi[TEN * joint : TEN * (joint + 1)] += moved(own, R, t)
+        return pi
+
+    def design(self, loads: Loads) -> Design:
+        """Return the design of all that is in the model so far."""
+        found = rigid(self.robot, self.tolerance, self.rows, self.new, self.carried)
+        for i, law in self.basic:
+            known, unseen = (column(law, 0.0, r, i, loads) for r in self.both)
+            found = found.plus((f"{i}.{law.effect}.{law.linear}",), known, unseen)
+        for i, given in enumerate(self.inertias):
+            known, unseen = (motor_inertia(r, i) for r in self.both)
+            sd = GIVEN * given if given > 0.0 else np.inf
+            found = found.plus((f"{i}.motor_inertia",), known, unseen, float(given), sd)
+        for key, term in self.terms:
+            known, unseen = self.columns(key, term, loads)
+            found = found.plus(names_of(key), known, unseen)
+        return found
+
+    @property
+    def both(self) -> tuple[Rows, Rows]:
+        """The rows of the fit, and the unseen ones."""
+        return self.rows, self.new
+
+    def columns(self, key: Key, law: Law | None, loads: Loads) -> tuple[Array, Array]:
+        """Return the columns of a law on both kinds of rows."""
+        if law is not None:
+            return column(law, key.shape, self.rows, key.at, loads), column(law, key.shape, self.new, key.at, loads)
+        if key.law == "payload" and self.payload_at is not None:
+            return payload(self.rows, *self.payload_at), payload(self.new, *self.payload_at)
+        if key.law == "tilt":
+            return tilt(self.rows, loads), tilt(self.new, loads)
+        if key.law == "compliant_load":
+            return compliance(self.rows, key.at, loads), compliance(self.new, key.at, loads)
+        drives = self._drives(loads)
+        return gain(self.rows, key.at, drives[0]), gain(self.new, key.at, drives[1])
+
+    def _drives(self, loads: Loads) -> list[list[Array]]:
+        """Return what the model says the rigid body needs, for the gain of a joint; its friction scales along."""
+        return [[loads.of(p)[:, : self.robot.n] @ p.motors[: self.robot.n] for p in r.pieces] for r in self.both]
+
+    def candidates(self, estimate: Estimate) -> Iterator[tuple[Key, Law | None]]:
+        """Yield every law that may be missing."""
+        taken = [key for key, _ in self.terms]
+        for i in range(self.robot.n):
+            if i in self.barred:
+                continue
+            for law in EXTRA:
+                key = Key(law.effect, i)
+                kin = any(k.at == i and w is not None and w.base and w.base == law.base for k, w in self.terms)
+                if kin or any(key.same(other) for other in taken):
+                    continue
+                yield from ((replace(key, shape=shape), law) for shape in shapes(law, self.rows, i))
+            for name in ("sensor_gain", "compliant_load"):
+                if not any(Key(name, i).same(other) for other in taken):
+                    yield Key(name, i), None
+        known = {"payload": self.payload_at is not None, "tilt": self.tilts}
+        for name in (name for name, possible in known.items() if possible):
+            if not any(Key(name, -1).same(other) for other in taken):
+                yield Key(name, -1), None
+
+
+def names_of(key: Key) -> tuple[str, ...]:
+    """Return the names of a law's columns."""
+    if key.law == "payload":
+        return ("payload.m", "payload.mx", "payload.my", "payload.mz")
+    return ("tilt.x", "tilt.y") if key.law == "tilt" else (f"{key.at}.{key.law}",)
+
+
+@dataclass(frozen=True, eq=False)
+class _Promise:
+    """A law with what it promises: the fall of the squares, and its columns."""
+
+    fall: float
+    key: Key
+    law: Law | None
+    known: Array
+    unseen: Array
+
+
+def search(state: State, progress: Callable[[str], None] = lambda _: None) -> Estimate:
+    """Add laws to a state until none stands; return the last estimate."""
+    estimate = settled(state)
+    for _ in range(ROUNDS):
+        found = _best(state, estimate)
+        if found is None:
+            return estimate
+        state.found.append(found[0])
+        state.terms.append((found[0].key, found[1]))
+        progress(f"{names_of(found[0].key)[0]}: unseen errors fall")
+        estimate = settled(state, estimate)
+    return estimate
+
+
+def settled(state: State, estimate: Estimate | None = None) -> Estimate:
+    """Return the fit of all that is in the model, the loads of its friction being its own."""
+    for _ in range(2):
+        estimate = fit(state.design(state.loads(estimate)), state.rows, state.new)
+        if not any(law is not None and law.effect == "load_dependent_friction" for _, law in state.terms):
+            break
+    return estimate  # type: ignore[return-value]
+
+
+def _best(state: State, estimate: Estimate) -> tuple[Found, Law | None] | None:
+    """Return the law that unseen rows gain most from, of those that stand."""
+    fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
+    promises, tried = _promises(state, fixed)
+    standing = [s for s in (_stands(state, fixed, p, tried) for p in promises) if s is not None]
+    if not standing:
+        return None
+    standing.sort(key=lambda pair: -pair[0].worth)
+    first, law = standing[0]
+    rivals = tuple(other.key for other, _ in standing[1:] if other.worth > TIE * first.worth)
+    return replace(first, rivals=rivals), law
+
+
+def _promises(state: State, estimate: Estimate) -> tuple[list[_Promise], int]:
+    """Return the laws that promise most, the best shape of each, and how many were tried."""
+    w = estimate.weights[state.rows.joint]
+    X, r, inner = estimate.design.known * w[:, None], estimate.residual * w, estimate.inverse()
+    loads, tried = state.loads(estimate), 0
+    best: dict[tuple[str, int], _Promise] = {}
+    for key, law in state.candidates(estimate):
+        known, unseen = state.columns(key, law, loads)
+        tried += 1
+        C = known * w[:, None]
+        if not np.isfinite(C).all() or not np.abs(C).max(initial=0.0):
+            continue
+        P = X.T @ C
+        S = C.T @ C - P.T @ inner @ P
+        if key.law != "payload" and (np.diag(S) < SHARE * np.sum(C**2, axis=0)).any():
+            continue
+        d = C.T @ r
+        fall = float(d @ np.linalg.lstsq(S, d, rcond=1e-8)[0])
+        if (key.law, key.at) not in best or fall > best[key.law, key.at].fall:
+            best[key.law, key.at] = _Promise(fall, key, law, known, unseen)
+    return sorted(best.values(), key=lambda p: -p.fall)[:MOST], tried
+
+
+def _stands(state: State, estimate: Estimate, promise: _Promise, tried: int) -> tuple[Found, Law | None] | None:
+    """Return a law if it is sure, and worth it on unseen rows; None else."""
+    names, count = names_of(promise.key), promise.known.shape[1]
+    design = estimate.design.plus(names, promise.known, promise.unseen)
+    trial = fit(design, state.rows, state.new, estimate.weights)
+    values, errors = trial.theta[-count:], trial.errors()[-count:]
+    law, key = promise.law, promise.key
+    positive = law.positive if law is not None else key.law in ("compliant_load", "payload")
+    if positive and values[0] <= 0.0:
+        return None
+    before, after = estimate.rms, trial.rms
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fall = 1.0 - (after / before) ** 2
+        worth = float(np.nansum(np.log(before) - np.log(after)))
+    needed = max(FLOOR, float(norm.isf(DOUBT / max(tried, 1) / 2)))
+    sure = float(np.abs(values / np.maximum(errors, 1e-300)).max()) >= needed
+    if key.law == "payload":
+        if not (sure and _relieved(estimate, trial, count) and worth > -0.01 * state.robot.n):
+            return None
+        worth = max(worth, _drop(estimate, trial) / max(len(state.rows), 1))
+    else:
+        visible = np.nanmax(fall) if key.at < 0 or key.law == "compliant_load" else fall[key.at]
+        if not (sure and visible > WORTH and worth > 0.0 and _again(state, trial, values, names)):
+            return None
+    return Found(key, names, values, errors, before, after, worth), law
+
+
+def _again(state: State, trial: Estimate, values: Array, names: Sequence[str]) -> bool:
+    """Tell whether unseen rows by themselves say the same of a law."""
+    other = fit(trial.design.swapped(), state.new, state.rows, trial.weights)
+    at = [trial.design.at(name) for name in names]
+    ratio = other.theta[at] / np.maximum(other.errors()[at], 1e-300)
+    largest = int(np.argmax(np.abs(values)))
+    return bool(ratio[largest] * np.sign(values[largest]) >= AGAIN)
+
+
+def _drop(estimate: Estimate, trial: Estimate) -> float:
+    """Return by how much twice the objective falls, in units of what chance would make of it."""
+    w = estimate.weights[estimate.rows.joint]
+    r = (trial.residual * w)[:, None]
+    over = float(np.sum(blocks(r, estimate.rows.block) ** 2) / max(np.sum(r**2), 1e-300))
+    return 2.0 * (estimate.objective - trial.objective) / max(over, 1.0)
+
+
+def _relieved(estimate: Estimate, trial: Estimate, count: int) -> bool:
+    """Tell whether a payload is what the inertial parameters were bent for: the squares and the distances from their
+    priors together fall beyond doubt.
+    """
+    return _drop(estimate, trial) > float(chi2.isf(DOUBT, count)) and trial.tension < estimate.tension
+
+
+__all__ = ["BASIC", "Found", "Key", "State", "names_of", "search", "settled"]

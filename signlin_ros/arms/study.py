@@ -1,0 +1,204 @@
+"""A model of an arm held against its records: rows to fit and unseen ones, and how good each step is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.arms.data import Run
+from signlin_ros.arms.fit import Estimate, fit, rigid
+from signlin_ros.arms.laws import BASIC, Law, force
+from signlin_ros.arms.piece import Piece, Rows, chosen_band
+from signlin_ros.arms.search import State
+from signlin_ros.effects import find_effect
+from signlin_ros.errors import InputError
+from signlin_ros.filters import sensor_noise
+from signlin_ros.model.arm import ArmModel
+from signlin_ros.plants.arm import MOTOR_INERTIA, places
+from signlin_ros.robots import Robot, inverse_dynamics
+from signlin_ros.robots.inertia import TEN, about_centre, moved
+
+Array = NDArray[np.float64]
+LINK_SIDE = "its effort is measured on the link's side of the gear: most friction is not in this torque"
+"""What is said of a joint of which nothing but the rigid body is told."""
+COARSE = 0.1
+"""Part of an effort's spread from which on its steps are too coarse to tell friction from."""
+FEW = 30
+"""Rows that a joint needs."""
+TURNED = 0.05
+"""Range (rad, m) of a joint that did not move."""
+
+
+@dataclass(eq=False)
+class Study:
+    """A model and its records: ``rows`` of the fit and ``new`` unseen ones, in one band (Hz).
+
+    ``barred``: joints of which nothing is told, and why; ``link_side``: joints whose effort has little friction in it.
+    """
+
+    model: ArmModel
+    runs: tuple[Sequence[Run], Sequence[Run]]
+    band: float
+    rows: Rows
+    new: Rows
+    barred: dict[int, str] = field(default_factory=dict)
+    link_side: dict[int, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def robot(self) -> Robot:
+        """The robot without its payload."""
+        assert self.model.unloaded is not None  # noqa: S101 - for the type checker
+        return self.model.unloaded
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self.robot.names
+
+    @property
+    def carried(self) -> Array:
+        """What the file's payload adds to the inertial parameters (10 n,)."""
+        return self.model.robot.pi - self.robot.pi
+
+    def with_motors(self, motors: Array) -> Study:
+        """Return the study with another coupling."""
+        rows, new = (_rows(self.robot, motors, runs, self.band) for runs in self.runs)
+        return replace(self, rows=rows, new=new)
+
+    def state(self) -> State:
+        """Return where a search starts: what the file has in each joint, and the friction that everybody puts in."""
+        n = self.robot.n
+        laws = [(i, law) for i in range(len(self.rows.pieces[0].motors)) for law in BASIC[: 3 if i < n else 2]]
+        inertias = np.array([self.model.parameters[f"{name}.{MOTOR_INERTIA}"] for name in self.names])
+        barred = frozenset(self.barred) | frozenset(self.link_side)
+        where = self.payload_place
+        silent = bool(self.link_side)
+        return State(
+            *(self.robot, self.rows, self.new, self.model.arm.tolerance, tuple(laws), inertias),
+            payload_at=None if silent else where,
+            barred=barred,
+            carried=self.carried,
+            tilts=not silent,
+        )
+
+    @property
+    def payload_place(self) -> tuple[int, Array, Array]:
+        """The joint that carries the payload, and rotation and translation of its link's frame in the joint's."""
+        payload = self.model.arm.payload
+        if payload is not None:
+            return self.robot.frame(payload.on)
+        parents = {joint.parent for joint in self.robot.joints}
+        tip = [i for i in self.robot.sequence if i not in parents][-1]
+        return tip, np.eye(3), np.zeros(3)
+
+    @property
+    def payload_link(self) -> str:
+        """Name of that link."""
+        payload = self.model.arm.payload
+        return payload.on if payload is not None else self.robot.joints[self.payload_place[0]].link
+
+    # ---------------------------------------------------------------- how good
+
+    def as_given(self, rows: Rows) -> Array:
+        """Return what the rigid body of the file leaves (n,), RMS."""
+        return rows.by_joint(rows.y - rows.Y @ self.model.robot.pi)
+
+    def rigid(self) -> Estimate:
+        """Return the rigid body refitted alone, near the URDF."""
+        design = rigid(self.robot, self.model.arm.tolerance, self.rows, self.new, self.carried)
+        return fit(design, self.rows, self.new)
+
+    def left(self, model: ArmModel, rows: Rows) -> Array:
+        """Return what a model leaves of the effort (N,), nothing of it fitted."""
+        return np.asarray(rows.y - predicted(model, rows))
+
+
+def study(model: ArmModel, known: Sequence[Run], unseen: Sequence[Run], band: float | None = None) -> Study:
+    """Return a study of a model and its records in a band (Hz), chosen by the motion where none is given."""
+    if band is None:
+        band = chosen_band([*known, *unseen])
+    slowest = max(run.step for run in (*known, *unseen))
+    if not 0.0 < band < 0.4 / slowest:
+        raise InputError(f"--band {band:g}: allowed: above 0 and below {0.4 / slowest:g} Hz, 0.4 of the rate")
+    check_static(model)
+    assert model.unloaded is not None  # noqa: S101 - for the type checker
+    rows, new = (_rows(model.unloaded, model.arm_plant.motors, runs, band) for runs in (known, unseen))
+    found = Study(model, (known, unseen), band, rows, new)
+    _look(found)
+    return found
+
+
+def _rows(robot: Robot, motors: Array, runs: Sequence[Run], band: float) -> Rows:
+    return Rows([Piece(robot, places(motors), run, band) for run in runs])
+
+
+def check_static(model: ArmModel) -> None:
+    """Refuse effects with states of their own, which the equations of the effort do not tell."""
+    for key, use in model.effects.items():
+        if find_effect(use.type, "effects").states:
+            said = "has a state of its own, and an arm is compared through its inverse dynamics; take it out"
+            raise InputError(f"{model.source}: {key}: {said} (simulate and linearize take it)")
+
+
+def _look(study: Study) -> None:
+    """Note what cannot be told, joint by joint."""
+    for i, name in enumerate(study.names):
+        tau = np.concatenate([run.tau[:, i] for run in study.runs[0]])
+        q = np.concatenate([run.q[:, i] for run in study.runs[0]])
+        quantum, unit = max(float(run.steps[i]) for run in study.runs[0]), study.robot.joints[i].effort_unit
+        spread = float(np.std(tau))
+        if np.ptp(q) < TURNED or study.rows.counts[i] < FEW or study.new.counts[i] < FEW:
+            study.barred[i] = "it hardly moves: too few samples in motion to tell anything of it"
+        elif quantum > COARSE * spread:
+            study.barred[i] = (
+                f"its effort comes in steps of {quantum:.2g} {unit}, its spread is {spread:.2g} {unit}: refused"
+            )
+        elif name in study.model.link_side:
+            study.link_side[i] = LINK_SIDE
+
+
+def unseen_noise(study: Study) -> Array:
+    """Return what the noise of the measured efforts leaves in the band (n,)."""
+    found = []
+    for i in range(study.robot.n):
+        levels = [sensor_noise(run.tau[:, i]) * np.sqrt(2.0 * study.band * run.step) for run in study.runs[1]]
+        found.append(float(np.sqrt(np.mean(np.square(levels)))))
+    return np.array(found)
+
+
+def predicted(model: ArmModel, rows: Rows) -> Array:
+    """Return the effort (N,) that a model needs for the motion of some rows: rigid body, motors, effects."""
+    plant, robot = model.arm_plant, model.robot
+    inertias = np.array([model.parameters[f"{name}.{MOTOR_INERTIA}"] for name in robot.names])
+
+    def of(piece: Piece) -> Array:
+        body = inverse_dynamics(robot, piece.q, piece.v, piece.a)
+        n, P = robot.n, plant.places
+        parted = [int(np.flatnonzero(row)[0]) for row in P[n:]]
+        load = np.concatenate([body @ np.linalg.inv(P[:n]), body[:, parted]], axis=1)
+        own = piece if np.array_equal(piece.motors, P) else piece.coupled(P)
+        acting = np.zeros(load.shape)
+        for key, use in model.effects.items():
+            i = plant.place_of(key)
+            acting[:, i] += force(use.type, use.parameters, own, i, load)
+        motors = ((piece.a @ P[:n].T) * inertias) @ P[:n]
+        return np.asarray((body + motors - acting @ P)[:, :, None])
+
+    return np.asarray(rows.whole(of)[:, 0])
+
+
+def body_of(payload: tuple[float, Array], place: tuple[int, Array, Array], n: int) -> Array:
+    """Return what a point mass, by mass and first moment (3,) in its link, adds to the parameters (10 n,)."""
+    joint, R, t = place
+    found = np.zeros(TEN * n)
+    m, h = payload
+    pi = about_centre(m, h / m, np.zeros((3, 3))) if m > 0.0 else np.concatenate([[m], h, np.zeros(6)])
+    found[TEN * joint : TEN * (joint + 1)] = moved(pi, R, t)
+    return found
+
+
+__all__ = ["Law", "Study", "body_of", "check_static", "predicted", "study", "unseen_noise"]

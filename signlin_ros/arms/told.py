@@ -1,0 +1,332 @@
+"""What is told of an arm: JSON, sentences joint by joint, and one for the robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from signlin_ros.arms.proposal import basic_of
+from signlin_ros.arms.search import Found, Key
+from signlin_ros.arms.study import Study, unseen_noise
+from signlin_ros.arms.verbs import Comparison, Diagnosis, Missing
+from signlin_ros.effects import find_effect
+from signlin_ros.plants.joint import joint_plant
+from signlin_ros.recording.trace import resolve_unit
+
+LITTLE = 0.05
+"""Part of its effort from which on what a joint leaves is more than little."""
+NOISE = 2.0
+"""Times its noise up to which what a joint leaves may be that."""
+_LINEAR = {"stribeck_friction": "excess", "cubic_viscous_friction": "b3", "load_dependent_friction": "kappa_e"}
+
+
+def compared_json(comparison: Comparison, source: str, data: list[str]) -> dict[str, Any]:
+    """Return what `compare` says, as schemas/arm_compare.json has it."""
+    study = comparison.study
+    return {
+        "joints": _joints(comparison, {}),
+        "robot": {"payload": {}, "gains": {}, "couplings": _known_couplings(study)},
+        "inverse": _inverse(comparison),
+        "band_hz": study.band,
+        "urdf": _urdf(study),
+        "model": source,
+        "data": data,
+        "samples": sum(len(run) for runs in study.runs for run in runs),
+        "notes": [*study.notes, *urdf_notes(study)],
+    }
+
+
+def diagnosed_json(diagnosis: Diagnosis, text: str, source: str, data: list[str]) -> dict[str, Any]:
+    """Return what `diagnose`, `add` and `refine` say, as schemas/arm_diagnose.json has it."""
+    study = diagnosis.comparison.study
+    named = effects_named(diagnosis)
+    content = compared_json(diagnosis.comparison, source, data)
+    content["joints"] = _joints(diagnosis.comparison, named)
+    payload = {n: {"value": v, "std": e, "unit": u} for n, (v, e, u) in diagnosis.payload.items()}
+    gains = {
+        study.names[f.key.at]: _value(float(f.values[0]), float(f.errors[0]), "-")
+        for f in diagnosis.found
+        if f.key.law == "sensor_gain"
+    }
+    couplings = [*_known_couplings(study), *map(list, diagnosis.couplings)]
+    content["robot"] = {"payload": payload, "gains": gains, "couplings": couplings}
+    content["robot"] |= {"tilt": _tilt(diagnosis)} if _tilt(diagnosis) else {}
+    return {
+        "verdict": verdict(diagnosis),
+        **content,
+        "ranking": [_entry(study, f) for f in diagnosis.found] + [_left_out(study, m) for m in diagnosis.missing],
+        "found_couplings": [list(pair) for pair in diagnosis.couplings],
+        "model": text,
+        "range": _range(study),
+    }
+
+
+def effects_named(diagnosis: Diagnosis) -> dict[int, list[str]]:
+    """Return the effects that are named in each joint."""
+    named: dict[int, list[str]] = {}
+    for missing in diagnosis.missing:
+        named.setdefault(missing.joint, []).append(missing.effect)
+    for found in diagnosis.found:
+        if found.key.at >= 0:
+            named.setdefault(found.key.at, []).append(found.key.law)
+    return named
+
+
+def verdict(diagnosis: Diagnosis) -> str:
+    """Return missing, adequate or unexplained."""
+    if diagnosis.found or diagnosis.missing or diagnosis.couplings:
+        return "missing"
+    if diagnosis.only_payload and diagnosis.payload:
+        value, error, _ = diagnosis.payload["m"]
+        return "missing" if value > 3.0 * error else "adequate"
+    return "unexplained" if any(_unexplained(diagnosis.comparison)) else "adequate"
+
+
+def _unexplained(comparison: Comparison) -> list[bool]:
+    """Tell of each joint whether more than noise and little is left of unseen rows."""
+    study, left = comparison.study, np.minimum(comparison.table.model, comparison.table.basic)
+    efforts, noise = study.new.by_joint(study.new.y), unseen_noise(study)
+    more = (left > LITTLE * efforts) & (left > NOISE * noise)
+    return [bool(m) and i not in study.barred and i not in study.link_side for i, m in enumerate(more)]
+
+
+# ---------------------------------------------------------------- pieces of JSON
+
+
+def _joints(comparison: Comparison, named: Mapping[int, list[str]]) -> dict[str, Any]:
+    study, table = comparison.study, comparison.table
+    efforts, noise = study.new.by_joint(study.new.y), unseen_noise(study)
+    found = {}
+    for i, name in enumerate(study.names):
+        why = [study.barred[i]] if i in study.barred else []
+        why += [study.link_side[i]] if i in study.link_side else []
+        own = basic_of(study, comparison.all_data, i, study.names)
+        joint = study.robot.joints[i]
+        v = f"{joint.position_unit}/s"
+        units = {
+            "viscous": f"{joint.effort_unit}·s/{joint.position_unit}",
+            "coulomb": joint.effort_unit,
+            "offset": joint.effort_unit,
+            "motor_inertia": "kg" if joint.prismatic else "kg·m²",
+        }
+        found[name] = {
+            "unit": joint.effort_unit,
+            "band_hz": study.band,
+            **{row: _finite(getattr(table, row)[i]) for row in ("as_given", "rigid", "basic", "model")},
+            "effort": _finite(efforts[i]),
+            "noise": float(noise[i]),
+            "effects": named.get(i, []),
+            "cannot_tell": [*why, *_cannot(study, i)],
+            "basic_parameters": {n: {"value": value, "unit": units[n]} for n, value in own.items()},
+            "speed": {"value": max(float(np.abs(p.v[:, i]).max()) for p in study.rows.pieces), "unit": v},
+        }
+    return found
+
+
+def _cannot(study: Study, i: int) -> list[str]:
+    """Return what no record of this kind tells of a joint."""
+    if i in study.barred:
+        return []
+    found = []
+    joint = study.robot.joints[i]
+    if joint.parent < 0 and not joint.prismatic:
+        found.append("the inertia of its motor from that of its own link about the same axis")
+    return found
+
+
+def _value(value: float, error: float, unit: str) -> dict[str, Any]:
+    return {"value": value, "std": error, "unit": unit}
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _inverse(comparison: Comparison) -> dict[str, Any]:
+    study, own = comparison.study, comparison.table.model
+    efforts = study.new.by_joint(study.new.y)
+    return {
+        f"{name}.effort": {
+            "unit": study.robot.joints[i].effort_unit,
+            "rmse": _finite(own[i]),
+            "relative_error_percent": _finite(100.0 * own[i] / efforts[i]) if efforts[i] > 0 else None,
+            "cutoff_hz": study.band,
+        }
+        for i, name in enumerate(study.names)
+    }
+
+
+def _known_couplings(study: Study) -> list[list[str]]:
+    return [list(coupling.joints) for _, coupling in study.model.arm.couplings]
+
+
+def _tilt(diagnosis: Diagnosis) -> dict[str, Any]:
+    for found in diagnosis.found:
+        if found.key.law == "tilt":
+            pairs = zip(("x", "y"), found.values, found.errors, strict=True)
+            return {name: _value(float(v), float(e), "rad") for name, v, e in pairs}
+    return {}
+
+
+def _urdf(study: Study) -> dict[str, Any]:
+    return {"consistent": not study.robot.inconsistent(), "inconsistent": study.robot.inconsistent()}
+
+
+def urdf_notes(study: Study) -> list[str]:
+    """Return what is wrong with the URDF."""
+    return [
+        f"URDF: the body that {name} carries cannot exist: its pseudo-inertia has the eigenvalue {value:.2g} kg·m²"
+        for name, value in study.robot.inconsistent().items()
+    ]
+
+
+def name_of(study: Study, key: Key) -> str:
+    """Return what a law is called: ``elbow_joint.load_dependent_friction``, ``payload``."""
+    return f"{study.names[key.at]}.{key.law}" if key.at >= 0 else key.law
+
+
+def _entry(study: Study, found: Found) -> dict[str, Any]:
+    rivals = [name_of(study, key) for key in found.rivals if key.at == found.key.at]
+    return {
+        "effect": name_of(study, found.key),
+        "status": "ambiguous" if rivals else "confirmed",
+        "parameters": parameters(study, found),
+        "validation": {
+            f"{name}.effort": {"before": _finite(found.before[i]), "after": _finite(found.after[i])}
+            for i, name in enumerate(study.names)
+        },
+        "indistinguishable_from": rivals,
+        "why": sentence(study, found),
+    }
+
+
+def _left_out(study: Study, missing: Missing) -> dict[str, Any]:
+    name, i = study.names[missing.joint], missing.joint
+    unit = _unit(study, i, missing.effect, "mu" if missing.effect == "coulomb_friction" else "b")
+    linear = "mu" if missing.effect == "coulomb_friction" else "b"
+    return {
+        "effect": f"{name}.{missing.effect}",
+        "status": "confirmed",
+        "parameters": {linear: _value(missing.value, missing.error, unit)},
+        "validation": {
+            f"{other}.effort": {"before": _finite(missing.before[k]), "after": _finite(missing.after[k])}
+            for k, other in enumerate(study.names)
+        },
+        "indistinguishable_from": [],
+        "why": f"{missing.effect.replace('_', ' ')} of {missing.value:.3g} {unit}, which the file leaves out: "
+        + _fall(missing.before[i], missing.after[i], study, i),
+    }
+
+
+def parameters(study: Study, found: Found) -> dict[str, Any]:
+    """Return the parameters of a law with standard errors and units."""
+    key, value, error = found.key, float(found.values[0]), float(found.errors[0])
+    if key.law == "sensor_gain":
+        return {"gain": _value(1.0 + value, error, "-")}
+    if key.law == "compliant_load":
+        unit = "N·m/rad" if not study.robot.joints[key.at].prismatic else "N/m"
+        return {"k": _value(1.0 / value, error / value**2, unit)}
+    if key.at < 0:
+        names = ("m", "mx", "my", "mz") if key.law == "payload" else ("x", "y")
+        units = ("kg", "kg·m", "kg·m", "kg·m") if key.law == "payload" else ("rad", "rad")
+        rows = zip(names, found.values, found.errors, units, strict=True)
+        return {n: _value(float(v), float(e), u) for n, v, e, u in rows}
+    linear = _LINEAR.get(key.law, "b_p")
+    content = {linear: _value(value, error, _unit(study, key.at, key.law, linear))}
+    if key.law == "stribeck_friction":
+        content["v_s"] = _value(key.shape, 0.0, _unit(study, key.at, key.law, "v_s"))
+    return content
+
+
+def _unit(study: Study, i: int, effect: str, name: str) -> str:
+    i = i if i < len(study.names) else 0
+    return resolve_unit(find_effect(effect, "effects").pars()[name].unit, joint_plant(study.robot.joints[i].prismatic))
+
+
+def _fall(before: float, after: float, study: Study, i: int) -> str:
+    unit = study.robot.joints[i].effort_unit
+    return f"unseen error {before:.3g} -> {after:.3g} {unit} ({study.band:g} Hz)"
+
+
+def sentence(study: Study, found: Found) -> str:
+    """Return what a law is and what it is worth, as a sentence."""
+    key, value = found.key, float(found.values[0])
+    i = key.at if key.at >= 0 else int(np.nanargmax(np.log(found.before / found.after)))
+    what = {
+        "load_dependent_friction": f"load-dependent friction, {100 * value:.2g} % of the load",
+        "stribeck_friction": f"dry friction that falls with speed (Stribeck), over {key.shape:.2g}",
+        "cubic_viscous_friction": f"viscous friction that grows {'faster' if value > 0 else 'slower'} than speed",
+        "asymmetric_viscous_friction": "viscous friction that differs by direction",
+        "sensor_gain": f"the gain of its effort is off: it shows {1 + value:.3g} times what acts",
+        "compliant_load": f"its gear or belt is elastic, about {1 / value:.2g} N·m/rad" if value else "",
+        "payload": f"a payload of {value:.3g} ± {float(found.errors[0]):.2g} kg on {study.payload_link}",
+        "tilt": "the base is tilted: gravity comes from elsewhere",
+    }[key.law]
+    where = "" if key.at >= 0 else f"{study.names[i]}: "
+    return f"{what}; {where}{_fall(found.before[i], found.after[i], study, i)}"
+
+
+def _range(study: Study) -> dict[str, list[float]]:
+    found = {}
+    for i, name in enumerate(study.names):
+        for quantity, values in (("position", "q"), ("velocity", "v")):
+            all_ = np.concatenate([getattr(piece, values)[:, i] for piece in study.rows.pieces])
+            found[f"{name}.{quantity}"] = [float(all_.min()), float(all_.max())]
+    return found
+
+
+# ---------------------------------------------------------------- sentences
+
+
+def sentences(diagnosis: Diagnosis) -> list[str]:
+    """Return one sentence for each joint, and one for the robot."""
+    study, table = diagnosis.comparison.study, diagnosis.comparison.table
+    lines, left = [], _unexplained(diagnosis.comparison)
+    efforts = study.new.by_joint(study.new.y)
+    for i, name in enumerate(study.names):
+        unit = study.robot.joints[i].effort_unit
+        said = [_left_out(study, m)["why"] for m in diagnosis.missing if m.joint == i]
+        said += [sentence(study, f) + _or(study, f) for f in diagnosis.found if f.key.at == i]
+        if i in study.barred or i in study.link_side:
+            said = [study.barred.get(i) or study.link_side[i]]
+        elif not said:
+            rest = f"{table.model[i]:.3g} {unit} of {efforts[i]:.3g} are left"
+            said = [f"nothing listed is missing; {rest}" + (", unexplained" if left[i] else "")]
+        lines.append(f"{name}: {'; '.join(said)}")
+    return [*lines, f"robot: {_robot(diagnosis)}"]
+
+
+def _or(study: Study, found: Found) -> str:
+    rivals = [key.law.replace("_", " ") for key in found.rivals if key.at == found.key.at]
+    return f" (or {', '.join(rivals)}: as good)" if rivals else ""
+
+
+def _robot(diagnosis: Diagnosis) -> str:
+    study = diagnosis.comparison.study
+    said = [f"{a} and {b} are coupled: one motor turns with both" for a, b in diagnosis.couplings]
+    said += [sentence(study, f) for f in diagnosis.found if f.key.at < 0]
+    if diagnosis.only_payload and diagnosis.payload:
+        value, error, unit = diagnosis.payload["m"]
+        said.append(f"payload on {study.payload_link}: {value:.3g} ± {error:.2g} {unit}, nothing else fitted")
+    return "; ".join(said) or "no payload, wrong gain, tilt or coupling is seen"
+
+
+CANNOT = (
+    "whether all efforts are off by one factor: every residual scales with it (weigh a known payload)",
+    "friction at standstill: rows in which a joint stands still are left out",
+)
+"""What no record of this kind tells."""
+
+
+__all__ = [
+    "CANNOT",
+    "compared_json",
+    "diagnosed_json",
+    "effects_named",
+    "name_of",
+    "sentences",
+    "urdf_notes",
+    "verdict",
+]

@@ -1,0 +1,256 @@
+"""`compare`, `diagnose`, `add` and `refine` of an arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.arms.coupling import find_coupling
+from signlin_ros.arms.data import Run
+from signlin_ros.arms.fit import Design, Estimate, blocks, fit
+from signlin_ros.arms.laws import EXTRA
+from signlin_ros.arms.proposal import Proposal, proposal
+from signlin_ros.arms.search import AGAIN, FLOOR, WORTH, Found, Key, State, names_of, search, settled
+from signlin_ros.arms.study import LINK_SIDE, Study, study
+from signlin_ros.errors import ModelError, choices, suggest
+from signlin_ros.model.arm import ArmModel
+from signlin_ros.plants.arm import parted
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+ROTOR, FRICTIONLESS = 2.0, 0.1
+"""Standard errors above nothing that a motor's inertia needs to be seen in an effort; part of all efforts that friction
+of motors with gears is at least."""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """RMS of what is left of unseen rows (n,): URDF as given, rigid body refitted, basic friction, model."""
+
+    as_given: Array
+    rigid: Array
+    basic: Array
+    model: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """How good a model of an arm is; ``basic`` fitted to the rows of the fit, ``all_data`` to unseen ones, too."""
+
+    study: Study
+    table: Table
+    basic: Estimate
+    all_data: Estimate
+
+
+@dataclass(frozen=True, eq=False)
+class Missing:
+    """An effect of everybody's that the file leaves out of a joint: unseen RMS (n,) without it and with it."""
+
+    joint: int
+    effect: str
+    value: float
+    error: float
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What is missing: laws, couplings, effects that the file leaves out, and the model that is proposed."""
+
+    comparison: Comparison
+    state: State
+    estimate: Estimate
+    found: tuple[Found, ...]
+    missing: tuple[Missing, ...]
+    couplings: tuple[tuple[str, str], ...]
+    proposal: Proposal
+    payload: dict[str, tuple[float, float, str]] = field(default_factory=dict)
+    only_payload: bool = False
+
+
+def _quiet(_: str) -> None:
+    pass
+
+
+def compare(
+    model: ArmModel, known: Sequence[Run], unseen: Sequence[Run], band: float | None = None, progress: Progress = _quiet
+) -> Comparison:
+    """Return how good a model is on unseen rows, beside the rigid body and basic friction fitted to the others."""
+    found = study(model, known, unseen, band)
+    progress(f"band {found.band:g} Hz, {len(found.rows)} rows to fit, {len(found.new)} unseen")
+    return _compared(found)
+
+
+def _compared(found: Study) -> Comparison:
+    state = found.state()
+    basic, rigid = settled(state), found.rigid().rms
+    _look_at_rotors(found, basic, rigid)
+    as_given = found.as_given(found.new)
+    own = found.new.by_joint(found.left(found.model, found.new))
+    table = Table(as_given, rigid, basic.rms, own)
+    return Comparison(found, table, basic, _all_data(found, basic))
+
+
+def _all_data(found: Study, basic: Estimate) -> Estimate:
+    """Return basic friction fitted to all rows, unseen ones as well: the best numbers, not a test."""
+    rows = type(found.rows)([*found.rows.pieces, *found.new.pieces])
+    whole = replace(found, rows=rows, new=rows)
+    return settled(whole.state()) if len(rows) else basic
+
+
+def _look_at_rotors(found: Study, basic: Estimate, rigid: Array) -> None:
+    """Note efforts in which neither the motors' inertias nor much friction is seen: they are of the link's side.
+
+    That is a fact of the robot, so most joints must say so; a slow robot's motors are not seen either, its friction is.
+    """
+    errors = dict(zip(basic.design.names, basic.errors().tolist(), strict=True))
+    told = [i for i in range(found.robot.n) if i not in found.barred]
+    unseen = [i for i in told if basic[f"{i}.motor_inertia"] < ROTOR * errors[f"{i}.motor_inertia"]]
+    efforts = found.new.by_joint(found.new.y)[told]
+    share = float(np.sqrt(np.sum(np.maximum(rigid**2 - basic.rms**2, 0.0)[told]) / np.sum(efforts**2)))
+    if found.link_side or not told or len(unseen) <= len(told) / 2 or share > FRICTIONLESS:
+        return
+    seen = (
+        f"in the efforts of {len(unseen)} of {len(told)} joints no motor's inertia is seen, and friction is {share:.0%}"
+    )
+    advice = "say side: link, or give the motors' inertias if they are not"
+    found.notes.append(f"{seen} of all: they look measured on the link's side ({advice})")
+    found.link_side.update(dict.fromkeys(told, LINK_SIDE))
+
+
+def diagnose(
+    model: ArmModel, known: Sequence[Run], unseen: Sequence[Run], band: float | None = None, progress: Progress = _quiet
+) -> Diagnosis:
+    """Return what a model of an arm lacks: couplings first, then laws of joints and of the robot, one by one."""
+    comparison = compare(model, known, unseen, band, progress)
+    found = comparison.study
+    if model.arm.payload is not None and model.arm.payload.free:
+        from signlin_ros.arms.carrying import carried
+
+        return carried(comparison)
+    couplings = []
+    state, estimate = found.state(), comparison.basic
+    while not found.link_side:
+        progress("couplings of neighbouring joints")
+        coupling = find_coupling(state, estimate)
+        if coupling is None:
+            break
+        j, i, motors = coupling
+        couplings.append((found.names[min(i, j)], found.names[max(i, j)]))
+        found = found.with_motors(motors)
+        state = found.state()
+        estimate = settled(state)
+    missing = _left_out(found, state, estimate)
+    estimate = search(state, progress)
+    return _told(replace(comparison, study=found), state, estimate, missing, couplings)
+
+
+def add(
+    effect: str,
+    model: ArmModel,
+    known: Sequence[Run],
+    unseen: Sequence[Run],
+    band: float | None = None,
+    progress: Progress = _quiet,
+) -> Diagnosis:
+    """Return a model with one more effect of a joint, fitted beside all the rest."""
+    joint, _, name = effect.rpartition(".")
+    if joint not in model.robot.names:
+        raise ModelError(f"{effect}: no joint {joint!r}; allowed: JOINT.EFFECT with {choices(model.robot.names)}")
+    laws = {law.effect: law for law in EXTRA}
+    if name not in laws:
+        known_ = (*laws, "viscous_friction", "coulomb_friction", "constant_load")
+        if name not in known_:
+            raise ModelError(f"{effect}: cannot be fitted to an arm; allowed: {choices(known_)}{suggest(name, known_)}")
+    comparison = compare(model, known, unseen, band, progress)
+    found, state = comparison.study, comparison.study.state()
+    before = comparison.basic
+    if name in laws:
+        from signlin_ros.arms.laws import shapes
+
+        place, law = found.names.index(joint), laws[name]
+        tried = []
+        for shape in shapes(law, found.rows, place):
+            state.terms = [(Key(name, place, shape), law)]
+            tried.append((settled(state), list(state.terms)))
+        estimate, state.terms = min(tried, key=lambda pair: pair[0].objective)
+        at = estimate.design.at(f"{place}.{name}")
+        one = slice(at, at + 1)
+        state.found = [
+            Found(
+                state.terms[0][0],
+                names_of(state.terms[0][0]),
+                estimate.theta[one],
+                estimate.errors()[one],
+                before.rms,
+                estimate.rms,
+                0.0,
+            )
+        ]
+    else:
+        estimate = before
+    return _told(comparison, state, estimate, (), [])
+
+
+def _told(
+    comparison: Comparison,
+    state: State,
+    estimate: Estimate,
+    missing: Sequence[Missing],
+    couplings: Sequence[tuple[str, str]],
+) -> Diagnosis:
+    found = comparison.study
+    new = proposal(found, state, estimate)
+    own = found.new.by_joint(found.left(new.model, found.new))
+    payload = {}
+    if "payload.m" in estimate.design.names:
+        errors = estimate.errors()
+        for name, unit in (("m", "kg"), ("mx", "kg·m"), ("my", "kg·m"), ("mz", "kg·m")):
+            at = estimate.design.at(f"payload.{name}")
+            payload[name] = (float(estimate.theta[at]), float(errors[at]), unit)
+    compared = replace(comparison, table=replace(comparison.table, model=own))
+    return Diagnosis(compared, state, estimate, tuple(state.found), tuple(missing), tuple(couplings), new, payload)
+
+
+def _left_out(found: Study, state: State, estimate: Estimate) -> list[Missing]:
+    """Return basic friction that the file leaves out of a joint whose effects it lists, where it is sure."""
+    missing, errors = [], estimate.errors()
+    fixed = fit(estimate.design, state.rows, state.new, estimate.weights)
+    again = fit(estimate.design.swapped(), state.new, state.rows, estimate.weights)
+    unseen_errors = again.errors()
+    alone = set(parted(found.model.arm_plant.motors))
+    for i, name in enumerate(found.names):
+        own = {use.type for key, use in found.model.effects.items() if key.partition(".")[0] == name}
+        if not own or i in found.barred or i in found.link_side or i in alone:
+            continue
+        for effect, linear in (("coulomb_friction", "mu"), ("viscous_friction", "b")):
+            if own & _CONTAIN[effect]:
+                continue
+            column = f"{i}.{effect}.{linear}"
+            at = estimate.design.at(column)
+            value, error = float(fixed.theta[at]), float(errors[at])
+            without = fit(_apart(fixed.design, column), state.rows, state.new, estimate.weights)
+            fall = 1.0 - (fixed.rms[i] / without.rms[i]) ** 2
+            sure = value >= FLOOR * error and again.theta[at] >= AGAIN * unseen_errors[at]
+            if sure and fall > WORTH:
+                missing.append(Missing(i, effect, value, error, without.rms, fixed.rms))
+    return missing
+
+
+_CONTAIN = {
+    "coulomb_friction": {"coulomb_friction", "stribeck_friction", "load_dependent_stribeck"},
+    "viscous_friction": {"viscous_friction", "cubic_viscous_friction", "asymmetric_viscous_friction"},
+}
+"""Effects that have an effect in them."""
+
+
+def _apart(design: Design, column: str) -> Design:
+    return design.without(column)
+
+
+__all__ = ["Comparison", "Diagnosis", "Missing", "Table", "add", "blocks", "compare", "diagnose"]

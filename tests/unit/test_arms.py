@@ -1,0 +1,253 @@
+"""Arms against their records: what is missing is named in its joint, and nothing where nothing is."""
+
+import json
+
+import numpy as np
+import pytest
+
+from signlin_ros.arms.data import Run, effort_step
+from signlin_ros.arms.laws import EXTRA, Loads, column, force
+from signlin_ros.arms.piece import Piece, Rows
+from signlin_ros.arms.told import compared_json, diagnosed_json, effects_named, sentences
+from signlin_ros.arms.verbs import add, compare, diagnose
+from signlin_ros.cli import main
+from signlin_ros.errors import ModelError
+from signlin_ros.model import Model
+from signlin_ros.robots import read_urdf
+from signlin_ros.robots.inertia import TEN, least_eigenvalue
+from tests.arm_records import record, small, written
+
+MODEL = small()
+BAND = 6.0
+pytestmark = pytest.mark.slow
+
+
+def run(truth, seed, **options):
+    t, q, v, u = record(truth, seed, **options)
+    return Run(t, q, v, u, "simulated", np.zeros(q.shape[1]))
+
+
+def heavier(model):
+    """Return a model whose links are not quite those of its file."""
+    text = model.folder.joinpath(model.arm.robot).read_text()
+    text = text.replace('<mass value="1.8"/>', '<mass value="1.9"/>').replace(
+        '<mass value="1.0"/>', '<mass value="0.95"/>'
+    )
+    return Model.from_dict({**model.to_dict(), "robot": text})
+
+
+TRUE = heavier(MODEL)
+
+
+def named(found):
+    names = found.comparison.study.names
+    return {names[i]: effects for i, effects in effects_named(found).items()}
+
+
+@pytest.fixture(scope="module")
+def nothing_hidden():
+    return run(TRUE, 1), run(TRUE, 2)
+
+
+@pytest.fixture(scope="module")
+def loaded_friction():
+    truth = TRUE.with_effect("shoulder.load_dependent_friction", kappa_d=0.0, kappa_e=0.12)
+    return run(truth, 3), run(truth, 4)
+
+
+def test_nothing_is_named_where_nothing_is_missing(nothing_hidden):
+    known, unseen = nothing_hidden
+    found = diagnose(MODEL, [known], [unseen], BAND)
+    assert named(found) == {}
+    assert found.couplings == ()
+    assert found.payload == {}
+    content = diagnosed_json(found, "", "small_arm", [])
+    assert content["verdict"] == "adequate"
+    assert all("nothing listed is missing" in line for line in sentences(found)[:-1])
+
+
+def test_friction_that_grows_with_the_load_is_named_in_its_joint(loaded_friction):
+    known, unseen = loaded_friction
+    found = diagnose(MODEL, [known], [unseen], BAND)
+    assert named(found) == {"shoulder": ["load_dependent_friction"]}
+    (law,) = found.found
+    assert law.values[0] == pytest.approx(0.12, rel=0.25)
+    table = found.comparison.table
+    assert table.model[1] < 0.8 * table.basic[1]
+
+
+def test_friction_that_the_file_leaves_out_of_a_joint_is_named(nothing_hidden):
+    known, unseen = nothing_hidden
+    found = diagnose(MODEL.without_effect("elbow.coulomb_friction"), [known], [unseen], BAND)
+    assert named(found) == {"elbow": ["coulomb_friction"]}
+
+
+def test_a_payload_is_named_and_weighed(nothing_hidden):
+    known, _ = nothing_hidden
+    truth = TRUE.with_arm(TRUE.arm).with_payload(None)
+    loaded = Model.from_dict({**truth.to_dict(), "payload": {"on": "tool", "m": 1.2, "com": [0.05, 0.0, 0.0]}})
+    first, second = run(loaded, 5), run(loaded, 6)
+    found = diagnose(MODEL, [first], [second], BAND)
+    assert [f.key.law for f in found.found] == ["payload"]
+    assert found.payload["m"][0] == pytest.approx(1.2, rel=0.15)
+    # a model refined without the load, and then the load alone
+    refined = diagnose(MODEL, [known], [run(TRUE, 7)], BAND).proposal.model
+    asked = Model.from_dict(
+        {**refined.to_dict(), "payload": {"on": "tool", "m": 0.0, "tolerance": {"m": 5.0, "com": 0.1}}}
+    )
+    alone = diagnose(asked, [first], [second], BAND)
+    assert alone.only_payload
+    assert alone.payload["m"][0] == pytest.approx(1.2, rel=0.1)
+    assert alone.proposal.model.arm.payload.m == pytest.approx(1.2, rel=0.1)
+    left = alone.comparison.table
+    assert (left.model <= 1.5 * diagnose(loaded, [first], [second], BAND).comparison.table.basic + 0.02).all()
+
+
+def test_a_wrong_gain_is_told_from_friction_and_its_neighbour_is_left_in_peace(nothing_hidden):
+    wrong = []
+    for one in nothing_hidden:
+        tau = one.tau.copy()
+        tau[:, 1] *= 1.25
+        wrong.append(Run(one.t, one.q, one.v, tau, one.source, one.steps))
+    found = diagnose(MODEL, [wrong[0]], [wrong[1]], BAND)
+    assert set(named(found)) == {"shoulder"}
+    assert named(found)["shoulder"][0] == "sensor_gain"
+
+
+def test_a_coupling_that_the_file_does_not_have_is_named_on_both_joints():
+    couplings = {"c": {"joints": ["shoulder", "elbow"], "position": [1, 0, 1, 1]}}
+    truth = Model.from_dict({**TRUE.to_dict(), "couplings": couplings})
+    found = diagnose(MODEL, [run(truth, 8)], [run(truth, 9)], BAND)
+    assert found.couplings == (("shoulder", "elbow"),)
+    assert found.proposal.model.arm_plant.motors[2].tolist() == [0.0, 1.0, 1.0]
+
+
+def test_the_load_of_friction_is_the_models_and_never_the_measured_effort(nothing_hidden):
+    known, _ = nothing_hidden
+    law = next(law for law in EXTRA if law.loaded)
+    loads = Loads(MODEL.robot, MODEL.robot.pi)
+
+    def columns(one):
+        return column(law, 0.0, Rows([Piece(MODEL.robot, MODEL.arm_plant.places, one, BAND)]), 1, loads)
+
+    other = Run(known.t, known.q, known.v, 3.0 * known.tau, known.source, known.steps)
+    assert (columns(known) == columns(other)).all()
+
+
+def test_a_column_is_the_effects_own_force(nothing_hidden):
+    known, _ = nothing_hidden
+    piece = Piece(MODEL.robot, MODEL.arm_plant.places, known, BAND)
+    load = Loads(MODEL.robot, MODEL.robot.pi).of(piece)
+    values = {"mu": 0.5, "excess": 0.3, "v_s": 0.2}
+    v = piece.speed[:, 1]
+    fast = np.abs(v) > 4 * piece.noise[1]
+    expected = -(0.5 + 0.3 * np.exp(-((v / 0.2) ** 2))) * np.sign(v)
+    assert np.allclose(force("stribeck_friction", values, piece, 1, load)[fast], expected[fast])
+
+
+def test_refined_bodies_exist_and_cost_little(loaded_friction):
+    known, unseen = loaded_friction
+    tight = Model.from_dict(
+        {**MODEL.to_dict(), "robot": str(MODEL.folder / MODEL.arm.robot), "inertia": {"tolerance": 0.5}}
+    )
+    free = Model.from_dict({**tight.to_dict(), "inertia": {"tolerance": 0.5, "consistent": False}})
+    with_, without = (diagnose(m, [known], [unseen], BAND) for m in (tight, free))
+    bodies = read_urdf(with_.proposal.urdf).pi.reshape(-1, TEN)
+    assert min(least_eigenvalue(body) for body in bodies) > 0.0
+    assert (with_.comparison.table.model <= 1.02 * without.comparison.table.model).all()
+
+
+def test_joints_are_found_by_name_and_a_missing_one_is_named(tmp_path, capsys, nothing_hidden):
+    known, _ = nothing_hidden
+    names = list(MODEL.robot.names)
+    order = [2, 0, 1]
+    swapped = [x[:, order] for x in (known.q, known.v, known.tau)]
+    first = written(tmp_path / "a.csv", names, known.t, known.q, known.v, known.tau)
+    second = written(tmp_path / "b.csv", [names[k] for k in order], known.t, *swapped)
+    tables = []
+    for file in (first, second):
+        assert main(["compare", str(MODEL.source), file, "--band", "6", "--json"]) == 0
+        tables.append(json.loads(capsys.readouterr().out)["joints"])
+    assert tables[0] == tables[1]
+    third = written(tmp_path / "c.csv", names[:2], known.t, known.q[:, :2], known.v[:, :2], known.tau[:, :2])
+    assert main(["compare", str(MODEL.source), third]) == 2
+    assert "elbow" in capsys.readouterr().err
+
+
+def test_refine_writes_a_model_and_a_urdf_that_are_read_again(tmp_path, capsys, loaded_friction):
+    known, unseen = loaded_friction
+    names = MODEL.robot.names
+    files = [written(tmp_path / f"{k}.csv", names, r.t, r.q, r.v, r.tau) for k, r in enumerate((known, unseen))]
+    new = tmp_path / "new.yaml"
+    arguments = [
+        "refine",
+        str(MODEL.source),
+        files[0],
+        "--validation",
+        files[1],
+        "--band",
+        "6",
+        "-o",
+        str(new),
+        "--json",
+    ]
+    assert main(arguments) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["joints"]["shoulder"]["effects"] == ["load_dependent_friction"]
+    assert main(["compare", str(new), files[0], "--validation", files[1], "--band", "6", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    for name in names:
+        assert again["joints"][name]["model"] == pytest.approx(said["joints"][name]["model"], rel=0.02)
+    assert main(["diagnose", str(new), files[0], "--validation", files[1], "--band", "6"]) == 0
+    text = capsys.readouterr().out
+    assert "Left of the efforts, RMS below 6 Hz" in text
+
+
+def test_an_effect_is_added_to_a_joint(loaded_friction):
+    known, unseen = loaded_friction
+    found = add("shoulder.load_dependent_friction", MODEL, [known], [unseen], BAND)
+    assert "shoulder.load_dependent_friction" in found.proposal.model.effects
+    with pytest.raises(ModelError, match="no joint 'hip'"):
+        add("hip.load_dependent_friction", MODEL, [known], [unseen], BAND)
+
+
+def test_an_effort_of_the_links_side_confirms_nothing(loaded_friction):
+    known, unseen = loaded_friction
+    content = MODEL.to_dict()
+    for name in MODEL.robot.names:
+        content[name] = {**content[name], "effort": {"side": "link"}}
+    content["robot"] = str(MODEL.folder / MODEL.arm.robot)
+    found = diagnose(Model.from_dict(content), [known], [unseen], BAND)
+    assert named(found) == {}
+    assert all("link's side" in line for line in sentences(found)[:-1])
+
+
+def test_an_effort_of_few_levels_is_refused(nothing_hidden):
+    coarse = []
+    for one in nothing_hidden:
+        tau = one.tau.copy()
+        step = 0.4 * tau[:, 2].std()
+        tau[:, 2] = step * np.round(tau[:, 2] / step)
+        steps = np.array([effort_step(c) for c in tau.T])
+        coarse.append(Run(one.t, one.q, one.v, tau, one.source, steps))
+    assert coarse[0].steps[0] == 0.0
+    found = diagnose(MODEL.without_effect("elbow.coulomb_friction"), [coarse[0]], [coarse[1]], BAND)
+    assert "refused" in sentences(found)[2]
+    assert "elbow" not in named(found)
+
+
+def test_all_efforts_off_by_one_factor_change_no_name(loaded_friction):
+    scaled = [Run(r.t, r.q, r.v, 1.3 * r.tau, r.source, r.steps) for r in loaded_friction]
+    content = {**MODEL.to_dict(), "robot": str(MODEL.folder / MODEL.arm.robot)}
+    for name in MODEL.robot.names:
+        content[name] = {"effects": content[name]["effects"]}
+    free = Model.from_dict({**content, "inertia": {"tolerance": 1.0}})
+    assert named(diagnose(free, [scaled[0]], [scaled[1]], BAND)).get("shoulder") == ["load_dependent_friction"]
+
+
+def test_the_band_is_told_beside_the_numbers(nothing_hidden):
+    known, unseen = nothing_hidden
+    narrow, wide = (compare(MODEL, [known], [unseen], band) for band in (3.0, 20.0))
+    assert (narrow.study.band, wide.study.band) == (3.0, 20.0)
+    assert (wide.table.basic != narrow.table.basic).all()
+    assert compared_json(wide, "small_arm", [])["joints"]["elbow"]["band_hz"] == 20.0
