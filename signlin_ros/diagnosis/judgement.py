@@ -263,7 +263,7 @@ class Judgement:
         if not model.asks_hold or model.plant.motion_is_imposed() or self.witnesses.near_noise(self.final):
             return None
         try:
-            found = self.motion.sampled().fitted(self.names, model.with_options(input_hold="centred"))
+            found = self.motion.acting("centred").fitted(self.names, model.with_options(input_hold="centred"))
         except InputError:
             return None
         shows = np.any(found.errors < (1.0 - self.criteria.alike) * self.final.errors)

@@ -11,12 +11,11 @@ from signlin_ros.diagnosis.agreement import agree
 from signlin_ros.diagnosis.case import Records, case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.judgement import Judgement, judge
-from signlin_ros.diagnosis.motion import Motion
 from signlin_ros.diagnosis.motion.trials import trials
 from signlin_ros.diagnosis.parts import without_idle
 from signlin_ros.diagnosis.results import Diagnosis, listed
 from signlin_ros.diagnosis.told import told
-from signlin_ros.diagnosis.witnesses import Seen, Tell, Witnesses, force_witness
+from signlin_ros.diagnosis.witnesses import Seen, Tell, both_witnesses
 from signlin_ros.model import Model
 from signlin_ros.threads import one_thread
 
@@ -44,10 +43,9 @@ def diagnose(
     `CancelledError`; ``seen``: told, from any thread, of every fit. Raises `RecordError` for unusable records.
     """
     prepared, tell = case(model, data, validation), _stages(progress)
-    motion = Motion(prepared.problem, prepared.unseen, criteria, jobs, tell, cancelled, seen)
-    force = force_witness(prepared, criteria, tell, seen)
-    tell("motion with what the force shows" if force and force.effects else "motion")
-    both = Witnesses(prepared, motion, force).grounded()
+    both = both_witnesses(prepared, criteria, tell, jobs, cancelled, seen)
+    tell("motion with what the force shows" if both.force and both.force.effects else "motion")
+    both = both.grounded()
     return told(without_idle(judge(both, *agree(both))))
 
 
@@ -80,11 +78,10 @@ def add(
     """Add an effect and fit it, whatever it is worth; as `diagnose`. Raises `InputError` where it cannot be added."""
     prepared, tell = case(model, data, validation), _stages(progress)
     trials(prepared.problem, [effect])  # raises what is told above, before anything is fitted
-    motion = Motion(prepared.problem, prepared.unseen, criteria, jobs, tell, cancelled, seen)
-    force = force_witness(prepared, criteria, tell, seen)
+    both = both_witnesses(prepared, criteria, tell, jobs, cancelled, seen)
     tell(f"motion with {listed([effect])}")
-    both = Witnesses(prepared, motion, force).grounded()
-    alone = both.laws.get(effect)
+    both = both.grounded()
+    alone, force = both.laws.get(effect), both.force
     final = both.motion.fitted([effect], force.with_laws(alone) if force and alone else None)
     both.keep(final)
     return told(Judgement(both, both.valued(final), asked=effect))

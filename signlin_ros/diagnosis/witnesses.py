@@ -17,6 +17,7 @@ from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import DEFAULT, Criteria
 from signlin_ros.diagnosis.force.regression import TINY, Fit, mean_certainty, scaling
 from signlin_ros.diagnosis.force.witness import Testimony, hear
+from signlin_ros.diagnosis.input_hold import asks_hold, with_hold
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.score import of_windows
 from signlin_ros.diagnosis.results import FirstRows, Rung, Scores
@@ -289,12 +290,32 @@ class Witnesses:
         return all(bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) < own * noise)) for squares, noise in pairs)
 
 
+def both_witnesses(
+    c: Case,
+    criteria: Criteria,
+    tell: Tell,
+    jobs: int | None = None,
+    cancelled: Callable[[], bool] | None = None,
+    seen: Seen | None = None,
+) -> Witnesses:
+    """Return both witnesses of a case, its inputs acting as the records show where the model leaves that to them; see
+    `Motion` for the arguments.
+    """
+    motion = Motion(c.problem, c.unseen, criteria, jobs, tell, cancelled, seen)
+    force = force_witness(c, criteria, tell, seen)
+    if asks_hold(c):
+        tell("how the input acts")
+        found = with_hold(c, motion, force, criteria)
+        if found is not None:
+            c, motion = found
+            force = force_witness(c, criteria, tell, seen)
+    return Witnesses(c, motion, force)
+
+
 @one_thread
 def refitted(c: Case, tell: Tell | None = None, cancelled: Callable[[], bool] | None = None) -> Witnesses:
     """Refit the base of a case and return what makes rows; ``tell`` of what is done, ``cancelled``: whether to stop."""
-    tell = tell or (lambda what: None)
-    motion = Motion(c.problem, c.unseen, DEFAULT, 1, tell, cancelled)
-    return Witnesses(c, motion, force_witness(c, DEFAULT, tell)).grounded()
+    return both_witnesses(c, DEFAULT, tell or (lambda what: None), 1, cancelled).grounded()
 
 
 def changes_effort(effect: type[Effect]) -> bool:
@@ -317,4 +338,4 @@ def _orders(f: Fitted) -> list[float]:
     return [N for use, names in uses for name in names for N in np.atleast_1d(use.parameters[name]).tolist()]
 
 
-__all__ = ["HALF", "Seen", "Tell", "Witnesses", "changes_effort", "force_witness", "refitted"]
+__all__ = ["HALF", "Seen", "Tell", "Witnesses", "both_witnesses", "changes_effort", "force_witness", "refitted"]

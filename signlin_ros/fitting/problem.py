@@ -83,10 +83,11 @@ class Problem:
             parts += [stretch_of(self, s, first, size) for first in firsts]
         return replace(self, segments=tuple(parts))
 
-    def sampled(self) -> Problem:
-        """Return the problem with inputs that act from half a step before their samples, as measured ones do."""
-        base, half = self.base.with_options(input_hold="centred"), self.scale.step / 2
-        return replace(self, base=base, segments=tuple(replace(s, early=s.early + half) for s in self.segments))
+    def acting(self, hold: str | float) -> Problem:
+        """Return the problem with inputs that act as a model's ``input_hold`` may say."""
+        base = self.base.with_options(input_hold=hold)
+        more = (base.early - self.base.early) * self.scale.step
+        return replace(self, base=base, segments=tuple(replace(s, early=s.early + more) for s in self.segments))
 
     @property
     def stretch(self) -> tuple[float, float]:

@@ -95,9 +95,9 @@ class Motion(Decisions, Running):
         """Take the model as given for the best of its class."""
         self._best[()] = self.as_it_is(self.given.model)
 
-    def sampled(self) -> Motion:
-        """Return the same witness with inputs that were sampled from what goes on in between."""
-        return self._with_problems(self.problem.sampled(), self.unseen.sampled())
+    def acting(self, hold: str | float) -> Motion:
+        """Return the same witness with inputs that act as a model's ``input_hold`` may say."""
+        return self._with_problems(self.problem.acting(hold), self.unseen.acting(hold))
 
     def _with_problems(self, known: Problem, unseen: Problem, seen: Callable[[Fitted], None] | None = None) -> Motion:
         return Motion(known, unseen, self.criteria, self.jobs, self._tell, self._cancelled, seen)

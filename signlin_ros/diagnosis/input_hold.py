@@ -1,0 +1,167 @@
+"""How recorded inputs act between their samples, where the model leaves that to the records (``input_hold: auto``).
+
+The base model, refitted, and the laws that take away most of the missing force are fitted with the inputs held, which
+is what is assumed; where the best of these leaves more than noise, with inputs that were sampled from what goes on in
+between; and where that is surely better, with all others. Errors are those over windows of the known data, in blocks;
+the best of one hold is set against the best of another, since a base that lacks something large prefers what imitates
+it. Unseen data may only forbid what was found.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from signlin_ros.diagnosis.case import Case
+from signlin_ros.diagnosis.criteria import Criteria
+from signlin_ros.diagnosis.force.witness import Testimony
+from signlin_ros.diagnosis.motion import Motion
+from signlin_ros.diagnosis.motion.fitting import LAST
+from signlin_ros.diagnosis.motion.score import gain, level, windowed
+from signlin_ros.diagnosis.results import listed
+from signlin_ros.errors import InputError, SimulationError
+from signlin_ros.fitting.fit import fit
+from signlin_ros.model import LINEAR, Model
+
+Array = NDArray[np.float64]
+Names = tuple[str, ...]
+Hold = str | float
+
+FIRST = "centred"
+"""What is tried first: it lies between the others, so if one of them is better than held inputs, so is this."""
+OTHERS: tuple[Hold, ...] = (LINEAR, "backward", 0.25, 0.75)
+LEADING = 3
+"""Single laws that are fitted beside the base and the set that the force names."""
+NOISE = 1.1
+"""Times the noise of every channel up to which nothing is to be gained."""
+BETTER = 0.9
+"""What another hold leaves in some channel, as a part of what held inputs leave (RMS), at most."""
+SAID = {
+    FIRST: "as if sampled from what goes on in between",
+    LINEAR: "as if interpolated between its samples",
+    "backward": "as if logged beside the state that it led to",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """A hold: mean squared errors (blocks, channels) over windows of the known data by the effects fitted beside the
+    base, and what gives those of unseen data.
+    """
+
+    motion: Motion
+    known: Mapping[Names, Array]
+    unseen: Mapping[Names, Callable[[], Array]]
+
+    @property
+    def hold(self) -> Hold:
+        """How its inputs act."""
+        return self.motion.problem.base.input_hold
+
+    @property
+    def best(self) -> Names:
+        """The effects of the least error."""
+        noise = self.motion.problem.noise
+        return min(self.known, key=lambda names: level(self.known[names], noise))
+
+    @property
+    def level(self) -> float:
+        """The least error, as one number."""
+        return level(self.known[self.best], self.motion.problem.noise)
+
+
+def asks_hold(c: Case) -> bool:
+    """Tell whether the records of a case are to show how their inputs act: an imposed motion has a rule of its own."""
+    return c.model.asks_hold and not c.model.plant.motion_is_imposed()
+
+
+def at_noise(motion: Motion, squares: Array) -> bool:
+    """Tell whether mean squared errors (blocks, channels) of known data are those of noise: no hold matters then."""
+    return bool(np.all(np.sqrt(np.nanmean(squares, axis=0)) <= NOISE * motion.problem.noise))
+
+
+def with_hold(c: Case, motion: Motion, force: Testimony | None, criteria: Criteria) -> tuple[Case, Motion] | None:
+    """Return the case and its base with the hold that the records show; None where inputs act as if held, or where
+    nothing tells.
+    """
+    held = _tried(motion, force, stop=True)
+    if at_noise(motion, held.known[held.best]):
+        return None
+    first = _tried(motion.acting(FIRST), force)
+    if not _better(held, first, criteria):
+        return None
+    named = [first, *(one for hold in OTHERS if (one := _other(motion, force, hold)) is not None)]
+    best = min(named, key=lambda one: one.level)
+    plain = min((one for one in named if isinstance(one.hold, str)), key=lambda one: one.level)
+    best = best if _better(plain, best, criteria) else plain  # a fraction only where no name is as good
+    unseen = gain(held.unseen[held.best](), best.unseen[best.best](), c.unseen.noise)
+    if unseen.certainty < -criteria.worse:
+        return None
+    problem = best.motion.problem
+    problem = replace(problem, notes=(*problem.notes, _said(c, held, best)))
+    return replace(c, problem=problem, unseen=best.motion.unseen), best.motion
+
+
+def _tried(motion: Motion, force: Testimony | None, stop: bool = False) -> Tried:
+    """Fit the base and the leading laws with the hold of a witness; ``stop``: as soon as one leaves but noise."""
+    gains, problem, base = motion.problem.levels[1], motion.problem, motion.base
+    known: dict[Names, Array] = {(): base.known_squares}
+    rest: dict[Names, Callable[[], Array]] = {(): lambda: base.unseen_squares}
+    for names, start in _leading(force):
+        if stop and at_noise(motion, min(known.values(), key=lambda squares: level(squares, problem.noise))):
+            break
+        motion.check()
+        try:
+            c, theta = motion.valued(names, start)
+        except InputError:
+            continue
+        found = fit(motion.short, c, gains, theta, LAST)
+        if found is not None:
+            known[names] = windowed(problem, c, found.theta, gains)
+            rest[names] = functools.partial(windowed, motion.unseen, c, found.theta, gains)
+    return Tried(motion, known, rest)
+
+
+def _leading(force: Testimony | None) -> Iterator[tuple[Names, Model]]:
+    """Yield the effects that the force names, and the single laws that leave least of it, with their values."""
+    if force is None:
+        return
+    single = sorted((f for f in force.search.models.values() if len(f.members) == 1), key=lambda f: f.trained)
+    chosen = [force.fit] if force.effects else []
+    for f in [*chosen, *(one for one in single if one.names != force.fit.names)][: LEADING + 1]:
+        yield tuple(n for n, _ in f.members), force.with_laws(f)
+
+
+def _other(motion: Motion, force: Testimony | None, hold: Hold) -> Tried | None:
+    try:
+        return _tried(motion.acting(hold), force)
+    except SimulationError:
+        return None
+
+
+def _better(before: Tried, after: Tried, criteria: Criteria) -> bool:
+    """Tell whether the best of a hold is surely, and visibly, better than the best of another."""
+    found = gain(before.known[before.best], after.known[after.best], before.motion.problem.noise)
+    sure = found.certainty >= criteria.certainty and not found.worsens(criteria.worse, criteria.alike)
+    return sure and bool(np.any(found.ratios <= BETTER))
+
+
+def _said(c: Case, held: Tried, taken: Tried) -> str:
+    """Return what is told of the hold that was taken, and what it is worth."""
+    names, hold = taken.best, taken.hold
+    before = held.known.get(names, held.known[held.best])
+    a, b = (np.sqrt(np.nanmean(squares, axis=0)) for squares in (before, taken.known[names]))
+    k = int(np.argmin(b / a))
+    channel = c.problem.channels[k]
+    unit = c.problem.shown(c.problem.units.get(channel, c.model.units.get(channel, "")))
+    how = SAID.get(str(hold), f"from {hold} of a step before its sample on")
+    what = f"with {listed(names)}" if names else "of the refitted base"
+    figures = f"error of {channel} over {c.horizon:.3g} s {a[k]:.3g} -> {b[k]:.3g} {unit}"
+    return f"the input acts {how} (input_hold: {hold}): {figures} {what}, on the data fitted to"
+
+
+__all__ = ["asks_hold", "at_noise", "with_hold"]
