@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any, cast
 
 import click
@@ -14,6 +15,7 @@ from signlin_ros.errors import InputError
 
 METHODS = ("optimal", "termwise", "jacobian", "per_joint")
 KINDS = ("exact", "smooth", "piecewise")
+HELD = "inputs are held from each sample to the next (input_hold: auto; diagnose and compare ask the record)"
 
 
 @click.command(
@@ -77,8 +79,8 @@ def simulate(
     """Drive MODEL with the inputs in DATA and write what it does to OUT.
 
     The run starts from DATA's first row where that holds every state, else from the model's initial_state.
-    Inputs are held between samples. OUT has t, the inputs, the states and the outputs under their plain
-    names, at DATA's times: true values, not what the model's sensors show.
+    Inputs act between samples as MODEL's input_hold says; with auto they are held. OUT has t, the inputs, the
+    states and the outputs under their plain names, at DATA's times: true values, not what the sensors show.
     """
     mapping = mapping_of(signals, data)
     from signlin_ros import console
@@ -98,6 +100,8 @@ def simulate(
     loaded = loaded.under(record.conditions)
     result = run(loaded, record.t, record.u, start, kind=kind, rtol=rtol, acts=record.acts)
     write_record(console.trajectory_record(loaded, result, data), output, model=loaded)
+    if loaded.asks_hold and len(record) > 2:
+        record = replace(record, notes=(*record.notes, HELD))
     for note in record.notes:
         tell(f"note: {note}")
     return console.simulate_content(loaded, record, result, kind, rtol, output), console.simulate_text

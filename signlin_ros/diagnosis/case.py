@@ -29,11 +29,14 @@ ALIKE = 1.15
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """The records as given or held out, what is fitted to (``problem``) and what is not (``unseen``)."""
+    """The records as given or held out, what is fitted to (``problem``) and what is not (``unseen``);
+    ``told_hold``: how their inputs act, if that was found (`signlin_ros.diagnosis.input_hold`).
+    """
 
     records: tuple[ModelData, ...]
     problem: Problem
     unseen: Problem
+    told_hold: str = ""
 
     @property
     def model(self) -> Model:

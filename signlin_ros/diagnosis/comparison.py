@@ -23,8 +23,10 @@ from signlin_ros.comparison.residuals import ResidualTest, residual_test
 from signlin_ros.comparison.scores import Score, follows_nothing, score, unfollowed
 from signlin_ros.diagnosis.case import Case, Records, case
 from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.diagnosis.input_hold import asks_hold, at_noise
+from signlin_ros.diagnosis.motion import Motion
 from signlin_ros.diagnosis.results import FirstRows
-from signlin_ros.diagnosis.witnesses import refitted
+from signlin_ros.diagnosis.witnesses import Witnesses, refitted
 from signlin_ros.errors import InputError, joined
 from signlin_ros.follow.data import Stretch, as_list, measured_channels, stretches, unit_asked
 from signlin_ros.follow.freerun import FreeRun, free_run
@@ -198,6 +200,14 @@ def compare(
     horizon or a cut-off that the sampling cannot serve.
     """
     records, tell = as_list(data), progress or (lambda what: None)
+    prepared: Case | InputError
+    try:
+        prepared = case(model, data, validation)
+    except InputError as error:
+        prepared = error  # the records cannot be used as `diagnose` uses them
+    both = _how_inputs_act(prepared, tell, cancelled)
+    told = [both.case.told_hold] if both and both.case.told_hold else []
+    model = model.with_options(input_hold=both.case.model.input_hold) if both else model
     tell("noise of the sensors")
     observer, notes = _observed(model, records)
     units, horizon = dict(records[0].units), _horizon(model, horizon, observer.step)
@@ -207,10 +217,6 @@ def compare(
     window = _windowed(observer, horizon, notes)
     tell("what is missing")
     lacking, residuals = missing(observer, units), [run.innovation for run in observer.runs(observer.design(TRUSTING))]
-    try:
-        prepared: Case | InputError = case(model, data, validation)
-    except InputError as error:
-        prepared = error  # the records cannot be used as `diagnose` uses them
     scored = _scored(observer, units, free, window, prepared.noise if isinstance(prepared, Case) else {})
     tell("where it fails")
     parts, channels, noise = observer.stretches, observer.channels, observer.noise
@@ -220,7 +226,7 @@ def compare(
     def refit() -> FirstRows:
         if isinstance(prepared, InputError):
             raise prepared
-        return refitted(prepared, progress, cancelled).first_rows()
+        return (both or refitted(prepared, progress, cancelled)).first_rows()
 
     return Comparison(
         model=model,
@@ -234,7 +240,11 @@ def compare(
         horizon=horizon,
         samples=sum(len(record) for record in records),
         sources=tuple(record.source for record in records),
-        notes=(*notes, *_remarks(observer, scored, lacking, where)),
+        notes=(
+            *notes,
+            *told,
+            *_remarks(observer, scored, lacking, where),
+        ),
         directions={m.name: by_direction(observer, m, units) for m in lacking if m.clear},
         units=units,
         traces=tuple(
@@ -244,6 +254,22 @@ def compare(
         missing=lacking,
         refit=refit,
     )
+
+
+def _how_inputs_act(
+    c: Case | InputError, tell: Callable[[str], None], cancelled: Callable[[], bool] | None
+) -> Witnesses | None:
+    """Return the model refitted with its inputs acting as the records show; None where that is said, or where what
+    inputs that are held leave is noise.
+    """
+    if isinstance(c, InputError) or not asks_hold(c):
+        return None
+    tell("how the input acts")
+    try:
+        motion = Motion(c.problem, c.unseen, DEFAULT, 1, tell, cancelled)
+        return None if at_noise(motion, motion.base.known_squares) else refitted(c, tell, cancelled)
+    except InputError:
+        return None  # first rows say why
 
 
 def _horizon(model: Model, given: float | None, step: float) -> float:

@@ -98,12 +98,14 @@ def with_hold(c: Case, motion: Motion, force: Testimony | None, criteria: Criter
     best = min(named, key=lambda one: one.level)
     plain = min((one for one in named if isinstance(one.hold, str)), key=lambda one: one.level)
     best = best if _better(plain, best, criteria) else plain  # a fraction only where no name is as good
+    same = 2.0 * criteria.alike * len(c.problem.channels)
+    best = first if best.hold == LINEAR and first.level - best.level < same else best
     unseen = gain(held.unseen[held.best](), best.unseen[best.best](), c.unseen.noise)
     if unseen.certainty < -criteria.worse:
         return None
-    problem = best.motion.problem
-    problem = replace(problem, notes=(*problem.notes, _said(c, held, best)))
-    return replace(c, problem=problem, unseen=best.motion.unseen), best.motion
+    told = _said(c, held, best)
+    problem = replace(best.motion.problem, notes=(*best.motion.problem.notes, told))
+    return replace(c, problem=problem, unseen=best.motion.unseen, told_hold=told), best.motion
 
 
 def _tried(motion: Motion, force: Testimony | None, stop: bool = False) -> Tried:
@@ -150,18 +152,23 @@ def _better(before: Tried, after: Tried, criteria: Criteria) -> bool:
     return sure and bool(np.any(found.ratios <= BETTER))
 
 
+def _errors(one: Tried, names: Names) -> Array:
+    """Return the RMS errors (channels,) over windows of known data of some effects, or of the best where they fail."""
+    return np.asarray(np.sqrt(np.nanmean(one.known.get(names, one.known[one.best]), axis=0)))
+
+
 def _said(c: Case, held: Tried, taken: Tried) -> str:
-    """Return what is told of the hold that was taken, and what it is worth."""
-    names, hold = taken.best, taken.hold
-    before = held.known.get(names, held.known[held.best])
-    a, b = (np.sqrt(np.nanmean(squares, axis=0)) for squares in (before, taken.known[names]))
+    """Return what is told of the hold that was taken, and what it is worth: to the base, if that shows it."""
+    shows = np.all(_errors(taken, ()) <= _errors(held, ())) and np.any(_errors(taken, ()) <= BETTER * _errors(held, ()))
+    names = () if shows else taken.best
+    a, b = _errors(held, names), _errors(taken, names)
     k = int(np.argmin(b / a))
     channel = c.problem.channels[k]
     unit = c.problem.shown(c.problem.units.get(channel, c.model.units.get(channel, "")))
-    how = SAID.get(str(hold), f"from {hold} of a step before its sample on")
-    what = f"with {listed(names)}" if names else "of the refitted base"
+    how = SAID.get(str(taken.hold), f"from {taken.hold} of a step before its sample on")
+    what = f"with {listed(names)}" if names else "of the refitted model"
     figures = f"error of {channel} over {c.horizon:.3g} s {a[k]:.3g} -> {b[k]:.3g} {unit}"
-    return f"the input acts {how} (input_hold: {hold}): {figures} {what}, on the data fitted to"
+    return f"the input acts {how} (input_hold: {taken.hold}): {figures} {what}, on the data fitted to"
 
 
 __all__ = ["asks_hold", "at_noise", "with_hold"]

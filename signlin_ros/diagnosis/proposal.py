@@ -15,7 +15,9 @@ from signlin_ros.records import ModelData
 
 
 def rounded(model: Model, fitted: Mapping[str, Estimate]) -> Model:
-    """Return a fitted model with its fitted values to six digits."""
+    """Return a fitted model with its fitted values to six digits, and with its inputs held where nothing else shows."""
+    if model.asks_hold and not model.plant.motion_is_imposed():
+        model = model.with_options(input_hold="forward")
     own = numbers(model)
     return model.with_parameters({n: float(f"{own[n]:.6g}") for n in fitted if n in own})
 

@@ -96,11 +96,11 @@ def add_learned(
     are those of every verb all the same.
     """
     known, unseen = (as_list(data), as_list(validation)) if validation is not None else held_out(as_list(data))
+    w = refitted(case(model, known, unseen))
+    made, model = w.case, model.with_options(input_hold=w.case.model.input_hold)
     learned = learn_missing(model, known, over)
     new = with_learned(model, learned)
-    made = case(model, known, unseen)
     notes = dict.fromkeys(f"{record.source}: {note}" for record in (*known, *unseen) for note in record.notes)
-    w = refitted(made)
     after = w.motion.as_it_is(new, ("learned_force",))
     first, last = w.first_rows(), w.row(after, w.as_written(after)).to_json()
     given, base = first.given.to_json(), first.refitted.to_json()
