@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any, cast
 
 import click
@@ -15,7 +14,6 @@ from signlin_ros.errors import InputError
 
 METHODS = ("optimal", "termwise", "jacobian", "per_joint")
 KINDS = ("exact", "smooth", "piecewise")
-HELD = "inputs are held from each sample to the next (input_hold: auto; diagnose and compare ask the record)"
 
 
 @click.command(
@@ -100,8 +98,6 @@ def simulate(
     loaded = loaded.under(record.conditions)
     result = run(loaded, record.t, record.u, start, kind=kind, rtol=rtol, acts=record.acts)
     write_record(console.trajectory_record(loaded, result, data), output, model=loaded)
-    if loaded.asks_hold and len(record) > 2:
-        record = replace(record, notes=(*record.notes, HELD))
     for note in record.notes:
         tell(f"note: {note}")
     return console.simulate_content(loaded, record, result, kind, rtol, output), console.simulate_text

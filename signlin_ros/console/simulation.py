@@ -41,6 +41,8 @@ def simulate_content(
         "final_state": dict(zip(run.states, run.x[-1].tolist(), strict=True)),
         "channels": {name: _channel(run[name], model.units[name]) for name in names},
         "events": [{"surface": s, "what": what, "count": n} for (s, what), n in sorted(counts.items())],
+        "input_hold": "forward" if model.asks_hold else model.input_hold,
+        "input_hold_from": "auto" if model.asks_hold else "model",
         "notes": list(data.notes),
     }
 
@@ -63,6 +65,8 @@ def simulate_text(content: dict[str, Any]) -> str:
         f"{content['output']}: {content['samples']} samples, {content['start']:g} s to {content['end']:g} s,"
         f" as {content['as']}, from {origin[content['initial_state_from']]}"
     )
+    if content["input_hold_from"] == "auto":
+        head += "; inputs held from each sample to the next (input_hold: auto)"
     parts = [head, table(rows, right=[2, 3, 4])]
     return "\n\n".join(parts + (["surfaces\n" + table(events)] if events else []))
 

@@ -90,10 +90,10 @@ def test_inputs_that_were_sampled_are_told(hold: str, told: bool) -> None:
 def test_who_stops_a_diagnosis_stops_it_to_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
     """What tries a model once more takes one that diverges for none, but not a wish to stop."""
 
-    def stopped(self: Motion) -> Motion:
+    def stopped(self: Motion, hold: str) -> Motion:
         raise CancelledError("stopped")
 
-    monkeypatch.setattr(Motion, "sampled", stopped)
+    monkeypatch.setattr(Motion, "acting", stopped)
     with pytest.raises(CancelledError):
         diagnose(Model.from_dict(BASE), record(1, "centred", 3.0), record(2, "centred", 3.0))
 
