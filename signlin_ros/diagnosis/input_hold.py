@@ -91,8 +91,8 @@ def with_hold(c: Case, motion: Motion, force: Testimony | None, criteria: Criter
     held = _tried(motion, force, stop=True)
     if at_noise(motion, held.known[held.best]):
         return None
-    first = _tried(motion.acting(FIRST), force)
-    if not _better(held, first, criteria):
+    first = _other(motion, force, FIRST)
+    if first is None or not _better(held, first, criteria):
         return None
     named = [first, *(one for hold in OTHERS if (one := _other(motion, force, hold)) is not None)]
     best = min(named, key=lambda one: one.level)
@@ -135,10 +135,14 @@ def _leading(force: Testimony | None) -> Iterator[tuple[Names, Model]]:
     single = sorted((f for f in force.search.models.values() if len(f.members) == 1), key=lambda f: f.trained)
     chosen = [force.fit] if force.effects else []
     for f in [*chosen, *(one for one in single if one.names != force.fit.names)][: LEADING + 1]:
-        yield tuple(n for n, _ in f.members), force.with_laws(f)
+        try:
+            yield tuple(n for n, _ in f.members), force.with_laws(f)
+        except InputError:
+            continue  # a value that a model may not have
 
 
 def _other(motion: Motion, force: Testimony | None, hold: Hold) -> Tried | None:
+    """Return what another hold leaves; None where the base diverges with it."""
     try:
         return _tried(motion.acting(hold), force)
     except SimulationError:
