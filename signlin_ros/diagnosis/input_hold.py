@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -135,10 +136,8 @@ def _leading(force: Testimony | None) -> Iterator[tuple[Names, Model]]:
     single = sorted((f for f in force.search.models.values() if len(f.members) == 1), key=lambda f: f.trained)
     chosen = [force.fit] if force.effects else []
     for f in [*chosen, *(one for one in single if one.names != force.fit.names)][: LEADING + 1]:
-        try:
+        with suppress(InputError):  # a value that a model may not have
             yield tuple(n for n, _ in f.members), force.with_laws(f)
-        except InputError:
-            continue  # a value that a model may not have
 
 
 def _other(motion: Motion, force: Testimony | None, hold: Hold) -> Tried | None:
