@@ -205,6 +205,8 @@ def compare(
         prepared = case(model, data, validation)
     except InputError as error:
         prepared = error  # the records cannot be used as `diagnose` uses them
+    if isinstance(prepared, Case):
+        _horizon(model, horizon, prepared.problem.scale.step)  # before anything is fitted
     both = _how_inputs_act(prepared, tell, cancelled)
     told = [both.case.told_hold] if both and both.case.told_hold else []
     model = model.with_options(input_hold=both.case.model.input_hold) if both else model
