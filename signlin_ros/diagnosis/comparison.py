@@ -200,13 +200,14 @@ def compare(
     horizon or a cut-off that the sampling cannot serve.
     """
     records, tell = as_list(data), progress or (lambda what: None)
+    steps = np.concatenate([np.diff(record.t) for record in records])
+    if model.asks_hold and steps.size:  # before anything is fitted
+        _horizon(model, horizon, float(np.median(steps)))
     prepared: Case | InputError
     try:
         prepared = case(model, data, validation)
     except InputError as error:
         prepared = error  # the records cannot be used as `diagnose` uses them
-    if isinstance(prepared, Case):
-        _horizon(model, horizon, prepared.problem.scale.step)  # before anything is fitted
     both = _how_inputs_act(prepared, tell, cancelled)
     told = [both.case.told_hold] if both and both.case.told_hold else []
     model = model.with_options(input_hold=both.case.model.input_hold) if both else model
