@@ -19,6 +19,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from benchmarks.hidden import catalogue as every
 from benchmarks.hidden import effects as catalogue
 from benchmarks.hidden import laws, signals
 from benchmarks.hidden.drives import (
@@ -40,7 +41,7 @@ Array = NDArray[np.float64]
 Effects = dict[str, dict[str, float]]
 
 DEVELOPMENT, HELD_OUT = 1, 2
-GROUPS = ("single", "weak", "none", "none_coloured", "outside", "springs", "signals", "similar", "pair")
+GROUPS = ("single", "weak", "none", "none_coloured", "outside", "springs", "signals", "similar", "pair", "catalogue")
 POSITION = ("position", "displacement")
 BRIEFEST, LONGEST = 0.7, 0.025
 """Coloured noise: 1 less its correlation from sample to sample, which every channel has its own of."""
@@ -54,6 +55,10 @@ SUITED = {
     "dahl_presliding": ("slow", "multisine", "sweep", "steps"),
     "curved_dahl": ("slow", "multisine", "sweep"),
     "cogging_torque": ("slow", "slow", "multisine", "steps"),
+    "torque_ripple": ("slow", "slow", "multisine", "steps"),
+    "play_friction": ("slow", "multisine", "sweep"),
+    "pinching_hysteresis": ("slow", "multisine", "sweep"),
+    "load_dependent_stribeck": ("slow", "slow", "multisine", "steps"),
     "input_delay": ("multisine", "prbs", "steps", "sweep"),
     "input_lag": ("multisine", "prbs", "steps", "sweep"),
     "sensor_delay": ("multisine", "prbs", "steps", "sweep"),
@@ -80,13 +85,16 @@ class HiddenRecord:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be hidden: laws by name as in `laws`, their catalogue names, and their strength."""
+    """What is to be hidden: laws by name as in `laws`, their catalogue names, their strength; ``variant``: of a law, as
+    in `catalogue.VARIANTS`.
+    """
 
     plant: str
     hidden: tuple[str, ...]
     laws: tuple[str, ...]
     strength: float = 1.0
     kind: str = ""
+    variant: str = ""
 
 
 @dataclass(frozen=True)
@@ -151,6 +159,10 @@ def plan(group: str, index: int, seed: int) -> Plan:
         kind = "coloured" if group == "none_coloured" else ("white", "white", "quantised")[index // 2 % 3]
         return Plan(plant, (), (), kind=kind)
     plants = (MOTOR, MASS)
+    if group == "catalogue":
+        entries = every.entries()
+        entry = entries[index % len(entries)]
+        return Plan(entry.plant, (entry.law,), (entry.law,), variant=entry.variant)
     if group == "pair":
         pairs = [(p, pair) for p in plants for pair in catalogue.PAIRS if all(catalogue.applies(e, p) for e in pair)]
         plant, pair = _cycle(pairs, group, index, seed)
@@ -170,11 +182,11 @@ def plan(group: str, index: int, seed: int) -> Plan:
 
 
 def _channels(rng: np.random.Generator, p: Plan) -> tuple[str, ...]:
-    """All channels mostly; few where that leaves the effect visible: a sensor's error needs another sensor, and a load
-    that only shifts where a spring rests does not show in the velocity.
+    """All channels mostly; few where that leaves the effect visible: a sensor's error needs another sensor, a load that
+    only shifts where a spring rests does not show in the velocity, and harmonics need the position that they go with.
     """
     every = CHANNELS[p.plant]
-    if rng.random() < 0.7 or any(name.startswith("sensor_") for name in p.laws):
+    if rng.random() < 0.7 or any(name.startswith("sensor_") or name == "torque_ripple" for name in p.laws):
         return every
     motor = [("speed",), ("current", "speed"), ("speed", "position"), ("current", "position"), ("position",)]
     few: list[tuple[str, ...]] = motor if p.plant == MOTOR else [("displacement",), ("velocity",)]
@@ -264,6 +276,8 @@ def _sizes(rng: np.random.Generator, p: Plan, drive: Drive, u: Array, c: Conditi
         law, draw_values = name, table.get(name)
         if name in catalogue.SIMILAR:
             _, law, draw_values = catalogue.SIMILAR[name]
+        if p.variant or (draw_values is None and name in every.VARIANTS):
+            draw_values = every.sizes(every.Entry(p.plant, name, p.variant))
         if draw_values is None:
             raise ValueError(f"no sizes for the law {name!r}; known: {', '.join(table)}")
         values[law] = {n: float(v) for n, v in draw_values(s).items()}
@@ -401,6 +415,7 @@ def _truth(
         "laws": list(p.laws),
         "values": {e: {n: v for n, v in values.items() if n != "k" or v} for e, values in found.values.items()},
         "strength": p.strength,
+        "variant": p.variant,
         "true": found.drive.true,
         "noise_sigma": sigma,
         "kind": c.kind,

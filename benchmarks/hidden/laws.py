@@ -35,17 +35,22 @@ CATALOGUE = {
     "coulomb_friction": ("mu",),
     "stribeck_friction": ("mu", "excess", "v_s"),
     "asymmetric_viscous_friction": ("b_p", "b_n"),
+    "cubic_viscous_friction": ("b", "b3"),
     "quadratic_drag": ("c2",),
     "load_dependent_friction": ("kappa_d", "kappa_e"),
+    "load_dependent_stribeck": ("kappa_d", "kappa_e", "excess", "v_s"),
     "constant_load": ("F0",),
     "gravity_load": ("A", "q0"),
     "cogging_torque": ("A", "N", "phi"),
+    "torque_ripple": ("A", "N", "phi", "A_2", "N_2", "phi_2"),
     "linear_stiffness": ("k",),
     "cubic_stiffness": ("k3",),
     "hard_stop": ("gap", "k_s"),
     "dahl_presliding": ("F_c", "sigma"),
+    "play_friction": ("F_c", "sigma", "gap"),
     "lugre_friction": ("sigma0", "sigma1", "sigma2", "F_c", "F_s", "v_s"),
     "bouc_wen_hysteresis": ("alpha", "D", "lambda", "beta", "gamma", "n", "k"),
+    "pinching_hysteresis": ("F_c", "sigma", "zeta", "z_p"),
     "compliant_load": ("k", "c", "J"),
     "backlash": ("gap", "k", "c", "J"),
     "input_deadzone": ("d",),
@@ -135,7 +140,7 @@ def damping_force(y: Array, p: Any) -> float:
     v, q = y[V], y[Q]
     b = p.c + p.viscous_friction_b
     b += p.asymmetric_viscous_friction_b_p if v > 0.0 else p.asymmetric_viscous_friction_b_n
-    b += p.quadratic_drag_c2 * abs(v)
+    b += p.quadratic_drag_c2 * abs(v) + p.cubic_viscous_friction_b + p.cubic_viscous_friction_b3 * v * v
     b += p.position_viscosity_b * (1.0 + math.sin(p.position_viscosity_N * q + p.position_viscosity_phi))
     if p.position_velocity_product_p != 0.0:
         b += p.position_velocity_product_p * math.tanh(q / p.position_velocity_product_q)
@@ -154,6 +159,8 @@ def position_force(t: float, y: Array, aux: float, p: Any) -> float:
     """Return what depends on the position or the time: cogging, stops, springs, vibration."""
     q = y[Q]
     force = -p.cogging_torque_A * math.sin(p.cogging_torque_N * q + p.cogging_torque_phi)
+    force -= p.torque_ripple_A * math.sin(p.torque_ripple_N * q + p.torque_ripple_phi)
+    force -= p.torque_ripple_A_2 * math.sin(p.torque_ripple_N_2 * q + p.torque_ripple_phi_2)
     if p.harmonic_cogging_A != 0.0:
         angle = p.harmonic_cogging_N * q + p.harmonic_cogging_phi
         force -= p.harmonic_cogging_A * (math.sin(angle) + p.harmonic_cogging_second * math.sin(2.0 * angle))
@@ -185,8 +192,13 @@ def coupling_force(y: Array, p: Any) -> float:
 
 @njit(cache=True)
 def bristle_rate(y: Array, p: Any) -> float:
-    """Return z' of Dahl's or LuGre's bristle; curved: z' = v (1 - sigma z sign(v) / F_c)^n."""
+    """Return z' of Dahl's or LuGre's bristle, behind a play, pinched; curved: z' = v (1 - sigma z sign(v) / F_c)^n."""
     v, z = y[V], y[Z]
+    if p.play_friction_sigma > 0.0:
+        return v - p.play_friction_sigma * abs(v) * zone(z, p.play_friction_gap) / p.play_friction_F_c
+    if p.pinching_hysteresis_sigma > 0.0:
+        stays = 1.0 - p.pinching_hysteresis_zeta * math.exp(-((z / p.pinching_hysteresis_z_p) ** 2))
+        return stays * (v - p.pinching_hysteresis_sigma * abs(v) * z / p.pinching_hysteresis_F_c)
     if p.dahl_presliding_sigma > 0.0:
         return v - p.dahl_presliding_sigma * abs(v) * z / p.dahl_presliding_F_c
     if p.curved_dahl_sigma > 0.0:
@@ -202,7 +214,8 @@ def bristle_rate(y: Array, p: Any) -> float:
 @njit(cache=True)
 def bristle_force(y: Array, p: Any) -> float:
     """Return the force of the bristles."""
-    force = -(p.dahl_presliding_sigma + p.curved_dahl_sigma) * y[Z]
+    force = -(p.dahl_presliding_sigma + p.curved_dahl_sigma + p.pinching_hysteresis_sigma) * y[Z]
+    force -= p.play_friction_sigma * zone(y[Z], p.play_friction_gap)
     if p.lugre_friction_sigma0 > 0.0:
         force -= p.lugre_friction_sigma0 * y[Z] + p.lugre_friction_sigma1 * bristle_rate(y, p)
         force -= p.lugre_friction_sigma2 * y[V]
@@ -227,8 +240,11 @@ def friction_level(y: Array, u: float, aux: float, p: Any) -> float:
         level += p.stribeck_friction_excess * math.exp(-((v / p.stribeck_friction_v_s) ** 2))
     if p.hyperbolic_stribeck_v_s > 0.0:
         level += p.hyperbolic_stribeck_mu + p.hyperbolic_stribeck_excess / (1.0 + v / p.hyperbolic_stribeck_v_s)
-    level += p.load_dependent_friction_kappa_d * abs(drive_force(y, u, p))
-    level += p.load_dependent_friction_kappa_e * abs(external_force(y, p))
+    drive, external = abs(drive_force(y, u, p)), abs(external_force(y, p))
+    level += p.load_dependent_friction_kappa_d * drive + p.load_dependent_friction_kappa_e * external
+    if p.load_dependent_stribeck_v_s > 0.0:
+        load = p.load_dependent_stribeck_kappa_d * drive + p.load_dependent_stribeck_kappa_e * external
+        level += load * (1.0 + p.load_dependent_stribeck_excess * math.exp(-((v / p.load_dependent_stribeck_v_s) ** 2)))
     pattern = p.patterned_coulomb_a * math.sin(p.patterned_coulomb_N * q + p.patterned_coulomb_phi)
     return level + p.patterned_coulomb_mu * (1.0 + pattern)
 

@@ -127,6 +127,13 @@ def _tie(entry: Mapping[str, Any]) -> set[str]:
     return {entry["effect"], *entry["indistinguishable_from"]}
 
 
+def _one_family(tie: Iterable[str]) -> bool:
+    """Tell whether effects are all richer and simpler forms of one thing."""
+    from signlin_ros.effects import EFFECTS
+
+    return len({EFFECTS[name].family or name for name in tie}) == 1
+
+
 def _named(answer: Mapping[str, Any]) -> tuple[str, set[str], list[set[str]]]:
     """Return the answer's label, the effects that it proposes, and the tie of each of them."""
     if answer["verdict"] != "missing":
@@ -151,22 +158,23 @@ def _pair(truth: set[str], answer: Mapping[str, Any], final: set[str], ties: lis
 def judge(result: Mapping[str, Any]) -> dict[str, Any]:
     """Return whether an answer is right, and how it is labelled.
 
-    One effect: the first of the ranking is it, or is tied with it among at most three. Two: the proposal, or what is
-    confirmed, is exactly these two (a tie may stand for its member). Nothing hidden: adequate. Outside the catalogue:
-    unexplained. ``exact``: the proposal is the truth and nothing else; ``alone``: it proposes one effect.
+    One effect: the first of the ranking is it, or is tied with it among at most three; of the group "catalogue" also
+    among any of its family. Two: the proposal, or what is confirmed, is exactly these two (a tie may stand for its
+    member). Nothing hidden: adequate. Outside the catalogue: unexplained. ``exact``: the proposal is the truth and
+    nothing else; ``alone``: it proposes one effect, ``several``: more.
     """
     truth, answer = set(result["truth"]["hidden"]), result["answer"]
     if answer is None:
-        return {"label": "error", "right": False, "exact": False, "partial": False, "alone": False}
+        return {"label": "error", "right": False, "exact": False, "partial": False, "alone": False, "several": False}
     label, final, ties = _named(answer)
-    more = {"label": label, "alone": len(final) == 1}
+    more = {"label": label, "alone": len(final) == 1, "several": len(final) > 1}
     if truth == {"none"} or next(iter(truth)).startswith("("):
         right = label == ("adequate" if truth == {"none"} else "unexplained")
         return {**more, "right": right, "exact": right, "partial": right}
     if len(truth) == 2:
         return {**more, **_pair(truth, answer, final, ties)}
     tie = _tie(answer["ranking"][0]) if answer["verdict"] == "missing" and answer["ranking"] else set()
-    right = len(tie) <= MOST_TIED and truth <= tie
+    right = truth <= tie and (len(tie) <= MOST_TIED or (result["group"] == "catalogue" and _one_family(tie)))
     proposed = set().union(*ties) if ties else set()
     return {**more, "right": right, "exact": final == truth, "partial": truth <= proposed | tie}
 
@@ -200,7 +208,9 @@ def _median(values: Iterable[float | None]) -> str:
 
 def _rates(results: list[dict[str, Any]]) -> list[str]:
     """Return a line for each group."""
-    lines = [f"{'group':14}{'right':>10}  95 % interval   exact  partly   error/noise  parameters off  s/record"]
+    lines = [
+        f"{'group':14}{'right':>10}  95 % interval   exact  partly  several   error/noise  parameters off  s/record"
+    ]
     by_group = defaultdict(list)
     for r in results:
         by_group[r["group"]].append(r)
@@ -210,9 +220,10 @@ def _rates(results: list[dict[str, Any]]) -> list[str]:
         right, n = sum(j["right"] for j in judged), len(rows)
         low, high = wilson(right, n)
         off = _median(parameter_error(r) for r in rows)
+        several = sum(bool(j["several"]) for j in judged)
         lines.append(
             f"{group:14}{right:5} / {n:<3} {100 * low:5.1f} .. {100 * high:5.1f} %"
-            f"{sum(j['exact'] for j in judged):8}{sum(j['partial'] for j in judged):8}"
+            f"{sum(j['exact'] for j in judged):8}{sum(j['partial'] for j in judged):8}{several:9}"
             f"{_median(error_over_floor(r) for r in rows):>14}{off:>16}{_median(r['seconds'] for r in rows):>10}"
         )
     return lines

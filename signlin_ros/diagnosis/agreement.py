@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterable, Sequence
+from functools import partial
 from itertools import combinations, product
 
 import numpy as np
 
+from signlin_ros.diagnosis.every import complete, fit_every_law, fit_families, settled
 from signlin_ros.diagnosis.family import Choice
 from signlin_ros.diagnosis.force.witness import Testimony
 from signlin_ros.diagnosis.motion import Fitted, Motion
@@ -31,9 +33,12 @@ def agree(w: Witnesses) -> tuple[Fitted, str]:
     final, conflict = _stood_for(w)
     final = fewest(w, final)
     conflict = conflict.format(listed(final.effects))
-    whole = alone(w, final)
-    final = w.valued(fewest(w, whole) if whole else final)
-    return w.base if final.unreal else final, "" if whole else conflict
+    options = [] if settled(w, final) else fit_every_law(w, final)
+    options += [] if complete(w, final) else fit_families(w, final)
+    final = fewest(w, final) if options else final
+    other = alone(w, final) or better(w, final, options)
+    final = w.valued(fewest(w, other) if other else final)
+    return w.base if final.unreal else final, "" if other else conflict
 
 
 def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
@@ -42,17 +47,25 @@ def _stood_for(w: Witnesses) -> tuple[Fitted, str]:
     first = _confirmed(w, force) if force and force.effects else None
     if first is not None and first.white:
         return _unless_turning(w, first), ""
+    if first is not None and (whole := _by_itself(w, first)):
+        return whole, ""
     if first is None and w.tried:
         together = _together(w, w.tried[0])
         if together is not None:
             return together, ""
     if first is None or not w.explains(first):
-        path = w.motion.search(w.criteria.most, _searched(w))
+        path = w.motion.search(w.criteria.most, _searched(w), partial(_by_itself, w))
         w.keep(*(f for step in path for f in step))
         return _chosen(w, [first] if first else [], path[-1][0])
     found = _best_of(w, base, w.hidden, rival=first) or base
     beside = _best_of(w, first, w.hidden)
     return _chosen(w, [f for f in (first, beside) if f], found)
+
+
+def _by_itself(w: Witnesses, now: Fitted) -> Fitted | None:
+    """Return the law that leaves noise by itself, of all that there are, before another one is sought beside one."""
+    fit_every_law(w, now)
+    return alone(w, now)
 
 
 def _unless_turning(w: Witnesses, first: Fitted) -> Fitted:
@@ -61,7 +74,7 @@ def _unless_turning(w: Witnesses, first: Fitted) -> Fitted:
     """
     turning = {n for n in w.hidden if EFFECTS[n].angular}
     other = _best_of(w, w.base, turning, rival=first) if turning else None
-    better = other and _complete(w, other) and not w.raises(first, other) and not w.motion.refused(first, other)
+    better = other and complete(w, other) and not w.raises(first, other) and not w.motion.refused(first, other)
     return other if other and better else first
 
 
@@ -196,26 +209,28 @@ def fewest(w: Witnesses, final: Fitted) -> Fitted:
 
 def alone(w: Witnesses, final: Fitted) -> Fitted | None:
     """Return the effect that by itself leaves nothing but noise, where what both witnesses arrived at leaves more."""
-    if _complete(w, final):
+    if complete(w, final):
         return None
     motion, base = w.motion, w.base
-    leaves = {n for n, fit in w.laws.items() if final.effects and fit.error > w.criteria.sees**2 * w.noise}
-    names = [n for n in EFFECTS if n not in {*motion.searched.get((), ()), *leaves} and tryable(motion.problem, n)]
-    w.keep(*(motion.extensions(base, names) if names else []))
-    if not final.effects:  # a few steps tell little of what remembers long, or is in another minimum
-        rest = {*(_searched(w) or EFFECTS)} - {n for f in w.single for n in f.effects}
-        rest = {n for n in rest if tryable(motion.problem, n)}
-        w.keep(*(motion.extensions(base, sorted(rest), every=True) if rest else []))
-    whole = [f for f in map(motion.best, w.single) if _complete(w, f)]
+    whole = [f for f in map(motion.best, w.single) if complete(w, f)]
     whole = [f for f in whole if not motion.refused(base, f) and not w.raises(base, f)]
-    best = min(whole, key=lambda f: f.level, default=None)
-    as_good = [f for f in whole if best and motion.as_good(best, f)]
-    return min(as_good, key=lambda f: (f.size, f.level), default=None)
+    return _simplest(w, whole)
 
 
-def _complete(w: Witnesses, f: Fitted) -> bool:
-    """Tell whether a model leaves but noise, near the sensors' or at its own, with no base parameter far off."""
-    return w.near_any_noise(f) and f.clean and not f.far(w.criteria)
+def better(w: Witnesses, final: Fitted, options: Sequence[Fitted]) -> Fitted | None:
+    """Return the simplest of the best options of no more effects that leave surely less than a model."""
+    motion, base, force = w.motion, w.base, w.force
+    good = [f for f in map(motion.best, options) if len(f.effects) <= max(len(final.effects), 1)]
+    good = [f for f in good if set(f.effects) != set(final.effects) and not motion.refused(base, f)]
+    good = [f for f in good if not w.raises(base, f) and not motion.refused(final, f) and _beyond(w, final, f)]
+    return _simplest(w, [f for f in good if force is None or final.effects or not _overruled(w, force, f)])
+
+
+def _simplest(w: Witnesses, options: Sequence[Fitted]) -> Fitted | None:
+    """Return the simplest of the options that are as good as the best of them; None of none."""
+    best = min(options, key=lambda f: f.level, default=None)
+    as_good = [f for f in options if best and w.motion.as_good(best, f)]
+    return min(as_good, key=lambda f: (len(f.effects), f.size, f.level), default=None)
 
 
 def _as_one(motion: Motion, final: Fitted) -> list[Fitted]:

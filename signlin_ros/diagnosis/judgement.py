@@ -14,6 +14,7 @@ from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import Criteria
 from signlin_ros.diagnosis.force.flexible import Curve, changing, structured
 from signlin_ros.diagnosis.force.regression import Fit, mean_certainty
+from signlin_ros.diagnosis.loops import forces_of
 from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.motion.score import elsewhere, gain, of_windows
 from signlin_ros.diagnosis.witnesses import HALF, Witnesses
@@ -56,6 +57,7 @@ REASONS = {
     "elsewhere": Reason(
         " ({falls}), but the model follows the data it was fitted to far better than the unseen ones{there}"
     ),
+    "loop": Reason(" ({falls}): what is there is hysteresis{loops}.{rest}"),
     "structure": Reason(),
 }
 """Why records are not explained: what `Judgement.unexplained` may be."""
@@ -153,7 +155,15 @@ class Judgement:
         if force is None or self.percent is None or self.final.white:
             return ""
         fit, r = force.search.models.get(self.witnesses.acting(self.final)), force.search.r
-        return changing(r, fit.unseen if fit else r.unseen.missing(self.final.model))
+        left = fit.unseen if fit else r.unseen.missing(self.final.model)
+        return changing(r, left, forces_of(self.final, self.remembers))
+
+    @cached_property
+    def loop(self) -> str:
+        """The hysteresis of a proposal that leaves more than a quarter of the force (RMS): one loop of its family."""
+        least = max(100.0 * self.criteria.part, self.criteria.sees * self.witnesses.noise_percent)
+        own = [n for n in self.remembers if find_effect(n, "effects").family]
+        return own[0] if own and not self.final.clean and max(self.percent or 0, self.imposed or 0) > least else ""
 
     @cached_property
     def worse(self) -> str:
@@ -223,8 +233,8 @@ class Judgement:
             return "noise"
         if self.names and self.far and not self.same_at_nominal:
             return "far"
-        if self.most:
-            return "structure"
+        if self.most or self.loop:
+            return "structure" if self.most else "loop"
         if self.witnesses.sees(self.final):
             large = not self.names and max([self.percent or 0.0, *self.unpredicted]) > 100.0 * self.criteria.large
             near = self.witnesses.near_noise(self.final)

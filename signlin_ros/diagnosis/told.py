@@ -100,6 +100,7 @@ def _ties(j: Judgement, effect: str) -> tuple[str, ...]:
 def _named(j: Judgement, effect: str, ties: tuple[str, ...]) -> Entry:
     """Return the entry of an effect that is proposed."""
     once = j.unexplained == "once" and effect in j.remembers
+    once |= j.unexplained == "loop" and effect == j.loop
     status = "ambiguous" if once or any(not _richer(t, effect) for t in ties) else "confirmed"
     if j.refused or (j.unexplained and REASONS[j.unexplained].rejects):
         status = "rejected"

@@ -9,6 +9,7 @@ import numpy as np
 from signlin_ros.comparison.scores import follows_nothing
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.judgement import REASONS, Judgement, freed
+from signlin_ros.diagnosis.loops import family_of
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.score import told_change
 from signlin_ros.diagnosis.results import Estimate, listed
@@ -74,7 +75,9 @@ def _unexplained(j: Judgement) -> str:
     if j.names:
         what = falls(j, j.base, j.final)
         changes = f"{'rises' if j.beside_given < 0 else 'falls'} by {abs(j.beside_given):.1f} standard errors"
-        said = said.format(j=j, falls=what, changes=changes, there=f": {there}" if there else ".")
+        loops, rest = (family_of(j.loop, j.changing), remainder(j)) if why == "loop" else ("", "")
+        ends = {"there": f": {there}" if there else ".", "loops": loops, "rest": rest}
+        said = said.format(j=j, falls=what, changes=changes, **ends)
         part = f" {'explains' if len(j.names) == 1 else 'explain'} a part"
         known = f"{listed(j.names).capitalize()}{'' if why == 'worse' else part}"
         return known + (said or f": {what}.{remainder(j)}")

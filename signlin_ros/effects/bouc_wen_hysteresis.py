@@ -17,6 +17,8 @@ STIFF = 10.0
 
 POWERS = (1.0, 2.0, 3.0)
 """Powers that are tried."""
+SHARES = (0.6, -0.6)
+"""Shapes of the loop that are tried, gamma as a share of beta: a branch that softens, and one that hardens."""
 
 
 class BoucWenHysteresis(Effect):
@@ -45,8 +47,9 @@ class BoucWenHysteresis(Effect):
     held = {"lambda": 1.0, "D": None}
     within = {"beta": (0.0, 1e6)}  # a loop takes energy, and does not give any
     start = tuple(
-        {"alpha": 0.5, "D": 0.3, "beta": beta, "gamma": 0.6 * beta, "n": n, "k": 1.0}
+        {"alpha": 0.5, "D": 0.3, "beta": beta, "gamma": share * beta, "n": n, "k": 1.0}
         for n in POWERS
+        for share in SHARES
         for beta in (0.1, 0.5)
     )
 
@@ -68,8 +71,8 @@ class BoucWenHysteresis(Effect):
 
     @classmethod
     def nearby(cls, p: Mapping[str, float]) -> list[dict[str, float]]:
-        """Return loops that yield as far, with the same shares of beta and gamma, but more or less sharply."""
-        size = p["beta"] + p["gamma"]
+        """Return loops that bend as far, with the same shares of beta and gamma, but more or less sharply."""
+        size = p["beta"] + abs(p["gamma"])  # of the branch that bends most: one that hardens does not yield
         if size <= 0:
             return []
         return [{**p, "n": n, **{k: p[k] * size ** (n / p["n"] - 1) for k in ("beta", "gamma")}}

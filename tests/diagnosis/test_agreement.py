@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from signlin_ros.console.comparison import _named
-from signlin_ros.diagnosis import agreement, judgement, told, words
+from signlin_ros.diagnosis import agreement, every, judgement, told, words
 from signlin_ros.diagnosis.agreement import agree
 from signlin_ros.diagnosis.case import Case
 from signlin_ros.diagnosis.criteria import DEFAULT
@@ -77,6 +77,10 @@ class Fit:
         return np.column_stack([around(r, 7 * len(self.effects) + k) for k, r in enumerate(self.rms)])
 
     @property
+    def added(self) -> dict[str, Any]:
+        return {}
+
+    @property
     def errors(self) -> np.ndarray:
         return np.sqrt(self.unseen_squares.mean(axis=0))
 
@@ -113,7 +117,9 @@ class Motion:
             channels=channels,
             units=units,
             shown=lambda unit: unit,
-            base=SimpleNamespace(update_period=0.2, plant=SimpleNamespace(motion_is_imposed=lambda: imposed)),
+            base=SimpleNamespace(
+                update_period=0.2, plant=SimpleNamespace(motion_is_imposed=lambda: imposed, closed_loop=False)
+            ),
             scale=SimpleNamespace(step=0.01),
             segments=(SimpleNamespace(y=np.outer((-SPREAD, SPREAD), np.ones(len(channels)))),),
             noise=np.full(len(channels), NOISE),
@@ -189,7 +195,7 @@ LAWS = ("coulomb_friction", "stribeck_friction", "gravity_load")
 
 def test_a_silent_force_witness_is_no_veto(monkeypatch):
     second = Fit(("input_delay",), (NOISE,), 1.0, white=True)
-    monkeypatch.setattr(Motion, "search", lambda motion, depth, names: [[motion.base], [second]], raising=False)
+    monkeypatch.setattr(Motion, "search", lambda motion, depth, names, single: [[motion.base], [second]], raising=False)
     w = both(Motion(BASE), None)
     assert agree(w) == (second, "")
     assert w.percent(w.left(second)) is None
@@ -326,7 +332,7 @@ def judged(final: Fit, base: Fit = BASE, force: Any = None, conflict: str = "", 
 def no_sign_is_wrong(monkeypatch):
     monkeypatch.setattr(Case, "noise", property(lambda self: dict.fromkeys(self.problem.channels, NOISE)))
     monkeypatch.setattr(judgement, "reversed_signal", lambda problem, base, final: "")
-    monkeypatch.setattr(judgement, "changing", lambda r, left: "")
+    monkeypatch.setattr(judgement, "changing", lambda r, left, own: "")
     monkeypatch.setattr(Judgement, "same_at_nominal", False)
 
 
@@ -419,7 +425,7 @@ def test_a_part_of_the_sensors_noise_has_no_name(error, verdict):
 
 
 def test_a_force_that_changes_along_the_record_is_told(monkeypatch):
-    monkeypatch.setattr(judgement, "changing", lambda r, left: "dry friction")
+    monkeypatch.setattr(judgement, "changing", lambda r, left, own: "dry friction")
     assert judged(COULOMB, force=sees()).unexplained == "structure"
 
 
@@ -450,6 +456,7 @@ SAID = {
     "noise": "Coulomb friction explains a part: on unseen data",
     "far": "but only with base parameters that far from nominal.",
     "elsewhere": "but the model follows the data it was fitted to far better than the unseen ones: there it is faster",
+    "loop": "what is there is hysteresis (dahl presliding, play friction, lugre friction, bouc wen hysteresis, ",
     "structure": "Coulomb friction explains a part: on unseen data",
     "reversed": "With the sign of speed reversed",
 }
@@ -464,6 +471,7 @@ def test_every_reason_has_its_row():
 @pytest.mark.parametrize("why", REASONS)
 def test_every_reason_is_told(why, monkeypatch):
     found = {"unexplained": why, "worse": "speed", "beside_given": 1.23, "lost": ["speed"], "verdict": "unexplained"}
+    found["loop"] = "coulomb_friction" if why == "loop" else ""
     for name, value in {**found, "reversed": "speed" if why == "reversed" else ""}.items():
         monkeypatch.setattr(Judgement, name, value)
     monkeypatch.setattr(words, "further", lambda case: "there it is faster.")
@@ -472,7 +480,30 @@ def test_every_reason_is_told(why, monkeypatch):
     monkeypatch.setattr(Witnesses, "row", lambda w, f, left: SimpleNamespace(validation=None))
     j = judged(COULOMB, force=sees(), conflict="they differ")
     assert SAID[why] in words.sentence(j)
-    assert told._named(j, "coulomb_friction", ()).status == ("rejected" if REASONS[why].rejects else "confirmed")
+    assert told._named(j, "coulomb_friction", ()).status == {"loop": "ambiguous"}.get(
+        why, "rejected" if REASONS[why].rejects else "confirmed"
+    )
+
+
+@pytest.mark.parametrize(
+    ("percent", "changing", "told"),
+    [
+        (35.0, "", "and which loop it is cannot be told."),
+        (35.0, "loop of dahl presliding", "whose force changes slowly along the record, as that of what degrades."),
+        (20.0, "", ""),
+    ],
+)
+def test_a_loop_that_leaves_more_than_a_quarter_of_the_effort_is_one_of_its_family(
+    percent, changing, told, monkeypatch
+):
+    """Two cyclic tests were said to lack Dahl's law with 29 and 38 % of the effort left."""
+    monkeypatch.setattr(judgement, "changing", lambda r, left, own: changing)
+    monkeypatch.setattr(Case, "seldom", property(lambda self: False))
+    base, left = Fit((), (3.0,), 0.9 * EFFORT), percent / 100.0 * EFFORT
+    final = Fit(("dahl_presliding",), (0.5,), left)
+    found = judged(final, base, force_witness(*LAWS, effects=final.effects))
+    assert (found.unexplained, found.loop) == (("loop", "dahl_presliding") if told else ("", ""))
+    assert told in words.sentence(found)
 
 
 @pytest.mark.parametrize(
@@ -759,7 +790,7 @@ class Refusing(Motion):
     def fitted(self, effects: Any, start: Any = None) -> Fit:
         return self.fits[frozenset(effects)]
 
-    def extensions(self, of: Fit, names: Any, rival: Any = None) -> list[Fit]:
+    def extensions(self, of: Fit, names: Any, rival: Any = None, share: float | None = None) -> list[Fit]:
         self.asked.append(tuple(names))
         return [f for key, f in self.fits.items() if len(key - set(of.effects)) == 1 and key > set(of.effects)]
 
@@ -806,7 +837,8 @@ def test_what_the_motion_does_not_need_beside_the_limit_is_not_named(limit):
 
 @pytest.fixture
 def everything_applies(monkeypatch):
-    monkeypatch.setattr(agreement, "tryable", lambda problem, name: True)
+    for module in (agreement, every):
+        monkeypatch.setattr(module, "tryable", lambda problem, name: True)
 
 
 def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
@@ -815,10 +847,12 @@ def alone(final: Fit, other: Fit, monkeypatch: Any) -> Fit | None:
     monkeypatch.setattr(Refusing, "as_good", lambda self, best, f: f.rms[0] <= 1.01 * best.rms[0], raising=False)
     monkeypatch.setattr(Fit, "size", property(lambda f: 1), raising=False)
     monkeypatch.setattr(Fit, "level", property(lambda f: f.rms[0]), raising=False)
-    return agreement.alone(both(motion, None), final)
+    w = both(motion, None)
+    every.fit_every_law(w, final)
+    return agreement.alone(w, final)
 
 
-@pytest.mark.usefixtures("any_effect")
+@pytest.mark.usefixtures("everything_applies")
 def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
     whole = Fit(("bouc_wen_hysteresis",), (NOISE,), 1.0, white=True)
     part = Fit(("linear_stiffness",), (2.0,), 1.0)
@@ -830,21 +864,38 @@ def test_what_alone_leaves_but_noise_explains_what_others_do_not(monkeypatch):
 
 
 @pytest.mark.usefixtures("everything_applies")
-def test_before_nothing_is_named_every_effect_is_fitted_out(monkeypatch):
-    """A winding that warms and a cubic spring had not been among the promising after a few steps: unexplained."""
+@pytest.mark.parametrize("final", [(), ("linear_stiffness",), ("linear_stiffness", "hard_stop")])
+def test_before_nothing_or_more_than_one_is_named_every_law_is_fitted_from_all_its_starts(final, monkeypatch):
+    """A winding that warms, a cubic spring, a loop that hardens had not been among the promising after a few steps."""
     whole = Fit(("thermal_resistance",), (NOISE,), 1.0, white=True)
     asked = list[tuple[str, ...]]()
 
-    def extensions(motion: Any, of: Fit, names: Any, rival: Any = None, every: bool = False) -> list[Fit]:
-        asked.append(tuple(names) if every else ())
-        return [whole] if every else []
+    def extensions(motion: Any, of: Fit, names: Any, rival: Any = None, share: float | None = None) -> list[Fit]:
+        asked.append(tuple(names) if share and of is BASE else ())
+        return [whole] if share else []
 
     monkeypatch.setattr(Refusing, "extensions", extensions)
-    assert alone(BASE, whole, monkeypatch) is whole
-    assert "thermal_resistance" in asked[-1]
-    asked.clear()
-    assert alone(Fit(("linear_stiffness",), (2.0,), 1.0), whole, monkeypatch) is None
-    assert set(asked) == {()}
+    monkeypatch.setattr(Refusing, "fitted", lambda *_: Fit(final[:1], (3.0,), 1.0))
+    found = alone(Fit(final, (2.0,), 1.0) if final else BASE, whole, monkeypatch)
+    assert found is whole
+    assert {"thermal_resistance", "bouc_wen_hysteresis", "sensor_delay"} <= set(asked[0])
+
+
+@pytest.mark.parametrize(("effects", "settled"), [((), True), (("hard_stop",), True), (("hard_stop", "drag"), False)])
+def test_one_law_that_leaves_noise_is_told_at_once(effects, settled):
+    """And nothing where nothing is missing; more than one law waits for all single ones."""
+    w = both(Refusing(BASE, {}), None)
+    assert every.settled(w, Fit(effects, (NOISE,), 1.0, white=True)) is settled
+    assert not every.settled(w, Fit(effects, (3.0 * NOISE,), 1.0))
+
+
+@pytest.mark.parametrize(("rms", "force", "taken"), [(0.2, 0.5, True), (1.0, 0.5, False), (0.2, 3.0, False)])
+def test_one_law_goes_before_another_that_leaves_surely_more(rms, force, taken):
+    """Not where the motion hardly gains, nor where it leaves more force."""
+    first = Fit(("dahl_presliding",), (1.0,), 1.0, parameters=2)
+    loop = Fit(("bouc_wen_hysteresis",), (rms,), force, parameters=3)
+    w = both(Asking(BASE), force_witness(*LAWS), BASE, first, loop, tried=[first, loop])
+    assert (agreement.better(w, first, [first, loop]) is loop) is taken
 
 
 @pytest.mark.parametrize("current", [True, False])

@@ -11,7 +11,7 @@ one, and the weight of its ridge, is chosen by blocks of known data:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numba
@@ -196,13 +196,14 @@ def structured(search: Search, fit: Fit) -> Curve:
     return Curve(large and r.surely(flexible, fit) > c.flexible, r.percent(flexible), along)
 
 
-def changing(r: Regression, left: Array) -> str:
+def changing(r: Regression, left: Array, own: Mapping[str, Columns] | None = None) -> str:
     """Return which force changes slowly along the unseen records, and by its change is most of what is left (K,) beyond
-    the sensors' noise; empty if none does. Each block of time is predicted from those around it.
+    the sensors' noise; empty if none does. Each block of time is predicted from those around it. ``own``: forces (T,)
+    of what is proposed, by their names.
     """
     unseen, found = r.unseen, dict[float, str]()
     beyond = float(np.mean(left**2)) - unseen.noise
-    for name, kind in FORCES.items():
+    for name, kind in {**FORCES, **(own or {})}.items():
         whole = np.concatenate([p.seen(kind(p)) for p in unseen.pieces])
         steady = left - whole * float(whole @ left) / max(float(whole @ whole), TINY)
         pairs = zip(unseen.pieces, unseen.split(steady), strict=True)

@@ -24,6 +24,10 @@ FEW, KEPT = 6, 2
 """Starts that are tried where an effect has many, and how many of all go on to the next gain."""
 FIRST, NEXT, LAST = 2, 4, 10
 """Steps of a fit from a start, at the middle gain, and to the end."""
+ON, FOLLOWED = 30, 3
+"""Steps with which a fit goes on on a part of the records, and how many starts of an effect do."""
+SERIOUS, ANYWAY, FINISHED = 0.25, 3, 8
+"""Share of the best candidate's gain that makes another worth a thorough fit; how many get one anyway, and at most."""
 ROUNDS, CHILDREN, PARENTS, BEST = 4, 48, 14, 3
 """Rounds of breeding, new points in each, the points that they are drawn around, and those that a fit starts from."""
 LEAST = 0.03
@@ -106,9 +110,9 @@ def without(problem: Problem, f: Fit, covariances: Sequence[Array], index: tuple
     return float(np.sqrt(max(best.cost - f.cost, 0.0) / correlated))
 
 
-def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit | None:
+def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW, on: int = 0) -> Fit | None:
     """Return the best fit of one more effect at the middle gain on a part of the records, from its first start and some
-    of the others, with base parameters as given and as they were fitted before.
+    of the others, with base parameters as given and as they were fitted before; the best go ``on`` so many steps.
     """
     remembers, (high, middle) = bool(trial.effect.states), problem.levels[:2]
     short = problem.led if remembers else problem.short
@@ -123,7 +127,24 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW) -> Fit 
     second = [fit(short, f.candidate, middle, f.theta, NEXT) for f in best]
     if remembers:  # a high gain says little of what is remembered
         second += [fit(short, c, middle, c.start(added), NEXT) for c in candidates]
+    if on:  # a few steps tell little of what starts far away
+        best = sorted((f for f in second if f), key=attrgetter("cost"))[:FOLLOWED]
+        second = [further(short, f, on) for f in best]
     return cheapest(second)
+
+
+def promising(problem: Problem, of: Fit, fits: Sequence[Fit], rival: Fit | None, share: float | None) -> list[Fit]:
+    """Return the fits that gain a ``share`` of what the best gains beyond one, by likelihood on stretches, `SERIOUS` by
+    default; some in any case, but where a ``rival`` is as good as these have to be.
+    """
+    short, middle = problem.short, problem.levels[1]
+    base, other = (fit(short, one.candidate, middle, one.theta, LAST) if one else None for one in (of, rival))
+    ordered = sorted(fits, key=attrgetter("cost"))
+    if base is None or not ordered:
+        return ordered[:FINISHED]
+    most = base.cost - min(f.cost for f in (ordered[0], other) if f)
+    first, least = (0 if other else ANYWAY), (SERIOUS if share is None else share) * most
+    return [f for i, f in enumerate(ordered) if i < first or base.cost - f.cost > least][:FINISHED]
 
 
 def bred(problem: Problem, before: Fit, trial: Trial, each: Each) -> Fit | None:
@@ -162,4 +183,4 @@ def _bred(points: Array, cost: Callable[[Array], float], each: Each) -> Array:
     return np.asarray(points[np.argsort(costs)])
 
 
-__all__ = ["FEW", "NEXT", "Found", "bred", "cheapest", "climbed", "settled", "without"]
+__all__ = ["FEW", "NEXT", "ON", "Found", "bred", "cheapest", "climbed", "promising", "settled", "without"]

@@ -16,13 +16,14 @@ from signlin_ros.diagnosis.motion.deciding import Decisions
 from signlin_ros.diagnosis.motion.fitted import Fitted, coordinates_of, covariances, estimates
 from signlin_ros.diagnosis.motion.fitting import (
     FEW,
-    LAST,
     NEXT,
+    ON,
     Found,
     bred,
     cheapest,
     climbed,
     in_turn,
+    promising,
     settled,
     without,
 )
@@ -40,8 +41,6 @@ from signlin_ros.follow.data import unit_asked
 from signlin_ros.model import Model
 from signlin_ros.model.numbers import numbers
 
-SERIOUS, FIRST, FINISHED = 0.25, 3, 8
-"""Share of the best candidate's gain that makes another worth a thorough fit; how many get one anyway, and at most."""
 BEAM = 2
 """How many single effects a search tries with every other one where none is enough by itself."""
 
@@ -71,6 +70,7 @@ class Motion(Decisions, Running):
         super().__init__(jobs or min(os.cpu_count() or 1, 2), progress, cancelled)
         self._seen = seen or (lambda f: None)
         self._best: dict[tuple[str, ...], Fitted] = {}
+        self._followed: dict[tuple[str, ...], Fit | None] = {}
         self._asked: list[tuple[tuple[tuple[str, ...], Model | None], Fitted]] = []
         self.heard: dict[str, dict[str, float]] = {}
         self.searched: dict[tuple[str, ...], set[str]] = {}
@@ -239,9 +239,16 @@ class Motion(Decisions, Running):
             raise SimulationError(f"{self.problem.base.source}: with {name} the model diverges on these records")
         return found
 
-    def _climbed(self, before: Fit, trial: Trial, few: int = FEW) -> Fit | None:
+    def _climbed(self, before: Fit, trial: Trial, few: int = FEW, on: int = 0) -> Fit | None:
         self.check()
-        return climbed(self.short, before, rescanned(self.short, trial, before), few)
+        return climbed(self.short, before, rescanned(self.short, trial, before), few, on)
+
+    def _thorough(self, before: Fit, trial: Trial) -> Fit | None:
+        """Return the best fit of one more effect from all its starts (some, where it has many minima), gone on with."""
+        key = (*before.candidate.label, trial.name, trial.channel)
+        if key not in self._followed:
+            self._followed[key] = self._climbed(before, trial, FEW if trial.effect.rugged else len(trial.starts), ON)
+        return self._followed[key]
 
     def _all_finished(self, of: Fitted, fits: Sequence[Fit]) -> list[Fitted]:
         """Return promising fits gone on with to the end, also from the base parameters of what they extend, and that
@@ -298,16 +305,17 @@ class Motion(Decisions, Running):
     # ------------------------------------------------------------ one effect more
 
     def extensions(
-        self, of: Fitted, names: Sequence[str] | None = None, rival: Fitted | None = None, every: bool = False
+        self, of: Fitted, names: Sequence[str] | None = None, rival: Fitted | None = None, share: float | None = None
     ) -> list[Fitted]:
-        """Return what can be added to a fit, the promising ones fitted out, or ``every`` one, least error on unseen
-        data first; what comes near a ``rival`` that is as good already.
+        """Return what can be added to a fit, the promising ones fitted out, least error on unseen data first; what
+        comes near a ``rival`` that is as good. ``share``: from all starts, what gains this much of the best's gain.
         """
         options = [self._heard(t) for t in trials(self.problem, names) if t.name not in of.effects]
         self.searched.setdefault(of.effects, set()).update(t.name for t in options)
         self.say(f"{len(options)} effects on top of {', '.join(of.effects) or 'the base model'}")
-        fits = [f for f in self.each(lambda t: self._climbed(of.fit, t), options) if f]
-        kept = fits if every else self._promising(of, fits, rival)
+        climb = self._climbed if share is None else self._thorough
+        fits = [f for f in self.each(lambda t: climb(of.fit, t), options) if f]
+        kept = promising(self.short, of.fit, fits, rival.fit if rival else None, share)
         self.say(f"fitting {len(kept)} of them to the end")
         found = self._all_finished(of, kept)
         if not names and found and not min(found, key=attrgetter("level")).white:
@@ -350,21 +358,6 @@ class Motion(Decisions, Running):
             found += fewer or ([rest] if vague and len(f.effects) > 1 else [])
         return [one.candidate(self.problem) for one in found]
 
-    def _promising(self, of: Fitted, fits: Sequence[Fit], rival: Fitted | None = None) -> list[Fit]:
-        """Return the fits that gain a fair share of what the best gains, by likelihood on stretches; some in any case,
-        but where a ``rival`` is as good as these have to be.
-        """
-        base, other = (
-            fit(self.short.short, one.fit.candidate, self.problem.levels[1], one.fit.theta, LAST) if one else None
-            for one in (of, rival)
-        )
-        ordered = sorted(fits, key=attrgetter("cost"))
-        if base is None or not ordered:
-            return ordered[:FINISHED]
-        most = base.cost - min(f.cost for f in (ordered[0], other) if f)
-        first = 0 if other else FIRST
-        return [f for i, f in enumerate(ordered) if i < first or base.cost - f.cost > SERIOUS * most][:FINISHED]
-
     def bred(self, of: Fitted, names: Sequence[str] | None = None) -> list[Fitted]:
         """Return what can be added of the effects that have many local minima, from the best of all their starts."""
         options = [t for t in trials(self.problem, names) if t.effect.rugged and t.name not in of.effects]
@@ -374,15 +367,20 @@ class Motion(Decisions, Running):
 
     # ------------------------------------------------------------ one effect after the other
 
-    def search(self, depth: int, names: Sequence[str] | None = None) -> list[list[Fitted]]:
+    def search(
+        self, depth: int, names: Sequence[str] | None = None, single: Callable[[Fitted], Fitted | None] = lambda _: None
+    ) -> list[list[Fitted]]:
         """Return the steps from the base to what is proposed: of each what was taken, then the other options, least
-        error first. The first is the base; the last holds what was tried in vain too. ``names``: tried, all by default.
+        error first. The first is the base; the last holds what was tried in vain too. ``names``: tried, all by default;
+        ``single`` finds the one effect that is enough where the first step leaves more than noise.
         """
         now = self.base
         path = [[now]]
         while len(now.effects) < depth and (len(path) == 1 or not now.white):
             options = self.extensions(now, names)
             alike = self.alike(now, options)
+            if len(path) == 1 and not (alike and alike[0].white) and (whole := single(alike[0] if alike else now)):
+                return [path[0], [whole, *options]]
             if not (now.white or (alike and alike[0].white)):
                 options += self.bred(now, names)
                 alike = self.alike(now, options)
