@@ -16,8 +16,8 @@ from signlin_ros.model.uses import is_sensor
 
 Values = Mapping[str, float]
 Put = Callable[[dict[str, float], Values], str]
-KNOWN = ("xl330", "xl320", "mx64", "mx106", "sts3215")
-"""Actuators that BAM has a loop for, as a model's file may be called."""
+KNOWN = ("xl330", "mx64", "mx106", "sts3215")
+"""Actuators that BAM has a loop for, each shipped here as NAME_servo."""
 
 
 def _coulomb(found: dict[str, float], p: Values) -> str:
@@ -120,6 +120,14 @@ def bench_of(model: Model) -> dict[str, float]:
     return {name: model.parameters[name] for name in ("mass", "length", "arm_mass", "inertia")}
 
 
+def _actuator(model: Model) -> str:
+    """Return what BAM calls the servo: by the name of the model's file, else by the gain of its loop."""
+    named = [k for k in KNOWN if k in Path(model.source).stem.lower()]
+    own = model.parameters["duty_per_error"]
+    alike = [k for k in KNOWN if abs(Model.load(f"{k}_servo").parameters["duty_per_error"] / own - 1) < 1e-3]
+    return next(iter(named or (alike if len(alike) == 1 else [])), "custom")
+
+
 class Bam(Target):
     """A BAM file; run by a program of BAM's published equations, as BAM itself is on no package registry."""
 
@@ -128,7 +136,7 @@ class Bam(Target):
     def write(self, model: Model, out: Path, drive: Drive) -> Exported:
         """Write the file."""
         numbers, name, holds, lost = numbers_of(model, self.name)
-        actuator = next((k for k in KNOWN if k in Path(model.source).stem.lower()), "custom")
+        actuator = _actuator(model)
         if actuator == "custom":
             lost.append("actuator: which of BAM's loops it is; set its name")
         units = {c: par.unit for c, par in model.plant.pars().items()}

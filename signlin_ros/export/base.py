@@ -99,7 +99,9 @@ def refuse_imposed(model: Model, target: str) -> None:
 def constant_note(constant: Constant) -> str:
     """Return the unit of a number, what it is, and how well it is known."""
     words = [constant.unit, constant.doc] if constant.unit else [constant.doc]
-    if constant.tolerance > 0.0 and constant.value:
+    if constant.std > 0.0:
+        words.append(f"± {constant.std:.3g} (standard error of the fit)")
+    elif constant.tolerance > 0.0 and constant.value:
         words.append(f"known to ±{100 * constant.tolerance:.3g} % (the model's tolerance)")
     return ", ".join(word for word in words if word)
 
@@ -135,13 +137,17 @@ def table_of_parameters(model: Model) -> list[str]:
 
 
 def ranges(model: Model) -> dict[str, tuple[float, float]]:
-    """Return where a number may lie, two standard deviations either way, for those whose uncertainty is known."""
-    pars = parameters(model)
-    return {
-        c.public: (c.value - 2 * abs(c.value) * c.tolerance, c.value + 2 * abs(c.value) * c.tolerance)
-        for c in pars
-        if c.tolerance > 0.0 and c.value
-    }
+    """Return where a number may lie, two standard deviations either way, for those whose uncertainty is known.
+
+    That is the standard error of a fit, else the tolerance that the model states; a positive number stays positive.
+    """
+    found = {}
+    for c in parameters(model):
+        spread = 2 * (c.std or abs(c.value) * c.tolerance)
+        if spread > 0.0:
+            low = c.value - spread
+            found[c.public] = (max(low, 0.0) if c.value > 0 else low, c.value + spread)
+    return found
 
 
 __all__ = [

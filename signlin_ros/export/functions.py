@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -31,7 +32,11 @@ DRIVES: Drives = {
 
 @dataclass(frozen=True)
 class Constant:
-    """A number of a model under a name that every language takes: a parameter, or the scale of a surface."""
+    """A number of a model under a name that every language takes: a parameter, or the scale of a surface.
+
+    ``std`` is its standard error, from the fit that the model's file tells of, else 0; ``tolerance`` what the model
+    states, relative.
+    """
 
     name: str
     public: str
@@ -39,6 +44,7 @@ class Constant:
     unit: str
     doc: str
     tolerance: float = 0.0
+    std: float = 0.0
 
 
 def identifier(name: str) -> str:
@@ -47,15 +53,34 @@ def identifier(name: str) -> str:
     return f"_{plain}" if plain[:1].isdigit() else plain
 
 
+_FITTED = re.compile(r"^\s*# (\S+): fitted, (\S+) ± ([\d.eE+-]+)", re.MULTILINE)
+"""How a file that a fit wrote tells of a parameter: its value and standard error."""
+
+
+def fitted_errors(model: Model) -> dict[str, float]:
+    """Return the standard errors that the model's file states beside what a fit found, by parameter.
+
+    A value that was changed afterwards has none.
+    """
+    path = Path(model.source)
+    if not path.is_file():
+        return {}
+    found = {}
+    for name, value, error in _FITTED.findall(path.read_text(encoding="utf-8")):
+        if name in model.trace.parameters and abs(model.value(name) - float(value)) <= max(float(error), 1e-12):
+            found[name] = float(error)
+    return found
+
+
 def parameters(model: Model) -> list[Constant]:
     """Return the parameters of a model in the order of its trace."""
     declared = {name.split(".", 1)[1]: par for name, par in model.par_declarations().items()}
-    found = []
+    found, errors = [], fitted_errors(model)
     for name in model.trace.parameters:
         par = declared.get(name)
         unit, doc = (par.unit, par.doc) if par else ("-", "")
         tolerance = 0.0 if "." in name else model.tolerance_of(name)
-        found.append(Constant(identifier(name), name, model.value(name), unit, doc, tolerance))
+        found.append(Constant(identifier(name), name, model.value(name), unit, doc, tolerance, errors.get(name, 0.0)))
     return found
 
 

@@ -92,7 +92,7 @@ class PythonControl(Target):
             held.T,
             drive.x0,
             solve_ivp_method="LSODA",
-            solve_ivp_kwargs={"rtol": 1e-7, "atol": 1e-9, "max_step": float(np.diff(breaks).max())},
+            solve_ivp_kwargs={"rtol": 1e-5, "atol": 1e-7, "max_step": float(np.diff(breaks).max())},
         )
         rows = np.searchsorted(times, drive.t)
         return {name: np.asarray(found.states[i][rows]) for i, name in enumerate(model.states)}

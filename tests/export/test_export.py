@@ -137,3 +137,21 @@ def test_table_has_a_cell_for_every_target(tmp_path):
     lines = table(cells)
     assert lines[0] == "| effect | casadi | sympy |"
     assert all(c.percent is not None and c.percent < 1.0 for c in cells)
+
+
+def test_standard_errors_of_a_fit_are_the_ranges(tmp_path):
+    path = tmp_path / "fitted.yaml"
+    Model.load("dc_motor").save(path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(
+        "# J: fitted, 0.00220 ± 0.00003 kg·m²; was 0.002\n# coulomb_friction.mu: fitted, 0.0330 ± 0.0004 N·m\n"
+        "# K_t: fitted, 0.2 ± 0.001 N·m/A\n" + text,
+        encoding="utf-8",
+    )
+    model = Model.load(str(path))
+    found = ranges(model)
+    assert found["J"] == pytest.approx((0.00214, 0.00226))
+    assert found["coulomb_friction.mu"] == pytest.approx((0.0322, 0.0338))
+    assert found["K_t"] == pytest.approx((0.9 * 0.0805, 1.1 * 0.0805))  # changed since: the tolerance
+    find_target("c").write(model, tmp_path / "m.c", standard_excitation(model))
+    assert "± 3e-05 (standard error of the fit)" in (tmp_path / "m.h").read_text(encoding="utf-8")

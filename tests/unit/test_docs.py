@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([*(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "decisions").glob("*.md")])
 FILES = [p for folder in ("signlin_ros", "sim_nodes", "tests", "benchmarks", "docs", "config")
          for p in (ROOT / folder).rglob("*.py")]  # fmt: skip
-EXAMPLES = {"effects/my_effect.py"}
+EXAMPLES = {"effects/my_effect.py", "export/my_target.py"}
 
 
 def files(name: str) -> list[Path]:
