@@ -77,7 +77,7 @@ def _parts(t: Array, breaks: Sequence[int], fault: Callable[[int], RecordError])
         cut = min(_restart(t, first), limit)
         parts.append((first, cut))
         first = cut
-        if len(parts) > MOST:
+        if len(parts) > MOST + len(known):
             raise fault(parts[1][0])
     sizes = [last - begin for begin, last in parts]
     if len(parts) > 2 and float(np.median(sizes)) < 10:

@@ -101,6 +101,12 @@ def _as_said(table: Table, spec: str) -> Times:
             return replace(times, notes=times.notes or said)
     labels = [head.label for head in table.headings]
     if not grammar.is_formula(spec):
+        own = clock(table.headings)
+        if own is not None and re.fullmatch(r"[cC]\d+", spec):
+            raise RecordError(
+                f"{table.source}: no time column {spec!r}: the file has names, and its time is {own.label!r}; leave "
+                f"--signal t={spec} out, and name the others as the file does: {listing(labels)}"
+            )
         missing = f"no time column {spec!r}; {listing(labels)}{nearest(spec, labels)}"
         raise RecordError(f"{table.source}: {missing}; or say --dt 0.01 where the rows are 0.01 s apart")
     return _formula(table, spec, body, unit)

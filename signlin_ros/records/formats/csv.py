@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros import units
 from signlin_ros.errors import RecordError
 from signlin_ros.files import TEXT
 from signlin_ros.records import limits
@@ -32,6 +33,7 @@ from signlin_ros.records.formats.layout import (
     opened,
     shortened,
 )
+from signlin_ros.records.formats.loggers import plain
 from signlin_ros.records.formats.regular import regular
 from signlin_ros.records.formats.stamps import directions, times_of_day
 from signlin_ros.records.header import Heading, heading
@@ -86,6 +88,9 @@ def read_table(path: Path, source: str, keep: Keep, asked: Sequence[str] = ()) -
         Empty, no rows, ragged rows, a cell that is not a number: with row, line and column named.
     """
     decoded, notes = _decoded(_unpacked(path, source), source)
+    told = plain(decoded)
+    if told is not None:
+        decoded, notes = told[0], (*notes, told[1])
     limits.check_cells(decoded, source)
     found = regular(decoded, source)
     if found is not None:
@@ -297,6 +302,10 @@ def _column(
         return head, np.array(numbers)
     except ValueError:
         given = [(i, cell) for i, cell in enumerate(found) if cell.lower() not in MISSING]
+    measured = _with_units(found, comma)
+    if measured is not None:
+        notes.append(Note(f"column {head.label!r} states its unit in every cell: {measured[0]}", "format", head.label))
+        return replace(head, unit=head.unit or measured[0]), measured[1]
     times = times_of_day(found) if keep is True else None
     if times is not None:
         notes.append(Note(f"{head.label!r} holds {times.what}; it counts in s from {times.start}", "clock", head.label))
@@ -314,7 +323,22 @@ def _column(
     if keep is True and len(words) <= 4 and not any(map(is_number, words)):
         hint = f"; it holds {', '.join(map(repr, words))}: directions are known as F/R, forward/reverse, +/-, CW/CCW"
     where = f"{text.shape.source}: {text.rows.name(bad)}, column {head.label!r}"
-    raise RecordError(f"{where}: {cell!r} is not a number{hint}")
+    raise RecordError(f"{where}: {shortened(cell)!r} is not a number{hint}")
+
+
+_MEASURED = re.compile(r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.,+-][^\s]*)")
+
+
+def _with_units(found: Sequence[str], comma: bool) -> tuple[str, Array] | None:
+    """The unit that every cell of a column states behind its number, ``0.005 sec``, and the numbers (R,); else None."""
+    given = {cell for cell in found if cell.lower() not in MISSING}
+    parts = {cell: _MEASURED.fullmatch(cell) for cell in given}
+    marks = {match[2] for match in parts.values() if match}
+    unit = next(iter(marks), "")
+    if len(marks) != 1 or not all(parts.values()) or units.parse(unit) is None:
+        return None
+    numbers = {cell: _number(match[1], comma) for cell, match in parts.items() if match}
+    return unit, np.array([numbers.get(cell, np.nan) for cell in found])
 
 
 def _number(cell: str, comma: bool) -> float:

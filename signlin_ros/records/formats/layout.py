@@ -24,6 +24,7 @@ from signlin_ros.records.notes import Note
 
 Integers = npt.NDArray[np.int64]
 
+csv.field_size_limit(1 << 30)  # a longer line is no fault of its own: its cells are counted as those of any other
 SEPARATORS = ("\t", ";", ",", "|", " ")
 """A blank stands for any run of white space."""
 MISSING = frozenset(
@@ -71,14 +72,19 @@ def layout(text: str, source: str) -> Layout:
     if not kept:
         raise RecordError(f"{source}: nothing but comments: no header and no rows")
     separator, width = _separator([lines[i] for i in kept])
+    kept = [i for i in kept[:LOOKED_AT] if lines[i].strip(f"{separator} ")] + [*kept[LOOKED_AT:]]
     first = _first_row(lines, kept, separator, width)
     if first is None:
         raise _no_rows(source, lines[kept[0]], kept, separator)
     names, unit_row, notes = _names(lines, kept, first, separator, width, source)
     if names is not None and len(names) < 2 <= width:
-        raise RecordError(
-            f"{source}: the header has one column, {names[0]!r}; separate columns by comma, semicolon, tab or blanks"
+        if _divided_otherwise(names[0], width, separator):
+            how = "separate columns by comma, semicolon, tab or blanks"
+            raise RecordError(f"{source}: the header has one column, {names[0]!r}; {how}")
+        called = (
+            f"the columns are called c1 to c{width}: the line before the numbers names none, {shortened(names[0])!r}"
         )
+        names, unit_row, notes = None, (), [Note(called, "format")]
     body, numbers = _without_comments(lines, kept[first:], separator, width)
     body, numbers = _without_empty(body, numbers, separator)
     header_line = lines[kept[first - 1 - bool(unit_row)]] if names is not None and first else None
@@ -89,6 +95,11 @@ def layout(text: str, source: str) -> Layout:
     header = names if names is not None else [f"c{i + 1}" for i in range(width)]
     header = _fitted(header, body, separator)
     return Layout(source, header, body, numbers, separator, names is not None, unit_row, runs, (*notes, *cut))
+
+
+def _divided_otherwise(line: str, width: int, separator: str) -> bool:
+    """Whether a line may be a header that another mark divides than the rows: as many words as these have cells."""
+    return any(len(cells(line, mark)) == width for mark in SEPARATORS if mark != separator)
 
 
 def _rows_of_text(text: str, lines: Sequence[str]) -> Sequence[int]:
@@ -265,11 +276,21 @@ def _without_headers(
 def _without_cut(
     body: list[str], numbers: Integers, separator: str, width: int, ended: bool
 ) -> tuple[list[str], Integers, list[Note]]:
-    """The rows without a last one that a crash cut off."""
-    if ended or len(body) < 3 or len(cells(body[-1], separator)) >= min(width, len(cells(body[-2], separator))):
+    """The rows without a last one that a crash cut off: it alone has fewer cells, or the file ends within one."""
+    if len(body) < 3 or not _is_cut(body[-1], body[-2], separator, width, ended):
         return body, numbers, []
     said = f"the last line ({numbers[-1]}) is cut off and left out: {shortened(body[-1])!r}"
     return body[:-1], numbers[:-1], [Note(said, "truncated")]
+
+
+def _is_cut(last: str, before: str, separator: str, width: int, ended: bool) -> bool:
+    if opened(last, separator) is not None:
+        return not ended and opened(before, separator) is None
+    found, whole = cells(last, separator), cells(before, separator)
+    if len(found) < min(width, len(whole)):
+        return True
+    there = found[-1] if found and len(found) == len(whole) else ""
+    return bool(not ended and there and is_value(whole[-1]) and not is_value(there) and there.lower() not in MISSING)
 
 
 def _fitted(header: list[str], body: Sequence[str], separator: str) -> list[str]:

@@ -8,6 +8,7 @@ and the sampling time ``Ts``.
 from __future__ import annotations
 
 import math
+import re
 import zipfile
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -29,6 +30,9 @@ Array = npt.NDArray[np.float64]
 
 _STEPS = ("ts", "dt", "sampletime", "sample_time", "sampling_time", "tsample", "t_s", "samplingtime")
 """What a sampling time in s may be called, in small letters."""
+_OWN_TIME = re.compile(r"\.(?:time|times|timestamps?|t|stamps?)\Z", re.IGNORECASE)
+SAME = 0.01
+"""Times that differ by less than this share of a step are taken for the same."""
 
 
 def read_table(path: Path, source: str, signals: Mapping[str, str]) -> Table:
@@ -43,7 +47,7 @@ def read_table(path: Path, source: str, signals: Mapping[str, str]) -> Table:
     RecordError
         Not such a file, no time vector.
     """
-    found = _first_rows(_one_time(dict(_variables(_load(path, source)))), signals)
+    found = _own_times(_first_rows(_one_time(_flat(dict(_variables(_load(path, source))))), signals), signals)
     out = {name: why for name, why in ((name, _no_vector(value)) for name, value in found.items()) if why}
     vectors = {name: value.astype(np.float64) for name, value in found.items() if name not in out}
     headings = _headings(list(vectors))
@@ -77,6 +81,40 @@ def _one_time(found: dict[str, Any]) -> dict[str, Any]:
     first = next(iter(times.values()))
     same = [name for name, value in times.items() if np.array_equal(value, first)]
     return {"time": first, **{name: value for name, value in found.items() if name not in same}}
+
+
+def _flat(found: dict[str, Any]) -> dict[str, Any]:
+    """The variables, arrays with sides of one without these: [3 x 1 x samples] is [3 x samples]."""
+    flat = {name: np.squeeze(v) if isinstance(v, np.ndarray) and v.ndim > 2 else v for name, v in found.items()}
+    return {name: v if np.ndim(v) else found[name] for name, v in flat.items()}
+
+
+def _own_times(found: dict[str, Any], signals: Mapping[str, str]) -> dict[str, Any]:
+    """The variables, where every structure has times of its own: with one ``time`` where these are the same, or where
+    the others are interpolated at those that are mapped, or of which there are most.
+    """
+    times = {n: np.asarray(v) for n, v in found.items() if "." in n and _OWN_TIME.search(n) and not _no_vector(v)}
+    if len(times) < 2:
+        return found
+    spec = next((signals[key].strip() for key in signals.keys() & TIME_KEYS), "")
+    chosen = next((n for n in times if spec and n in (spec, f"{spec}.{n.rsplit('.', 1)[-1]}")), "")
+    base = times[chosen or max(times, key=lambda n: times[n].size)].reshape(-1).astype(np.float64)
+    rest = {n: v for n, v in found.items() if n not in times}
+    for name, t in times.items():
+        own = t.reshape(-1).astype(np.float64)
+        if own.size == base.size and np.allclose(own, base, rtol=0.0, atol=SAME * float(np.median(np.diff(base)))):
+            continue
+        stem = name.rsplit(".", 1)[0]
+        for other in [n for n in rest if n.startswith(f"{stem}.") and own.size in np.shape(rest[n])]:
+            rest[other] = _at(base, own, np.asarray(rest[other], dtype=np.float64))
+    return {**rest, chosen or "time": base}
+
+
+def _at(base: Array, own: Array, values: Array) -> Array:
+    """The values of a vector or matrix with times (N,), interpolated at others (T,)."""
+    table = np.atleast_2d(values if values.shape[-1] == own.size else values.T)
+    moved = np.stack([np.interp(base, own, row, left=np.nan, right=np.nan) for row in table])
+    return moved[0] if len(moved) == 1 else moved
 
 
 def _told(head: Heading) -> Heading:

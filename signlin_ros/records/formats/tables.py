@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,8 @@ from signlin_ros.records.table import Rows
 Array = npt.NDArray[np.float64]
 Column = tuple[str, str, npt.NDArray[np.generic]]
 """Name, unit ("" where the file states none), and values (R,)."""
+EPISODES = ("episode_index", "episode")
+"""What a column is called that counts the runs in a table."""
 
 
 def read_table(path: Path, source: str) -> Table:
@@ -57,7 +59,16 @@ def _table(source: str, columns: Iterable[Column]) -> Table:
     if len(sizes) != 1 or not values:
         listed = ", ".join(f"{head.label} ({column.size})" for head, column in zip(headings, values, strict=True))
         raise RecordError(f"{source}: the columns of numbers must be equally long; it has {listed or 'none'}")
-    return Table(source, headings, values, Rows(np.arange(1, sizes.pop() + 1)), tuple(notes), exact=exact)
+    runs = _episodes(headings, values)
+    return Table(source, headings, values, Rows(np.arange(1, sizes.pop() + 1)), tuple(notes), runs=runs, exact=exact)
+
+
+def _episodes(headings: Sequence[Heading], values: Sequence[Array]) -> tuple[int, ...]:
+    """Return the rows at which another episode begins, where a column counts them."""
+    for head, column in zip(headings, values, strict=True):
+        if head.name in EPISODES:
+            return tuple((np.flatnonzero(np.diff(column) != 0) + 1).tolist())
+    return ()
 
 
 def _parquet(path: Path) -> Iterable[Column]:
@@ -79,7 +90,29 @@ def _arrow(path: Path) -> Iterable[Column]:
 def _arrow_columns(table: Any) -> Iterable[Column]:
     for name, column in zip(table.column_names, table.columns, strict=True):
         unit = (table.schema.field(name).metadata or {}).get(b"unit", b"").decode(errors="replace")
-        yield name, unit, column.to_numpy()
+        parts = _lists(column)
+        if parts is None:
+            yield name, unit, column.to_numpy()
+        else:
+            yield from ((f"{name}[{i}]", unit, part) for i, part in enumerate(parts))
+
+
+def _lists(column: Any) -> list[npt.NDArray[np.generic]] | None:
+    """Return the elements (R,) of a column whose cells hold lists of equally many numbers, as LeRobot writes them; None
+    where they do not.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    kind = column.type
+    if not (pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)):
+        return None
+    numbers = pa.types.is_floating(kind.value_type) or pa.types.is_integer(kind.value_type)
+    sizes = pc.unique(pc.list_value_length(column).drop_null()).to_pylist()
+    if not numbers or len(sizes) != 1 or column.null_count or sizes[0] == 0:
+        return None
+    values = pc.list_flatten(column).to_numpy(zero_copy_only=False).reshape(-1, sizes[0])
+    return [np.ascontiguousarray(values[:, i]) for i in range(sizes[0])]
 
 
 def _mdf(path: Path) -> Iterable[Column]:

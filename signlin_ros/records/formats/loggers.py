@@ -1,0 +1,304 @@
+"""Text of loggers that is no plain table, made one: LabVIEW, TwinCAT Scope, CODESYS, oscilloscopes, labels with values.
+
+Each is known by what stands at its beginning. What comes out is a table with names, units and the time in front, for
+`signlin_ros.records.formats.layout`; where signals have clocks of their own, cells are empty in between.
+
+- LabVIEW measurement file (.lvm): headers that end with ``***End_of_Header***``
+  [https://www.ni.com/en/support/documentation/supplemental/06/specification-for-the-labview-measurement-file---lvm-.html].
+- TwinCAT Scope: keys and values by channel, then time and value by channel.
+- CODESYS and ctrlX traces: ``[key]; [value]``, then time and value in a block for each variable.
+- Rigol (X, CH1, ..., Start, Increment), Tektronix TDS (keys in the first columns, beside the samples).
+- ``t:0.005, u:1.2`` and ``{"t": 0.005, "u": 1.2}``: a name before every value.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from signlin_ros.records.notes import Note
+
+Array = npt.NDArray[np.float64]
+Plain = tuple[str, Note]
+"""A table as text, and what is said of it."""
+Track = tuple[str, Array, Array]
+"""Name (with its unit), times (N,) s and values (N,) of a signal."""
+
+END = "***End_of_Header***"
+_LABELLED = re.compile(
+    r"\s*(?P<name>[A-Za-z_][\w./\[\]]*)\s*[:=]\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
+)
+_PAIRS = re.compile(r"[,;\s]*")
+LOOKED_AT = 50
+"""Lines that tell whether values have labels."""
+VOLTS = ("volt", "volts", "v")
+"""What an oscilloscope calls what a probe shows, whatever that measures: no unit of it."""
+TICKS = 1e-7
+"""What the stamps of TwinCAT count in, in s, where it is not ms."""
+
+
+def plain(text: str) -> Plain | None:
+    """Return the text of a logger as a table; None where it is none of those that are known here."""
+    start = text[:200].lstrip("\ufeff \n")
+    if start.startswith("LabVIEW Measurement"):
+        return _labview(text.split("\n"))
+    if start.startswith("[key]"):
+        return _codesys(text.split("\n"))
+    if start.startswith("Name") and re.search(r"^Start ?time of export", text[:4000], re.MULTILINE):
+        return _twincat(text.split("\n"))
+    first = start.split("\n", 1)[0]
+    if re.search(r"\bIncrement\b|\btInc\s*=", first):
+        return _rigol(text.split("\n"))
+    if first.startswith("Record Length,") and len(first.split(",")) >= 5:
+        return _tektronix(text.split("\n"))
+    return _labelled(text)
+
+
+# -------------------------------------------------------------------- what all of them become
+
+
+def _number(cell: str) -> float:
+    try:
+        return float(cell.strip().replace(",", "."))
+    except ValueError:
+        return np.nan
+
+
+def _table(tracks: Sequence[Track], what: str, time: str = "t [s]") -> Plain | None:
+    """Return signals as a table: at one time base where they have one, else each in rows of its own stamps."""
+    tracks = [one for one in tracks if one[1].size]
+    if not tracks:
+        return None
+    first = tracks[0][1]
+    said = f"{what}: {', '.join(name for name, _, _ in tracks)}"
+    header = ",".join([time, *(_quoted(name) for name, _, _ in tracks)])
+    if all(t.size == first.size and np.array_equal(t, first) for _, t, _ in tracks):
+        rows, columns = first, [y for _, _, y in tracks]
+    else:
+        rows = np.unique(np.concatenate([t for _, t, _ in tracks]))
+        columns = []
+        for _, t, y in tracks:
+            column = np.full(rows.shape, np.nan)
+            column[np.searchsorted(rows, t)] = y
+            columns.append(column)
+    return _lines(header, [rows, *columns]), Note(said, "format")
+
+
+def _lines(header: str, columns: Iterable[Array]) -> str:
+    cells = [["" if x != x else repr(x) for x in column.tolist()] for column in columns]
+    return "\n".join([header, *map(",".join, zip(*cells, strict=True))]) + "\n"
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', "'") + '"' if "," in name else name
+
+
+def _with_unit(name: str, unit: str) -> str:
+    return f"{name} [{unit}]" if unit.strip() and "[" not in name else name
+
+
+# -------------------------------------------------------------------- LabVIEW
+
+
+def _labview(lines: Sequence[str]) -> Plain | None:
+    """Return the segments of a measurement file, one below the other."""
+    keys = {cells[0]: cells[1].strip() for line in lines[:40] if len(cells := line.split("\t")) > 1}
+    mark = "," if keys.get("Separator", "Tab") == "Comma" else "\t"
+    tracks: dict[str, tuple[list[Array], list[Array]]] = {}
+    ends = [i for i, line in enumerate(lines) if line.startswith(END)]
+    for first, after in zip(ends[1:] or ends, [*ends[2:], len(lines)], strict=False):
+        top = max((i for i in ends if i < first), default=-1) + 1
+        for name, t, y in _segment(lines[top:first], lines[first + 1 : after], mark):
+            both = tracks.setdefault(name, ([], []))
+            both[0].append(t)
+            both[1].append(y)
+    whole = [(name, np.concatenate(t), np.concatenate(y)) for name, (t, y) in tracks.items()]
+    one = bool(whole) and all(np.array_equal(t, whole[0][1]) for _, t, _ in whole)
+    if one:
+        header = ",".join(["t [s]", *(_quoted(name) for name, _, _ in whole)])
+        said = f"a LabVIEW measurement file: {', '.join(name for name, _, _ in whole)}"
+        return _lines(header, [whole[0][1], *(y for _, _, y in whole)]), Note(said, "format")
+    return _table(whole, "a LabVIEW measurement file")
+
+
+def _segment(head: Sequence[str], body: Sequence[str], mark: str) -> list[Track]:
+    """Return the signals of one segment: its header's lines, then the names and the rows."""
+    keys = {cells[0]: [c.strip() for c in cells[1:]] for line in head if (cells := line.split(mark))[0]}
+    rows = [line.split(mark) for line in body if line.strip() and not line.startswith("Channels")]
+    if not rows:
+        return []
+    names = [name.strip() for name in rows[0]]
+    numbers = np.array([[_number(c) for c in (*row, *[""] * len(names))[: len(names)]] for row in rows[1:]])
+    numbers = numbers[np.isfinite(numbers).any(axis=1)] if numbers.size else np.zeros((0, len(names)))
+    units, steps, starts = keys.get("Y_Unit_Label", []), keys.get("Delta_X", []), keys.get("X0", [])
+    found, t, channel = list[Track](), None, 0
+    for j, name in enumerate(names):
+        if name == "X_Value":
+            t = numbers[:, j] if np.isfinite(numbers[:, j]).any() else None
+        elif name not in ("Comment", "") and j < numbers.shape[1]:
+            begin, step = (_number(x[channel]) if channel < len(x) else np.nan for x in (starts, steps))
+            own = t if t is not None else np.nan_to_num(begin) + step * np.arange(len(numbers))
+            there = np.isfinite(numbers[:, j]) & np.isfinite(own)
+            unit = units[channel] if channel < len(units) else ""
+            found.append((_with_unit(name, unit), own[there], numbers[there, j]))
+            channel += 1
+    return found
+
+
+# -------------------------------------------------------------------- controllers
+
+
+def _twincat(lines: Sequence[str]) -> Plain | None:
+    """Return the channels of a Scope export: their names stand in the row that has several ``Name``, or the second."""
+    mark = next((m for m in "\t;," if m in lines[0]), "\t")
+    rows = [[c.strip() for c in line.split(mark)] for line in lines]
+    at = next((i for i, row in enumerate(rows) if i and row[0] == "Name"), None)
+    if at is None:
+        return None
+    keys: dict[str, list[str]] = {}
+    data: list[list[str]] = []
+    for row in rows[at:]:
+        cells = row[:-1] if len(row) % 2 and not row[-1] else row
+        if np.isfinite(_number(cells[0])) if cells else False:
+            data.append(cells)
+        elif cells and cells[0] and not data:
+            keys.setdefault(cells[0].split("[")[0].strip(), cells[1::2])
+    names, units = keys.get("Name", []), keys.get("Unit", [])
+    width = 2 * len(names)
+    table = np.array([[_number(c) for c in (*row, *[""] * width)[:width]] for row in data])
+    if not table.size:
+        return None
+    stated = _number((keys.get("SampleTime") or [""])[0])
+    tracks = []
+    for j, name in enumerate(names):
+        t, y = table[:, 2 * j], table[:, 2 * j + 1]
+        there = np.isfinite(t) & np.isfinite(y)
+        unit = units[j].strip("()[]") if j < len(units) else ""
+        tracks.append((_with_unit(name, unit), t[there] * _scope_unit(t[there], stated), y[there]))
+    return _table(tracks, "an export of TwinCAT Scope")
+
+
+def _scope_unit(t: Array, stated: float) -> float:
+    """Return what times count in, in s: ms, or ticks where steps are as many of these as the sample time says."""
+    step = float(np.median(np.diff(t))) if t.size > 1 else 0.0
+    ticks = np.isfinite(stated) and stated > 0.0 and abs(step * TICKS / (1e-3 * stated) - 1.0) < 0.1
+    return TICKS if ticks else 1e-3
+
+
+def _codesys(lines: Sequence[str]) -> Plain | None:
+    """Return the variables of a trace. Its times are in ms, or in µs where the steps would be longer than a second."""
+    names: dict[str, str] = {}
+    data: dict[str, list[tuple[float, float]]] = {}
+    now = ""
+    for line in lines:
+        cells = [c.strip() for c in line.split(";")]
+        match = re.match(r"(\d+)\.(Variable|Data)$", cells[0])
+        if match and match[2] == "Variable":
+            names[match[1]] = cells[1] if len(cells) > 1 else match[1]
+        elif match:
+            now = match[1]
+        if now and len(cells) >= 3 and (not cells[0] or match):
+            data.setdefault(now, []).append((_number(cells[1]), _number(cells[2])))
+    tracks = []
+    for key, rows in data.items():
+        pairs = np.array(rows)
+        pairs = pairs[np.isfinite(pairs).all(axis=1)]
+        step = float(np.median(np.diff(pairs[:, 0]))) if len(pairs) > 1 else 0.0
+        size = 1e-3 if step < 1000.0 else 1e-6
+        tracks.append((names.get(key, key), pairs[:, 0] * size, pairs[:, 1]))
+    return _table(tracks, "a trace of CODESYS, a block of times and values for each variable, read with times in ms")
+
+
+# -------------------------------------------------------------------- oscilloscopes
+
+
+def _rigol(lines: Sequence[str]) -> Plain | None:
+    """Return the channels of a Rigol oscilloscope, at the times that the header states."""
+    names = [c.strip() for c in lines[0].split(",")]
+    stated = {k.lower(): _number(v) for k, v in re.findall(r"\b(t0|tInc)\s*=\s*([-+\d.eE]+)", lines[0])}
+    if stated:
+        start, step, units, body = stated.get("t0", 0.0), stated.get("tinc", np.nan), list[str](), lines[1:]
+        names = [n for n in names if "=" not in n]
+    else:
+        second = [c.strip() for c in lines[1].split(",")]
+        pairs = dict(zip(names, second, strict=False))
+        start, step = _number(pairs.get("Start", "0")), _number(pairs.get("Increment", ""))
+        units, body = second, lines[2:]
+    if not np.isfinite(step):
+        return None
+    rows = [[_number(c) for c in (*line.split(","), *[""] * len(names))[: len(names)]] for line in body if line.strip()]
+    table = np.array(rows)
+    if not table.size:
+        return None
+    t = np.nan_to_num(start) + step * np.arange(len(table))
+    tracks = []
+    for j, name in enumerate(names):
+        known = name and name not in ("X", "Start", "Increment") and not name.lower().startswith("time")
+        if known and np.isfinite(table[:, j]).any():
+            unit = units[j] if j < len(units) and np.isnan(_number(units[j])) else ""
+            unit = "" if unit.lower() in VOLTS else unit
+            tracks.append((_with_unit(name, unit), t, table[:, j]))
+    return _table(tracks, f"an oscilloscope's table, a sample every {step:g} s")
+
+
+def _tektronix(lines: Sequence[str]) -> Plain | None:
+    """Return the channels of a Tektronix TDS, whose samples stand beside its keys: three columns, time and volts."""
+    rows = [[c.strip() for c in line.split(",")] for line in lines if line.strip()]
+    tracks = []
+    for first in range(0, len(rows[0]) - 4, 6):
+        keys = {row[first]: row[first + 1] for row in rows if len(row) > first + 1 and row[first]}
+        pairs = np.array([[_number(c) for c in row[first + 3 : first + 5]] for row in rows if len(row) >= first + 5])
+        there = np.isfinite(pairs).all(axis=1)
+        name = _with_unit(keys.get("Source", f"CH{first // 6 + 1}"), keys.get("Vertical Units", ""))
+        tracks.append((name, pairs[there, 0], pairs[there, 1]))
+    return _table(tracks, "an oscilloscope's table")
+
+
+# -------------------------------------------------------------------- a name before every value
+
+
+def _labelled(text: str) -> Plain | None:
+    """Return rows of labels with values, as ``t:0.005,u:1.2``, or of JSON; other lines are left out."""
+    lines = [line for line in text.split("\n") if line.strip()]
+    read: Callable[[str], dict[str, float] | None] = _json if lines and lines[0].lstrip().startswith("{") else _pairs
+    looked = [read(line) for line in lines[-LOOKED_AT:]]
+    good = [one for one in looked if one]
+    if len(lines) < 3 or len(good) < 0.8 * len(looked) or len(good[0]) < 2:
+        return None
+    found = [one for one in map(read, lines) if one]
+    names = list(dict.fromkeys(name for one in found for name in one))
+    columns = [np.array([one.get(name, np.nan) for one in found]) for name in names]
+    lost = len(lines) - len(found)
+    said = f"values with labels: {', '.join(names)}" + (f"; {lost} other lines are left out" if lost else "")
+    return _lines(",".join(map(_quoted, names)), columns), Note(said, "format")
+
+
+def _pairs(line: str) -> dict[str, float] | None:
+    """Return names and numbers of a line of nothing else."""
+    found, at = dict[str, float](), 0
+    while at < len(line.rstrip()):
+        match = _LABELLED.match(line, at)
+        if match is None:
+            return None
+        found[match["name"]] = float(match["value"])
+        between = _PAIRS.match(line, match.end())
+        at = between.end() if between else match.end()
+    return found or None
+
+
+def _json(line: str) -> dict[str, float] | None:
+    try:
+        row = json.loads(line)
+    except ValueError:
+        return None
+    if not isinstance(row, dict):
+        return None
+    numbers = {str(k): v for k, v in row.items() if isinstance(v, (int, float)) and not isinstance(v, bool)}
+    return {k: float(v) for k, v in numbers.items()} or None
+
+
+__all__ = ["plain"]
