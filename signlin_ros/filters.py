@@ -21,6 +21,8 @@ NYQUIST = 0.45
 """Part of the sampling rate from which on nothing is left to filter."""
 DIFFERENCES = 16
 """Fourth differences from which a noise is told."""
+ROUNDED = 1e-12
+"""Part of a value that arithmetic makes of what stands still, and no sensor does."""
 OUTLYING, SMOOTH = 5.0, 0.25
 """Times the median of a jump; part of coarse differences below which fine ones tell of a smooth signal."""
 
@@ -82,8 +84,10 @@ def _fourth(values: Array) -> float:
     if d.size < DIFFERENCES:
         return 0.0
     size = np.abs(d)
-    usual = np.median(size)  # none of what is held for long: all that changes tells of the noise then
-    return float(np.sqrt(np.mean(d[size <= OUTLYING * usual if usual > 0.0 else size >= usual] ** 2) / 70))
+    usual, rounded = float(np.median(size)), ROUNDED * float(np.abs(values).max())
+    if usual > rounded:
+        return float(np.sqrt(np.mean(d[size <= OUTLYING * usual] ** 2) / 70))
+    return float(np.sqrt(np.mean(d**2) / 70))  # what is held for long has none: all that changes tells of it then
 
 
 __all__ = ["low_pass", "sensor_noise", "slope"]

@@ -323,7 +323,7 @@ def _gain(base: Base, d: Discrete, u: Array, step: float) -> Array | None:
     if not d.A.size:  # a force that depends on the imposed motion alone: nothing is left to correct
         return np.zeros((0, len(d.C)))
     x, rates = _sizes(base, d.A, d.B, u)
-    if not (np.isfinite(d.A).all() and np.isfinite(x).all()):
+    if not (np.isfinite(d.A).all() and np.isfinite(x).all()) or not rates.any():
         return None
     size = np.maximum(x, 1e-9 * max(float(x.max(initial=0.0)), 1e-30))
     disturbed = np.where(_kinematic(base), 1e-6, TRUST) * np.maximum(rates, 1e-12)
