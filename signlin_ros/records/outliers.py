@@ -40,6 +40,8 @@ LEAST = 100
 """Samples that it takes to know what is usual."""
 OFTEN = 0.1
 """Largest share of wild samples of what has inertia: beyond, two sources write into one channel."""
+ROUNDS = 4
+"""Times that a record is looked through: what lies beside a wild sample shows when that is out."""
 PAIR, OTHERS = 2, 10
 """Most of them in a row, and peaks of the motion that it takes at least to know what is usual."""
 
@@ -66,18 +68,22 @@ def wild(record: ModelData, name: str) -> NDArray[np.bool_]:
     off = _departing(record, y)
     found = np.zeros(y.size, dtype=np.bool_)
     found[off if off.size <= max(FEW, SELDOM * y.size) else off[:0]] = True
-    for first, last in pairwise(gaps(record.t)):
-        there = first + np.flatnonzero(np.isfinite(y[first:last]) & ~found[first:last])
-        if there.size >= LEAST:
-            stepping = _stepping(record.u[there])
-            for calm in (~stepping, np.ones_like(stepping)):
-                found[there[_set_apart(y[there], calm)]] = True
+    for _ in range(ROUNDS):
+        before = int(found.sum())
+        for first, last in pairwise(gaps(record.t)):
+            there = first + np.flatnonzero(np.isfinite(y[first:last]) & ~found[first:last])
+            if there.size >= LEAST:
+                stepping = _stepping(record.u[there])
+                parts = [_set_apart(y[there], calm, 0 if before else FEW) for calm in (~stepping, stepping | ~stepping)]
+                found[there[np.concatenate(parts)]] = True
+        if before == found.sum():
+            break
     return found if found.sum() <= max(FEW, OFTEN * y.size) else np.zeros_like(found)
 
 
-def _set_apart(y: Array, calm: NDArray[np.bool_]) -> NDArray[np.intp]:
+def _set_apart(y: Array, calm: NDArray[np.bool_], few: int) -> NDArray[np.intp]:
     """Return the samples of y (T,), where it is ``calm``, that depart from both neighbours and come back, further than
-    all others: between the least of them and the next peak of the motion there is a factor `BEYOND`.
+    all others: between the least of them, more than ``few``, and the next peak of the motion is a factor `BEYOND`.
     """
     least, found = STEPS * quantum_of(_core(y)), np.zeros(y.size, dtype=np.bool_)
     for length in range(1, PAIR + 1):
@@ -88,7 +94,7 @@ def _set_apart(y: Array, calm: NDArray[np.bool_]) -> NDArray[np.intp]:
         floor = max(FAR * float(np.median(away)) / 0.6745, least)
         last = np.arange(1, sizes.size)
         beyond = (sizes[:-1] > floor) & (sizes[:-1] > BEYOND * sizes[1:])
-        beyond &= (last > FEW) & (last <= OFTEN * y.size) & (sizes.size - last >= np.maximum(last, OTHERS))
+        beyond &= (last > few) & (last <= OFTEN * y.size) & (sizes.size - last >= np.maximum(last, OTHERS))
         if not beyond.any():
             continue
         limit = sizes[:-1][beyond].min()
