@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -119,6 +120,7 @@ def heading(text: str, number: int = 0) -> Heading:
     return replace(_taken_apart(tidy(text)), number=number)
 
 
+@functools.lru_cache(maxsize=1 << 16)
 def _taken_apart(label: str) -> Heading:
     topic = label.startswith("/")
     for match in _BRACKETS.finditer(label):

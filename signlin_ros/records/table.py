@@ -182,14 +182,17 @@ class Record:
                 return found[0]
         return None
 
+    def _label(self, key: str) -> str:
+        return self.signals[key].label or key
+
     def _whole(self, key: str, wanted: str) -> bool:
-        return heading(self.labels[key]).whole(wanted)
+        return heading(self._label(key)).whole(wanted)
 
     def _bare(self, key: str, wanted: str) -> bool:
-        return heading(self.labels[key]).bare(wanted)
+        return heading(self._label(key)).bare(wanted)
 
     def _loose(self, key: str, wanted: str) -> bool:
-        return heading(self.labels[key], self.signals[key].number).loose(wanted)
+        return heading(self._label(key), self.signals[key].number).loose(wanted)
 
     def _other(self, key: str, wanted: str) -> bool:
         return key in self.series and wanted in self.series[key].names

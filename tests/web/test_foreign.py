@@ -113,7 +113,18 @@ def test_no_verb_of_the_worker_runs_code_that_was_not_agreed_to(tmp_path: Path) 
     run = str(tmp_path / "run.csv")
     args = {"model": str(model), "data": [run], "validation": [], "files": [run], "file": run, "signals": {}}
     args |= {"values": {}, "output": str(tmp_path / "out.yaml"), "effect": "mine", "report": str(tmp_path / "r.html")}
-    others = {"ready", "reader", "models", "columns", "record_curves", "compare_curves", "sample", "search", "written"}
+    others = {
+        "ready",
+        "reader",
+        "models",
+        "columns",
+        "record_curves",
+        "compare_curves",
+        "compare_xy",
+        "sample",
+        "search",
+        "written",
+    }
     for name in sorted(VERBS.keys() - others):
         with pytest.raises(CodeError):
             VERBS[name](args, lambda _: None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,7 @@ from signlin_ros.workbench import further
 from signlin_ros.workbench.calls import VERBS
 
 if TYPE_CHECKING:
-    from conftest import Client
+    from conftest import Client, Page, Server
 
 STATIC = Path(__file__).parents[2] / "signlin_ros" / "workbench" / "static"
 
@@ -216,3 +217,38 @@ def test_the_model_can_be_had_before_the_report_which_speaks_of_the_model_as_it_
     assert "What was added to the model" in report
     assert "The model has coulomb friction, added from these records." in report
     assert "+ coulomb friction" in report
+
+
+# -------------------------------------------------------------------- in the browser
+
+
+def test_what_is_looked_at_stays_where_it_is_and_numbers_are_typed(
+    server: Callable[..., Server], browser: Callable[..., Page], hidden_effect: Path
+) -> None:
+    page = browser(1280, 900)
+    page.open(server(str(hidden_effect / "model.yaml"), str(hidden_effect / "validation.csv")).address)
+    page.done("check")
+    page.press("do-compare")
+    page.done("compare")
+    page.driver.execute_script("document.getElementById('tuner').open = true")
+    page.wait(lambda: page.driver.find_elements("css selector", "#plots-tune[data-drawn]"), "the simulation")
+    from selenium.webdriver import Keys
+
+    page.type("type-J", Keys.CONTROL, "a", Keys.NULL, "0", Keys.ENTER)
+    assert page.driver.execute_script("return document.getElementById('type-J').validationMessage").startswith(
+        "allowed"
+    )
+    page.type("type-J", Keys.CONTROL, "a", Keys.NULL, "0,0021", Keys.ENTER)
+    page.wait(lambda: page.driver.find_element("id", "keep").is_enabled(), "the value to be taken")
+    seen = "return document.getElementById('keep').getBoundingClientRect().top"
+    keep = page.driver.find_element("id", "keep")
+    page.driver.execute_script("arguments[0].scrollIntoView({block: 'center', behavior: 'instant'})", keep)
+    before = page.driver.execute_script(seen)
+    for button in ("keep", "undo"):
+        with page.settling():
+            page.driver.find_element("id", button).click()
+        page.wait(lambda: page.driver.find_elements("css selector", "#plots-tune[data-drawn]"), "the simulation")
+        page.wait(lambda: abs(page.driver.execute_script(seen) - before) < 60, "the button to be where it was", 20)
+    wide = "return document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert page.driver.execute_script(wide) <= 0
+    assert page.chosen("type-J") == "0.0022"

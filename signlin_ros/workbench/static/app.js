@@ -40,6 +40,7 @@ function lost(...what) {
 }
 
 async function go(name, args) {
+  hold();
   if (name === "redraw") return draw();
   trouble = {};
   try {
@@ -73,23 +74,37 @@ async function take(files) {
 
 // -------------------------------------------------------------------- drawing
 
-// What is looked at stays where it is while what stands above it changes its height.
-function anchored(change) {
-  const found = document.elementsFromPoint(innerWidth / 2, Math.min(innerHeight * 0.4, 400)).map((e) => e.closest("[id]"));
-  const mark = found.find((e) => e?.closest("section.stage")) ?? document.activeElement?.closest("section.stage [id]");
-  const [id, top, home] = [mark?.id, mark?.getBoundingClientRect().top, mark?.closest("section.stage")?.id];
-  change();
-  const again = (id && document.getElementById(id)) || (home && document.getElementById(home));
-  if (!again || scrollY === 0) return;
-  const moved = again.getBoundingClientRect().top - top;
-  if (again.id === id && Math.abs(moved) > 1) scrollBy({ top: moved, behavior: "instant" });
+// What is looked at stays where it is while what stands above it changes its height, at once or a little later: from a
+// click on until somebody scrolls, or for some seconds.
+const HELD = 6000; // ms
+let held = null;
+
+function hold(ms = HELD) {
+  if (scrollY === 0) return;
+  const found = document.elementsFromPoint(innerWidth * 0.6, Math.min(innerHeight * 0.45, 420)).map((e) => e.closest("section.stage [id]") ?? e.closest("section.stage"));
+  const marks = found.filter(Boolean).flatMap((e) => [e, e.parentElement?.closest("section.stage [id]"), e.closest("section.stage")]).filter((e) => e?.id);
+  held = { marks: marks.map((e) => [e.id, e.getBoundingClientRect().top]), until: performance.now() + ms };
 }
+
+function kept() {
+  if (!held || performance.now() > held.until) return;
+  for (const [id, top] of held.marks) {
+    const element = document.getElementById(id);
+    if (!element?.offsetParent) continue;
+    const moved = element.getBoundingClientRect().top - top;
+    if (Math.abs(moved) > 1) scrollBy({ top: moved, behavior: "instant" });
+    return;
+  }
+}
+
+for (const name of ["wheel", "touchmove", "keydown", "pointerdown"]) addEventListener(name, () => { held = null; }, { passive: true, capture: true });
+new ResizeObserver(kept).observe(main);
 
 function draw() {
   if (!state) return;
-  anchored(() => {
-    for (const block of state.stages) stage(block);
-  });
+  if (!held || performance.now() > held.until) hold(1500);
+  for (const block of state.stages) stage(block);
+  kept();
   document.getElementById("loading")?.remove();
   const busy = Boolean(state.busy);
   if (!busy && wasBusy) say("Done.");
@@ -117,15 +132,22 @@ function stage(block) {
   section.dataset.busy = working;
   fill(section.querySelector(".head"), head(block, working));
   const body = section.querySelector(".body");
-  body.style.minHeight = state.busy || settling(body) ? `${body.offsetHeight}px` : ""; // nothing jumps while it is worked out
+  body.style.minHeight = `${body.offsetHeight}px`; // nothing jumps while it is worked out
   for (const d of body.querySelectorAll("details[id]")) opened.set(d.id, d.open);
   if (!typing(body)) fill(body, block.why ? null : RENDER[block.id](block, state, go));
   for (const d of body.querySelectorAll("details[id]")) if (opened.has(d.id)) d.open = opened.get(d.id) || (d.open && d.id === "mapping");
   fill(section.querySelector(".foot"), next(block));
+  release(body);
 }
 
 // Whether pictures are still to come.
-const settling = (body) => Boolean(body.querySelector(".plots:not([data-drawn])"));
+const settling = (body) => [...body.querySelectorAll(".plots:not([data-drawn])")].some((e) => e.offsetParent);
+
+// Give a stage the height that it has by itself, once nothing runs and its pictures are drawn.
+function release(body, tries = 40) {
+  if (!state.busy && (!settling(body) || tries === 0)) body.style.minHeight = "";
+  else if (!state.busy) setTimeout(() => release(body, tries - 1), 150);
+}
 
 // Whether somebody types there.
 function typing(body) {
@@ -164,7 +186,7 @@ function next(block) {
   const after = state.stages[order.indexOf(block.id) + 1];
   if (!block.done || !after || after.done || after.why || !DO[after.id] || checked(after) || state.busy) return null;
   const does = () => {
-    document.getElementById(`stage-${after.id}`).scrollIntoView();
+    document.getElementById(`stage-${after.id}`).scrollIntoView({ behavior: "instant" });
     go(NAMES[after.id] ?? after.id);
   };
   return h("div", { class: "row" }, h("button", { id: `next-${block.id}`, onclick: does }, `Next: ${DO[after.id]}`));
