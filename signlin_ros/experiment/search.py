@@ -100,8 +100,10 @@ class Search:
         u = self.bench.bias + rendered(parts, self.t, self.limits.slew)
         return np.asarray(np.clip(u, -self.limits.input, self.limits.input))
 
-    def screened(self, family: Family, parts: tuple[Part, ...], asked: float = 0.0) -> Tried | None:
-        """Return a command with its linear distances; None where a rival would leave the limits, or hardly move."""
+    def screened(self, family: Family, parts: tuple[Part, ...], asked: float = 0.0, floor: float = 0.0) -> Tried | None:
+        """Return a command with its linear distances, infinite where they were not asked for since one is less than the
+        ``floor``; None where a rival would leave the limits, or hardly move.
+        """
         u = self.command(parts)
         share, why, runs = self.bench.share(self.t, u, self.limits)
         if share > 1.0 - self.spare or not runs:
@@ -110,10 +112,22 @@ class Search:
         segments = {i: self.bench.segment(i, run) for i, run in enumerate(runs)}
         if not all(self._moves(s) for s in segments.values()):
             return None
-        linear = np.array([self.bench.linear(j, segments[i]) for i, j in self.pairs])
-        found = Tried(family, parts, u, share, np.where(linear >= LOST, 0.0, linear), asked=asked)
+        linear = np.full(len(self.pairs), np.inf)
+        for k in self._hardest():
+            i, j = self.pairs[k]
+            distance = self.bench.linear(j, segments[i])
+            linear[k] = 0.0 if distance >= LOST else distance
+            if linear[k] < floor:
+                break
+        found = Tried(family, parts, u, share, linear, asked=asked)
         self.tried.append(found)
         return found
+
+    def _hardest(self) -> list[int]:
+        """Return the places of the pairs, those first that the last command told least apart."""
+        if not self.tried:
+            return list(range(len(self.pairs)))
+        return [int(k) for k in np.argsort(self.tried[-1].linear, kind="stable")]
 
     def _moves(self, s: Segment) -> bool:
         """Tell whether a motion shows beyond the noise: of a record in which nothing moves nothing is concluded."""
@@ -206,7 +220,7 @@ class Search:
         best, left = None, len(LADDER)
         for k, part in enumerate(LADDER):
             self.tell(f"commands of {part * self.most:.3g}", (k + len(LADDER) * mix) / (2 * len(LADDER)))
-            level = self._screen(part * self.most)
+            level = self._screen(part * self.most, NEEDED)
             found = self._best_of(self._mixtures(level, part * self.most) if mix else level)
             if found is not None and best is None:
                 left = FURTHER + 1
@@ -216,16 +230,16 @@ class Search:
                 break
         return best
 
-    def _screen(self, peak: float) -> list[Tried]:
+    def _screen(self, peak: float, floor: float = 0.0) -> list[Tried]:
         """Return all families at a peak."""
         known = {one.family.name: one for one in self.tried if np.isclose(one.asked, peak)}
-        level = [known.get(f.name) or self.screened(f, f.at(peak), peak) for f in FAMILIES]
+        level = [known.get(f.name) or self.screened(f, f.at(peak), peak, floor) for f in FAMILIES]
         return [one for one in level if one]
 
     def _mixtures(self, level: Sequence[Tried], peak: float) -> list[Tried]:
         near = sorted(level, key=lambda one: -float(one.linear.min()))[:MIXED]
         families = [mixed(a.family, b.family) for n, a in enumerate(near) for b in near[n + 1 :]]
-        return [one for one in (self.screened(f, f.at(peak), peak) for f in families) if one]
+        return [one for one in (self.screened(f, f.at(peak), peak, NEEDED) for f in families) if one]
 
     def _best_of(self, level: Sequence[Tried]) -> Tried | None:
         worth = [one for one in level if float(one.linear.min()) >= REFIT_AT * RESERVE * ENOUGH]
@@ -257,7 +271,8 @@ class Search:
         g, best = np.random.default_rng(self.seed), one
         for _ in range(CHANGED):
             parts = changed(g, best.parts)
-            trial = self.screened(Family(f"{one.family.name}, refined", parts, one.family.texts), parts)
+            family = Family(f"{one.family.name}, refined", parts, one.family.texts)
+            trial = self.screened(family, parts, floor=best.least)
             if trial is not None and trial.peak <= one.peak * 1.001 and float(trial.linear.min()) > best.least:
                 trial = self.refitted(trial, best.least)
                 if trial.least > best.least:
@@ -268,8 +283,8 @@ class Search:
 
     def largest(self) -> Array:
         """Return the largest linear distance of every pair (pairs,) over all that was tried."""
-        none = np.zeros(len(self.pairs))
-        return np.asarray(np.max([none, *(one.linear for one in self.tried)], axis=0))
+        known = [np.where(np.isfinite(one.linear), one.linear, 0.0) for one in self.tried]
+        return np.asarray(np.max([np.zeros(len(self.pairs)), *known], axis=0))
 
     def by_family(self) -> list[Tried]:
         """Return the best command of each family: the quietest that is enough, else that of the largest distance."""
