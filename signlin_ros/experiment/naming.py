@@ -13,7 +13,7 @@ from signlin_ros.diagnosis.motion import Fitted, Motion
 from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError, choices, suggest
-from signlin_ros.experiment.setting import KIN, MOST, Known, known_rivals
+from signlin_ros.experiment.setting import MOST, Known, known_rivals
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
@@ -33,16 +33,8 @@ def open_names(content: Mapping[str, Any]) -> list[str]:
         kin = [e["effect"] for e in content["ranking"] if e["status"] == "rejected" and _family(e["effect"])]
         ties += [name for name in kin if _family(name) == _family(entry["effect"])]
         swapped += [tuple(t if n == entry["effect"] else n for n in named) for t in ties]
-    count: dict[str, int] = {}
-    for effects in fitted:
-        count[_family(effects[0]) if effects else ""] = count.get(_family(effects[0]) if effects else "", 0) + 1
-    found = list[str]()
-    for effects in dict.fromkeys(s for s in swapped if s not in fitted and len(set(s)) == len(s)):
-        family = _family(effects[0])
-        if len(fitted) + len(found) < MOST and (not family or count.get(family, 0) < KIN):
-            found.append("+".join(effects))
-            count[family] = count.get(family, 0) + 1
-    return found
+    new = [s for s in dict.fromkeys(swapped) if s not in fitted and len(set(s)) == len(s)]
+    return ["+".join(effects) for effects in new[: max(MOST - len(fitted), 0)]]
 
 
 def _family(effect: str) -> str:

@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 
 MOST = 5
 """Most rivals that are planned for: each pair costs refits."""
-KIN = 3
-"""Most laws of one family among them, the simplest and those of the least error."""
 EXCLUDED = 60.0
 """-2 log likelihood of the first records beyond the best rival's from which on one needs no experiment."""
 LEVEL = 2
@@ -70,17 +68,16 @@ def named(rivals: Sequence[Known], between: Sequence[str]) -> list[Known]:
 
 
 def chosen(rivals: Sequence[Known]) -> tuple[list[Known], list[Known]]:
-    """Return the rivals that are planned for, of each family no more than `KIN`, and those that are left out."""
-    kept, count, simple = list[Known](), dict[str, int](), dict[str, Known]()
-    for r in rivals:
-        family = _family(r)
-        if family and (family not in simple or len(r.parameters) < len(simple[family].parameters)):
-            simple[family] = r
-    for r in sorted(rivals, key=lambda r: r is not rivals[0] and r not in simple.values()):
-        family = _family(r)
-        if len(kept) < MOST and (not family or count.get(family, 0) < KIN):
-            kept.append(r)
-            count[family] = count.get(family, 0) + 1
+    """Return the rivals that are planned for, `MOST` at most, and those that are left out: the proposal, the simplest of
+    each family, then the next simplest of each.
+    """
+    order = sorted(rivals, key=lambda r: (r is not rivals[0], len(r.parameters)))
+    ranks, count = {}, dict[str, int]()
+    for r in order:
+        family = _family(r) or repr(r.effects)
+        ranks[r.effects] = count.get(family, 0)
+        count[family] = ranks[r.effects] + 1
+    kept = sorted(rivals, key=lambda r: (r is not rivals[0], ranks[r.effects]))[:MOST]
     kept.sort(key=list(rivals).index)
     return kept, [r for r in rivals if r not in kept]
 
