@@ -24,7 +24,7 @@ from signlin_ros.diagnosis.verbs import diagnose
 from signlin_ros.errors import SignlinError
 from signlin_ros.experiment.plan import Plan
 from signlin_ros.experiment.search import NEEDED
-from signlin_ros.experiment.setting import LEVEL, Known, bench_of, known_rivals
+from signlin_ros.experiment.setting import Known, bench_of, gains_of, known_rivals
 from signlin_ros.experiment.verbs import Wishes, designed
 from signlin_ros.fitting.fit import fit
 from signlin_ros.follow.data import load_sides
@@ -57,7 +57,7 @@ def margin(model: Any, records: Sequence[ModelData], rivals: Sequence[Known], tr
         sides = zip(c.candidate.coordinates, low.tolist(), high.tolist(), strict=True)
         own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in sides), starts={})
         starts = [c.theta, *c.sigma_points[:2]]
-        fits = [f for f in (fit(bench.problem, own, bench.problem.levels[LEVEL], x, 12) for x in starts) if f]
+        fits = [f for f in (fit(bench.problem, own, gains_of(bench.problem), x, 12) for x in starts) if f]
         costs["+".join(c.effects)] = min((f.cost for f in fits), default=np.inf)
     if true not in costs:
         return float("nan")

@@ -105,6 +105,8 @@ def experiment(
         plan = replace(plan, after=after.replace("MODEL", "MODEL.yaml", 1))
     try:
         write_text(output, plan.to_csv())
+        if plan.reference:
+            write_text(Path(output).with_suffix(".trajectory.yaml"), plan.to_trajectory("joint"))
     except OSError as error:
         raise InputError(f"-o: cannot write {output}: {error.strerror}") from error
     if report is not None:

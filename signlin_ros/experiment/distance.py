@@ -51,8 +51,10 @@ class Bench:
         return list(permutations(range(len(self.contenders)), 2))
 
     def inputs(self, u: Array) -> Array:
-        """Return all inputs (T, m) of the machine under a command u (T,)."""
-        return np.column_stack([u, *np.zeros((len(self.problem.base.inputs) - 1, u.size))])
+        """Return all inputs (T, m) of the machine under a command u (T,) of the first; others as by default."""
+        every = np.tile(self.problem.base.u0, (u.size, 1))
+        every[:, 0] = u
+        return every
 
     def run(self, i: int, t: Array, u: Array, theta: Array | None = None) -> Trajectory | None:
         """Return the motion of a rival, at its estimate by default; None where it diverges."""

@@ -78,7 +78,8 @@ class Remedy:
 class Plan:
     """The next experiment. ``verdict``: enough, little (less than is asked for) or none; ``t``, ``u`` (T,): the command
     of the input ``input`` in ``unit``; ``limits`` by name, ``assumed`` those that nobody gave; ``smallest``: by rival,
-    the smallest size of what it adds that would show, in words; ``preview``: what rivals would show.
+    the smallest size of what it adds that would show, in words; ``preview``: what rivals would show; ``reference``:
+    whether the command is the reference of a loop that is closed.
     """
 
     verdict: str
@@ -102,6 +103,7 @@ class Plan:
     after: str = ""
     preview: Any = field(default=None, repr=False, compare=False)
     tried: int = 0
+    reference: bool = False
 
     @property
     def step(self) -> float:
@@ -139,6 +141,16 @@ class Plan:
         """Return the command as a table: t and the input, as `signlin simulate` and a logger take it."""
         rows = (f"{t:.9g},{u:.9g}" for t, u in zip(self.t.tolist(), self.u.tolist(), strict=True))
         return "\n".join([f"t,{self.input}", *rows]) + "\n"
+
+    def to_trajectory(self, joint: str) -> str:
+        """Return a reference as a trajectory_msgs/JointTrajectory in YAML, positions and velocities of a joint."""
+        velocities = np.gradient(self.u, self.t)
+        lines = [f"joint_names: [{joint}]", "points:"]
+        for t, q, v in zip(self.t.tolist(), self.u.tolist(), velocities.tolist(), strict=True):
+            seconds, nanoseconds = divmod(round(1e9 * t), 10**9)
+            when = f"{{sec: {seconds}, nanosec: {nanoseconds}}}"
+            lines.append(f"- {{positions: [{q:.9g}], velocities: [{v:.9g}], time_from_start: {when}}}")
+        return "\n".join(lines) + "\n"
 
 
 def _finite(value: float) -> float | None:

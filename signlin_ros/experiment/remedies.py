@@ -17,7 +17,6 @@ from signlin_ros.experiment.search import NEEDED, Search
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
-from signlin_ros.simulation import Trajectory
 
 Array = NDArray[np.float64]
 
@@ -27,6 +26,8 @@ NOISE = 0.01
 """Noise of a channel that nobody recorded, as a part of its spread."""
 ADDED = 0.5
 """A known inertia that is added, as a part of the machine's own."""
+CURRENT, QUICK = "current", 2e-3
+"""A motor's current, and the time constant in s by which it becomes a state where the model has no inductance."""
 FASTER, WIDER = 4, 2.0
 """How many times as fast is sampled, and as wide limits are."""
 
@@ -61,9 +62,9 @@ def _channels(search: Search, both: Sequence[Pair], commands: Sequence[Array]) -
     plant = problem.base.plant
     every = [*problem.base.states, *problem.base.outputs]
     every += [plant.position] if plant.position_optional else []
-    every += [n for i in both[0] for n in bench.contenders[i].candidate.model.states if n.endswith(".position")]
+    every += [CURRENT] if _without_inductance(problem.base) else []
     for name in dict.fromkeys(every):
-        if name in problem.channels or "." in name or plant.motion_is_imposed():
+        if name in problem.channels or "." in name:
             continue
         for u in commands[:1]:
             wider = seen_with(bench, both[0], search.t, u, (*problem.channels, name))
@@ -135,10 +136,9 @@ def seen_with(bench: Bench, pair: Pair, t: Array, u: Array, channels: Sequence[s
     base = problem.base
     if base.plant.position in channels and base.plant.position not in base.states and base.plant.position_optional:
         base = base.with_options(with_position=True)
-    first = bench.contenders[i]
-    model = first.model_at(first.theta)
-    model = model.with_options(with_position=True) if base.with_position and not model.with_position else model
-    run = replace_model(first, model).run(first.theta, t, bench.inputs(u), bench.x0)
+    base = _showing(base, channels)
+    first, second = (_seen(bench.contenders[k], base) for k in (i, j))
+    run = first.run(first.theta, t, bench.inputs(u), bench.x0)
     if run is None or not set(channels) <= {*run.states, *run.outputs}:
         return None
     g, noise = np.random.default_rng(0), dict(zip(problem.channels, problem.noise.tolist(), strict=True))
@@ -147,18 +147,36 @@ def seen_with(bench: Bench, pair: Pair, t: Array, u: Array, channels: Sequence[s
     noisy = {c: v + size[c] * g.standard_normal(t.size) for c, v in measured.items()}
     data = ModelData(t, bench.inputs(u), noisy, None, base.inputs, base.states, dict(problem.units), "command")
     other = prepare(base, [data], tuple(channels))
-    pairs = (bench.contenders[i], bench.contenders[j])
+    pairs = (first, second)
     contenders = tuple(contender(other, c.model_at(c.theta), c.effects, c.information) for c in pairs)
     contenders = tuple(replace(c, size=old.size) for c, old in zip(contenders, pairs, strict=True))
     old = dict(zip(problem.channels, bench.spread.tolist(), strict=True))
     spread = np.array([old.get(c, size[c]) for c in channels])
-    gains = other.levels[problem.levels.index(bench.gains)]
+    gains = other.levels[min(problem.levels.index(bench.gains), len(other.levels) - 1)]
     return Bench(other, contenders, gains, spread, bench.x0, bench.bias, bench.used)
 
 
-def replace_model(c: Contender, model: Model) -> Contender:
-    """Return a rival whose model at its estimate is another one."""
+def _without_inductance(model: Model) -> bool:
+    """Tell whether a motor has no current as a state, since it has no inductance."""
+    return model.parameters.get("L_a") == 0.0
+
+
+def _showing(base: Model, channels: Sequence[str]) -> Model:
+    """Return a model that has its current as a state, by a small inductance, where that is asked for."""
+    if CURRENT not in channels or not _without_inductance(base):
+        return base
+    small = QUICK * base.parameters["R_a"]
+    return base.with_parameters({"L_a": small}).with_options(frozen=tuple(dict.fromkeys((*base.frozen, "L_a"))))
+
+
+def _seen(c: Contender, base: Model) -> Contender:
+    """Return a rival whose model at its estimate has the states of a base model."""
+    model = c.model_at(c.theta)
+    if base.with_position and not model.with_position:
+        model = model.with_options(with_position=True)
+    if model.parameters.get("L_a") != base.parameters.get("L_a") and _without_inductance(model):
+        model = model.with_parameters({"L_a": base.parameters["L_a"]}).with_options(frozen=base.frozen)
     return replace(c, models={c.theta.tobytes(): model})
 
 
-__all__ = ["Trajectory", "least", "remedies", "seen_with"]
+__all__ = ["least", "remedies", "seen_with"]

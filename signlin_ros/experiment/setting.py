@@ -14,6 +14,7 @@ from signlin_ros.experiment.contenders import Contender, contender, information_
 from signlin_ros.experiment.distance import Bench
 from signlin_ros.fitting.fit import evaluated, fit
 from signlin_ros.fitting.following import follow_records
+from signlin_ros.fitting.gains import Gains
 from signlin_ros.fitting.prepare import prepared
 from signlin_ros.fitting.problem import Problem
 from signlin_ros.model import Model
@@ -68,7 +69,7 @@ def named(rivals: Sequence[Known], between: Sequence[str]) -> list[Known]:
 
 
 def chosen(rivals: Sequence[Known]) -> tuple[list[Known], list[Known]]:
-    """Return the rivals that are planned for, `MOST` at most, and those that are left out: the proposal, the simplest of
+    """Return the rivals that are planned for, `MOST` at most, and those left out: the proposal, the simplest of
     each family, then the next simplest of each.
     """
     order = sorted(rivals, key=lambda r: (r is not rivals[0], len(r.parameters)))
@@ -91,7 +92,7 @@ def bench_of(given: Model, records: Sequence[ModelData], rivals: Sequence[Known]
     of interest is fitted anew at that size.
     """
     problem, _ = prepared(given, records, records)
-    gains = problem.levels[LEVEL]
+    gains = gains_of(problem)
     contenders, left = [], []
     for r in rivals:
         c = contender(problem, r.model, r.effects, None)
@@ -107,13 +108,18 @@ def bench_of(given: Model, records: Sequence[ModelData], rivals: Sequence[Known]
     return replace(bench, bias=_resting(bench))
 
 
+def gains_of(problem: Problem) -> Gains:
+    """Return the observer through which a command is judged."""
+    return problem.levels[min(LEVEL, len(problem.levels) - 1)]
+
+
 def _sized(problem: Problem, c: Contender) -> Array:
     """Return the estimate of a rival of which a size is of interest, at that size or beyond."""
     if c.size is None:
         return c.theta
     bounds = zip(c.candidate.coordinates, *(side.tolist() for side in c.bounds), strict=True)
     own = replace(c.candidate, coordinates=tuple(replace(k, low=a, high=b) for k, a, b in bounds), starts={})
-    found = fit(problem, own, problem.levels[LEVEL], c.theta, REFITTED)
+    found = fit(problem, own, gains_of(problem), c.theta, REFITTED)
     return np.asarray(c.theta if found is None else found.theta)
 
 
@@ -127,7 +133,7 @@ def so_far(problem: Problem, contenders: Sequence[Contender]) -> Array:
     """Return -2 log likelihood of the first records by each rival (rivals,), beside the best one; NaN where one cannot
     follow them.
     """
-    gains, costs = problem.levels[LEVEL], []
+    gains, costs = gains_of(problem), []
     for c in contenders:
         f = evaluated(problem, replace(c.candidate, starts={}), c.theta, gains)
         costs.append(np.nan if f is None else f.cost)
@@ -140,6 +146,8 @@ def _resting(bench: Bench) -> float:
     """
     problem, velocity = bench.problem, bench.problem.base.plant.velocity
     t = np.arange(0.0, SETTLES, problem.scale.step)
+    if problem.base.plant.closed_loop:
+        return bench.x0.get(problem.base.plant.position, 0.0)
     if velocity not in problem.base.states or t.size < 2:
         return 0.0
 
@@ -161,4 +169,4 @@ def _resting(bench: Bench) -> float:
     return 0.0
 
 
-__all__ = ["Known", "bench_of", "chosen", "known_rivals", "named", "open_ones", "so_far"]
+__all__ = ["Known", "bench_of", "chosen", "gains_of", "known_rivals", "named", "open_ones", "so_far"]

@@ -224,6 +224,7 @@ def _plan(
         after=after,
         preview=preview(search, best, told),
         tried=len(search.tried),
+        reference=base.plant.closed_loop,
     )
     return replace(plan, sentence=text.sentence(plan))
 

@@ -80,6 +80,40 @@ class Diagnosis:
                 process.wait()
 
 
+class Planning:
+    """``signlin experiment`` for a diagnosis that has ended in ``folder``, started at once; limits are what its record
+    visited.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.file, self.report_file = folder, folder / "next.csv", folder / "next.html"
+        verb = ["experiment", str(folder / "verdict.json"), "-o", str(self.file), "--report", str(self.report_file)]
+        command = [sys.executable, "-c", POLITELY % "cli", *verb, "--json"]
+        self._out, self._errors = (folder / "plan.json").open("wb"), (folder / "plan_errors.txt").open("wb")
+        streams = {"stdin": subprocess.DEVNULL, "stdout": self._out, "stderr": self._errors}
+        self._process = subprocess.Popen(command, **streams)  # type: ignore[call-overload]
+
+    @property
+    def running(self) -> bool:
+        """Whether the process is at work."""
+        return bool(self._process.poll() is None)
+
+    def result(self) -> dict[str, Any]:
+        """Return the plan as ``signlin experiment --json`` gives it; raise `SignlinError` where there is none."""
+        self._out.close()
+        self._errors.close()
+        if self._process.returncode == 0:
+            return dict(json.loads((self.folder / "plan.json").read_text(encoding="utf-8")))
+        last = (self.folder / "plan_errors.txt").read_text(errors="replace").strip().splitlines()
+        raise SignlinError(last[-1] if last else f"no plan: it ended with exit code {self._process.returncode}")
+
+    def stop(self) -> None:
+        """End it, if it is still running."""
+        if self.running:
+            self._process.kill()
+            self._process.wait()
+
+
 class Naming:
     """A `Question` put to a process, started at once."""
 
@@ -114,4 +148,4 @@ class Naming:
         self._process.communicate()
 
 
-__all__ = ["Diagnosis", "Naming"]
+__all__ = ["Diagnosis", "Naming", "Planning"]

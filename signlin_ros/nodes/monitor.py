@@ -1,7 +1,8 @@
 """The node ``monitor``: how wrong the linearizer's model is, since when, and what would make it right.
 
 Subscribes ``state`` or ``joint_states``, ``input``, ``linearizer/model`` and ``linearizer/model_yaml``; publishes
-``~/error``, ``~/verdict`` and ``/diagnostics``; services ``~/diagnose``, ``~/apply``, ``~/revert``, ``~/record``.
+``~/error``, ``~/verdict``, ``~/plan`` and ``/diagnostics``; services ``~/diagnose``, ``~/experiment``, ``~/apply``,
+``~/revert``, ``~/record``.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from std_srvs.srv import Trigger
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
 from signlin_ros.nodes import convert
-from signlin_ros.nodes.diagnosing import Diagnosis, Naming
+from signlin_ros.nodes.diagnosing import Diagnosis, Naming, Planning
 from signlin_ros.nodes.gather import Gathering
 from signlin_ros.nodes.joint import measured_states
 from signlin_ros.nodes.linearizer_logic import NANO, Refusal
@@ -66,6 +67,8 @@ class MonitorNode(ManagedNode):
         option = self.options
         self.logic: Any = None
         self.diagnosis: Diagnosis | None = None
+        self._planning: Planning | None = None
+        self._diagnosed: Path | None = None
         self._naming: Naming | None = None
         self._named: int | None = None
         self._changed_in = ""
@@ -89,10 +92,11 @@ class MonitorNode(ManagedNode):
         self.logic = MonitorLogic(settings, self.now())
         self._errors = self.create_publisher(Float64MultiArray, "~/error", RELIABLE)
         self._verdicts = self.create_publisher(String, "~/verdict", LATCHED)
+        self._plans = self.create_publisher(String, "~/plan", LATCHED)
         aside = ReentrantCallbackGroup()  # who waits for the linearizer's answer must not keep it, and all else, away
         target = f"{option['linearizer']}/set_parameters"
         self._client = self.create_client(SetParameters, target, callback_group=aside)
-        calls = {"diagnose": self._on_diagnose, "record": self._on_record}
+        calls = {"diagnose": self._on_diagnose, "record": self._on_record, "experiment": self._on_experiment}
         self._made = [self.create_service(Trigger, f"~/{name}", call) for name, call in calls.items()]
         self._made += [
             self.create_service(Trigger, "~/apply", self._on_apply, callback_group=aside),
@@ -130,7 +134,7 @@ class MonitorNode(ManagedNode):
         """Undo `set_up`."""
         for service in getattr(self, "_made", []):
             self.destroy_service(service)
-        for publisher in (getattr(self, "_errors", None), getattr(self, "_verdicts", None)):
+        for publisher in (getattr(self, n, None) for n in ("_errors", "_verdicts", "_plans")):
             if publisher is not None:
                 self.destroy_publisher(publisher)
         if self._client is not None:
@@ -145,10 +149,10 @@ class MonitorNode(ManagedNode):
         super().destroy_node()
 
     def _give_up(self) -> None:
-        for process in (self.diagnosis, self._naming):
+        for process in (self.diagnosis, self._naming, self._planning):
             if process is not None:
                 process.stop()
-        self.diagnosis = self._naming = None
+        self.diagnosis = self._naming = self._planning = None
 
     # ---------------------------------------------------------------- messages
 
@@ -219,6 +223,7 @@ class MonitorNode(ManagedNode):
             self._tell({"state": "changed", "kind": alarm.kind, "since": since / NANO, "sentence": sentence})
         self._look_after_naming()
         self._look_after_diagnosis()
+        self._look_after_plan()
 
     def _on_second(self) -> None:
         if not self.active or self.logic is None:
@@ -306,10 +311,30 @@ class MonitorNode(ManagedNode):
             self._tell({"state": "failed", "why": str(error), "sentence": str(error)})
             self.get_logger().warning(str(error))
             return
-        self._better = found.better_file if found.better_file.is_file() else None
+        self._better, self._diagnosed = found.better_file if found.better_file.is_file() else None, found.folder
         files = {"model_file": str(self._better or ""), "report": str(found.report_file)}
         self._tell({"state": "done", **files, **verdict})
         self.get_logger().info(f"diagnosis: {verdict.get('verdict')}; {found.folder}")
+
+    def _on_experiment(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        if self._diagnosed is None:
+            return _answer(response, False, "there is no diagnosis: call ~/diagnose first")
+        if self._planning is not None:
+            return _answer(response, False, "a plan is being made already")
+        self._planning = Planning(self._diagnosed)
+        self._plans.publish(String(data=json.dumps({"state": "running", "sentence": "a plan is being made"})))
+        return _answer(response, True, f"see ~/plan; files in {self._diagnosed}")
+
+    def _look_after_plan(self) -> None:
+        if self._planning is None or self._planning.running:
+            return
+        found, self._planning = self._planning, None
+        try:
+            plan = {"state": "done", "file": str(found.file), "report": str(found.report_file), **found.result()}
+        except SignlinError as error:
+            plan = {"state": "failed", "why": str(error), "sentence": str(error)}
+        self._plans.publish(String(data=json.dumps(plan)))
+        self.get_logger().info(f"plan: {plan['sentence']}")
 
     async def _on_apply(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._better is None:

@@ -48,6 +48,8 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
     errors, verdicts = graph.collect(Float64MultiArray, "/monitor/error"), graph.collect(String, "/monitor/verdict")
     graph.wait(lambda: errors, "the first error", PATIENCE)
     assert not trigger(graph, "apply").success
+    assert not trigger(graph, "experiment").success
+    plans = graph.collect(String, "/monitor/plan")
     graph.spin(3 * PERIOD)
     asked = trigger(graph, "diagnose")
     assert asked.success, asked.message
@@ -58,6 +60,10 @@ def test_what_is_found_is_applied_and_taken_back(graph: Any, tmp_path: Path) -> 
     )[-1]
     assert done["state"] == "done", done
     assert "coulomb_friction" in Model.load(done["model_file"]).effects
+    planned = trigger(graph, "experiment")
+    assert planned.success, planned.message
+    graph.wait(lambda: [m for m in plans if json.loads(m.data)["state"] in ("done", "failed")], "a plan", PATIENCE)
+    assert json.loads(plans[-1].data)["sentence"]
     speed, before = nominal.states.index("speed"), median(errors, nominal.states.index("speed"))
     applied = trigger(graph, "apply")
     assert applied.success, applied.message

@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import json
+import time
 from importlib import resources
 
 import jsonschema
 import numpy as np
 import pytest
+import yaml
 
 from signlin_ros import cli
+from signlin_ros.diagnosis.case import case
+from signlin_ros.diagnosis.criteria import DEFAULT
+from signlin_ros.diagnosis.motion import Motion
+from signlin_ros.diagnosis.rivals import rival
 from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment.families import FAMILIES, asked_by
 from signlin_ros.experiment.limits import limits_of
+from signlin_ros.experiment.naming import open_names
 from signlin_ros.experiment.parts import KINDS, Part, in_words, rendered, slowed
+from signlin_ros.experiment.plan import Plan
 from signlin_ros.experiment.search import changed
+from signlin_ros.experiment.setting import Known, chosen
 from signlin_ros.fitting.problem import prepare
 from signlin_ros.follow.data import load_sides
 from signlin_ros.model import Model
+from signlin_ros.nodes.diagnosing import Planning
 from signlin_ros.simulation import simulate
 
 DT = 0.005
@@ -112,6 +122,7 @@ def planned(one_way):
     return out
 
 
+@pytest.mark.slow
 def test_a_plan_is_at_rest_at_both_ends_and_within_its_limits_for_either_rival(planned):
     t, u = np.loadtxt(planned, delimiter=",", skiprows=1).T
     assert u[0] == u[-1] == 0.0
@@ -121,6 +132,7 @@ def test_a_plan_is_at_rest_at_both_ends_and_within_its_limits_for_either_rival(p
         assert np.abs(shown["speed"]).max() <= 60.0
 
 
+@pytest.mark.slow
 def test_a_plan_decides_what_the_first_record_could_not(one_way, planned, capsys):
     t, u = np.loadtxt(planned, delimiter=",", skiprows=1).T
     true = given().with_effect("coulomb_friction", mu=0.03)
@@ -134,6 +146,7 @@ def test_a_plan_decides_what_the_first_record_could_not(one_way, planned, capsys
     assert status["constant_load"] == "rejected"
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_file_and_the_json_keeps_its_schema(one_way, planned, tmp_path, capsys):
     arguments = ("experiment", one_way / "model.yaml", one_way / "first.csv", *BETWEEN)
     capsys.readouterr()
@@ -148,12 +161,52 @@ def test_the_same_seed_gives_the_same_file_and_the_json_keeps_its_schema(one_way
     assert f"{pair['expected']:.3g}" in content["sentence"]
 
 
+@pytest.mark.slow
 def test_the_report_has_a_preview_of_both_rivals(one_way, planned):
     assert planned.exists()
     text = (one_way / "next.html").read_text(encoding="utf-8")
     assert "coulomb friction" in text
     assert "signlin diagnose" in text
     assert (one_way / "next_files" / "preview_1.png").exists()
+
+
+@pytest.mark.slow
+def test_the_json_of_a_diagnosis_is_planned_for_in_a_process_of_its_own(one_way, tmp_path):
+    model, data, _ = load_sides(Model.load(one_way / "model.yaml"), [one_way / "first.csv"], ())
+    made = case(model, data)
+    motion = Motion(made.problem, made.unseen, DEFAULT, 1)
+    rivals = [rival(motion.fitted([name])).to_json() for name in ("coulomb_friction", "constant_load")]
+    content = {"ranking": [], "ladder": [{"effects": ["coulomb_friction"]}], "rivals": rivals}
+    content |= {"given_model": made.model.to_yaml(), "data": ["first.csv"]}
+    (tmp_path / "verdict.json").write_text(json.dumps(content))
+    (tmp_path / "first.csv").write_bytes((one_way / "first.csv").read_bytes())
+    planning = Planning(tmp_path)
+    while planning.running:
+        time.sleep(0.05)
+    plan = planning.result()
+    assert plan["rivals"] == ["coulomb friction", "constant load"]
+    assert (tmp_path / "next.csv").exists()
+
+
+def test_what_ties_and_was_not_fitted_is_planned_for():
+    row = {"effect": "coulomb_friction", "status": "ambiguous", "indistinguishable_from": ["constant_load"]}
+    kin = {"effect": "stribeck_friction", "status": "rejected", "indistinguishable_from": []}
+    content = {"ladder": [{"effects": ["coulomb_friction"]}], "ranking": [row, kin]}
+    content["rivals"] = [{"effects": ["coulomb_friction"]}]
+    assert open_names(content) == ["constant_load", "stribeck_friction"]
+
+
+def test_of_each_family_the_simplest_laws_are_planned_for():
+    def known(effect, size):
+        return Known((effect,), None, ("p",) * size, np.eye(size))
+
+    rivals = [known("lugre_friction", 6), known("constant_load", 1), known("stribeck_friction", 3)]
+    rivals += [known("dahl_presliding", 2), known("coulomb_friction", 1), known("play_friction", 3)]
+    kept, rest = chosen(rivals)
+    assert [r.effects[0] for r in kept][:2] == ["lugre_friction", "constant_load"]
+    assert "coulomb_friction" in {r.effects[0] for r in kept}
+    assert "dahl_presliding" in {r.effects[0] for r in kept}
+    assert len(rest) == 1
 
 
 # -------------------------------------------------------------------- what no command tells
@@ -226,3 +279,19 @@ def test_rivals_that_are_none_are_refused(one_way, tmp_path, capsys, between, to
     err = capsys.readouterr().err
     assert told in err
     assert len(err.strip().splitlines()) == 1
+
+
+# -------------------------------------------------------------------- a reference of a closed loop
+
+
+def test_a_reference_is_written_as_a_trajectory_message():
+    t = 0.5 * np.arange(4)
+    told = {"verdict": "enough", "sentence": "", "words": "", "input": "goal_position", "unit": "rad", "rivals": ()}
+    none = {"pairs": (), "families": (), "limits": {}, "assumed": (), "visits": {}, "units": {}, "smallest": {}}
+    plan = Plan(t=t, u=np.array([0.0, 1.0, 1.0, 0.0]), spare=0.2, reference=True, **told, **none)
+    message = yaml.safe_load(plan.to_trajectory("elbow"))
+    assert message["joint_names"] == ["elbow"]
+    assert [p["positions"] for p in message["points"]] == [[0], [1], [1], [0]]
+    assert message["points"][3]["time_from_start"] == {"sec": 1, "nanosec": 500000000}
+    np.testing.assert_allclose([p["velocities"][0] for p in message["points"]], [2.0, 1.0, -1.0, -2.0])
+    assert plan.to_csv().splitlines()[:2] == ["t,goal_position", "0,0"]
