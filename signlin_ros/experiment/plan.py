@@ -17,7 +17,8 @@ Array = NDArray[np.float64]
 class Told:
     """How well two rivals are told apart by the next record: ``expected``, the smaller of both ways and of sigma
     points, of -2 log likelihood; ``certainty``: standard errors over the windows of a second run; ``so_far``: by
-    the first records; ``most``: by any command that was tried; ``alike``: no command that was tried tells them apart.
+    the first records; ``most``: by any command that was tried; ``alike``: no command that was tried tells them apart;
+    ``nested``: so, since one is a richer law of the other's family, and nearly that one as the first records leave it.
     """
 
     rivals: tuple[str, str]
@@ -26,11 +27,12 @@ class Told:
     so_far: float
     most: float
     alike: bool = False
+    nested: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """Return one entry of ``pairs``."""
         numbers = {n: _finite(getattr(self, n)) for n in ("expected", "certainty", "so_far", "most")}
-        return {"rivals": list(self.rivals), **numbers, "alike": self.alike}
+        return {"rivals": list(self.rivals), **numbers, "alike": self.alike, "nested": self.nested}
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class Shown:
 def preview(search: Search, best: Tried, told: Sequence[Told]) -> list[Shown]:
     """Return what the two rivals that are hardest to tell apart, of those that are told, would show; both ways."""
     names = [c.name for c in search.bench.contenders]
-    hard = min((one for one in told if not one.alike), key=lambda one: one.expected, default=told[0])
+    hard = min((one for one in told if not (one.alike or one.nested)), key=lambda one: one.expected, default=told[0])
     i, j = (names.index(n) for n in hard.rivals)
     return [shown for shown in (_shown(search, best, a, b) for a, b in ((i, j), (j, i))) if shown]
 

@@ -22,7 +22,7 @@ def sentence(plan: Plan) -> str:
     """Return the answer in one sentence."""
     alike = [one for one in plan.pairs if one.alike]
     apart = [one for one in plan.pairs if not one.alike and one.expected >= NEEDED]
-    weak = [one for one in plan.pairs if not one.alike and one.expected < NEEDED]
+    weak = [one for one in plan.pairs if not (one.alike or one.nested) and one.expected < NEEDED]
     parts = []
     if apart:
         worst = min(apart, key=lambda one: one.expected)
@@ -44,14 +44,22 @@ def sentence(plan: Plan) -> str:
         told = f"no command within these limits tells {one.rivals[0]} from {one.rivals[1]}"
         more = f"; what would: {joined(helps[:3], 'or')}" if helps else "; nor does anything else that was tried"
         parts.append(f"{told}: most {one.most:.2g}, {NEEDED:g} is needed{more}")
+    if not parts:
+        parts = [_nested(one) for one in plan.pairs if one.nested]
     return _capital("; ".join(parts)) + "."
+
+
+def _nested(one: Told) -> str:
+    """Return that one rival is nearly the other one, in words."""
+    same = f"{one.rivals[0]} and {one.rivals[1]} are nearly the same, as the first records leave them"
+    return f"{same}, and one is a richer form of the other: no command tells them apart, the simpler will be named"
 
 
 def smallest(bench: Bench, told: Sequence[Told]) -> dict[str, str]:
     """Return by rival the smallest size of what it adds that the plan would show, in words: distances are squares."""
     found = {}
     for c in bench.contenders:
-        own = [one.expected for one in told if c.name in one.rivals and not one.alike]
+        own = [one.expected for one in told if c.name in one.rivals and not (one.alike or one.nested)]
         if c.size is None or not own or min(own) < NEEDED:
             continue
         i = c.index(c.size.name)
@@ -71,11 +79,12 @@ def _unit(model: Any, name: str) -> str:
     return str(resolve_unit(declared(model)[name].unit, model.plant, False))
 
 
-def notes(search: Search, rest: Sequence[Known]) -> tuple[str, ...]:
+def notes(search: Search, rest: Sequence[Known], told: Sequence[Told]) -> tuple[str, ...]:
     """Return what a user should know beside the answer."""
     found, bench, limits = [], search.bench, search.limits
     if limits.assumed:
         found.append(f"no limit was given for {joined(limits.assumed)}: what the first records visited is taken")
+    found += [_nested(one) for one in told if one.nested]
     if bench.bias:
         unit = {**bench.problem.base.units, **bench.problem.units}.get(bench.problem.base.inputs[0], "")
         found.append(f"the machine is held by {bench.bias:g} {unit} where it starts and ends; parts are about that")

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from signlin_ros.effects import EFFECTS
 from signlin_ros.errors import InputError
 from signlin_ros.experiment import text
+from signlin_ros.experiment.contenders import Contender
 from signlin_ros.experiment.distance import LOST, Bench, Pair
 from signlin_ros.experiment.limits import Limits, limits_of
 from signlin_ros.experiment.plan import Plan, Remedy, Row, Told
@@ -142,12 +144,19 @@ def _told(
         expected = min(_expected(search, best.u, p) for p in ((i, j), (j, i)))
         places = [k for k, p in enumerate(search.pairs) if set(p) == {i, j}]
         seen = float(best.certainties[places].min()) if best.certainties is not None and places else np.nan
-        most, alike = max(expected, 0.0), False
+        most, alike, nested = max(expected, 0.0), False, False
         if expected < NEEDED:
             most = max(expected, _most(search, (i, j), every, whole)) if least[i, j] >= NEEDED else least[i, j]
-            alike = bool(most < NEEDED)
-        found.append(Told((names[i], names[j]), expected, seen, abs(float(first[i] - first[j])), most, alike))
+            nested = bool(most < NEEDED) and _kin(bench.contenders[i], bench.contenders[j])
+            alike = bool(most < NEEDED) and not nested
+        found.append(Told((names[i], names[j]), expected, seen, abs(float(first[i] - first[j])), most, alike, nested))
     return found
+
+
+def _kin(a: Contender, b: Contender) -> bool:
+    """Tell whether two rivals are laws of one family, one of them richer."""
+    families = [EFFECTS[c.effects[0]].family if len(c.effects) == 1 else "" for c in (a, b)]
+    return bool(families[0]) and families[0] == families[1] and a.theta.size != b.theta.size
 
 
 def _expected(search: Search, u: Array, pair: Pair) -> float:
@@ -200,7 +209,8 @@ def _plan(
     units = {**base.units, **bench.problem.units}
     apart = [one for one in told if not one.alike and one.expected >= NEEDED]
     enough = bool(apart) and all(one.expected >= ENOUGH for one in told if one.expected >= NEEDED)
-    verdict = "none" if not apart else "enough" if enough and len(apart) == len(told) else "little"
+    asked = [one for one in told if not one.nested]
+    verdict = "none" if not apart else "enough" if enough and len(apart) == len(asked) else "little"
     rows = tuple(_row(search, one, units.get(name, "")) for one in _rows(search, best))
     plan = Plan(
         verdict=verdict,
@@ -220,7 +230,7 @@ def _plan(
         units=units,
         smallest=text.smallest(bench, told),
         remedies=tuple(cures),
-        notes=text.notes(search, rest),
+        notes=text.notes(search, rest, told),
         after=after,
         preview=preview(search, best, told),
         tried=len(search.tried),
