@@ -34,7 +34,7 @@ Hold = str | float
 
 FIRST = "centred"
 """What is tried first: it lies between the others, so if one of them is better than held inputs, so is this."""
-OTHERS: tuple[Hold, ...] = (LINEAR, "backward", 0.25, 0.75)
+OTHERS: tuple[Hold, ...] = (LINEAR, "backward")
 LEADING = 3
 """Single laws that are fitted beside the base and the set that the force names."""
 NOISE = 1.1
@@ -51,12 +51,13 @@ SAID = {
 @dataclass(frozen=True, eq=False)
 class Tried:
     """A hold: mean squared errors (blocks, channels) over windows of the known data by the effects fitted beside the
-    base, and what gives those of unseen data.
+    base, what gives those of unseen data, and the coordinates ``at`` which they were found.
     """
 
     motion: Motion
     known: Mapping[Names, Array]
     unseen: Mapping[Names, Callable[[], Array]]
+    at: Mapping[Names, Array]
 
     @property
     def hold(self) -> Hold:
@@ -97,12 +98,12 @@ def with_hold(c: Case, motion: Motion, force: Testimony | None, criteria: Criter
         return None
     named = [first, *(one for hold in OTHERS if (one := _other(motion, force, hold)) is not None)]
     best = min(named, key=lambda one: one.level)
-    plain = min((one for one in named if isinstance(one.hold, str)), key=lambda one: one.level)
-    best = best if _better(plain, best, criteria) else plain  # a fraction only where no name is as good
     same = 2.0 * criteria.alike * len(c.problem.channels)
     best = first if best.hold == LINEAR and first.level - best.level < same else best
     unseen = gain(held.unseen[held.best](), best.unseen[best.best](), c.unseen.noise)
     if unseen.certainty < -criteria.worse:
+        return None
+    if not _better(_again(held, force, best), best, criteria):
         return None
     told = _said(c, held, best)
     problem = replace(best.motion.problem, notes=(*best.motion.problem.notes, told))
@@ -114,6 +115,7 @@ def _tried(motion: Motion, force: Testimony | None, stop: bool = False) -> Tried
     gains, problem, base = motion.problem.levels[1], motion.problem, motion.base
     known: dict[Names, Array] = {(): base.known_squares}
     rest: dict[Names, Callable[[], Array]] = {(): lambda: base.unseen_squares}
+    at: dict[Names, Array] = {}
     for names, start in _leading(force):
         if stop and at_noise(motion, min(known.values(), key=lambda squares: level(squares, problem.noise))):
             break
@@ -125,8 +127,9 @@ def _tried(motion: Motion, force: Testimony | None, stop: bool = False) -> Tried
         found = fit(motion.short, c, gains, theta, LAST)
         if found is not None:
             known[names] = windowed(problem, c, found.theta, gains)
+            at[names] = found.theta
             rest[names] = functools.partial(windowed, motion.unseen, c, found.theta, gains)
-    return Tried(motion, known, rest)
+    return Tried(motion, known, rest, at)
 
 
 def _leading(force: Testimony | None) -> Iterator[tuple[Names, Model]]:
@@ -138,6 +141,21 @@ def _leading(force: Testimony | None) -> Iterator[tuple[Names, Model]]:
     for f in [*chosen, *(one for one in single if one.names != force.fit.names)][: LEADING + 1]:
         with suppress(InputError):  # a value that a model may not have
             yield tuple(n for n, _ in f.members), force.with_laws(f)
+
+
+def _again(held: Tried, force: Testimony | None, other: Tried) -> Tried:
+    """Return held inputs with the laws that are best with another hold fitted from where they arrived there: a minimum
+    that a fit did not find is no hold.
+    """
+    motion, names, known = held.motion, other.best, dict(held.known)
+    start = next((model for one, model in _leading(force) if one == names), None)
+    if start is not None and names in other.at:
+        c, _ = motion.valued(names, start)
+        found = fit(motion.short, c, motion.problem.levels[1], other.at[names], LAST)
+        if found is not None:
+            squares = windowed(motion.problem, c, found.theta, motion.problem.levels[1])
+            known[names] = min(known.get(names, squares), squares, key=lambda one: level(one, motion.problem.noise))
+    return replace(held, known=known)
 
 
 def _other(motion: Motion, force: Testimony | None, hold: Hold) -> Tried | None:
@@ -168,7 +186,7 @@ def _said(c: Case, held: Tried, taken: Tried) -> str:
     k = int(np.argmin(b / a))
     channel = c.problem.channels[k]
     unit = c.problem.shown(c.problem.units.get(channel, c.model.units.get(channel, "")))
-    how = SAID.get(str(taken.hold), f"from {taken.hold} of a step before its sample on")
+    how = SAID[str(taken.hold)]
     what = f"with {listed(names)}" if names else "of the refitted model"
     figures = f"error of {channel} over {c.horizon:.3g} s {a[k]:.3g} -> {b[k]:.3g} {unit}"
     return f"the input acts {how} (input_hold: {taken.hold}): {figures} {what}, on the data fitted to"
