@@ -20,13 +20,13 @@ def reasons(cells: list[Cell]) -> list[str]:
     for cell in cells:
         if cell.percent is None and cell.why:
             found.setdefault(f"{cell.word}: {cell.why}", []).append(f"{cell.effect} in {cell.target}")
-        own = [line for line in cell.lost if line.startswith(cell.effect)]
-        for line in own if cell.target in ("mjcf", "bam", "isaaclab", "urdf") else ():
-            found.setdefault(f"lost in {cell.target}: {line}", [])
+        for line in cell.lost if cell.target in ("mjcf", "bam", "isaaclab", "urdf") else ():
+            if line.startswith(f"{cell.effect}: "):
+                found.setdefault(f"{cell.target}, lost: {line.split(': ', 1)[1]}", []).append(cell.effect)
     lines = []
     for why, where in found.items():
-        shown = f" ({', '.join(where[:3])}{' ...' if len(where) > 3 else ''})" if where else ""
-        lines.append(f"- {why}{shown}")
+        names = [f"`{name}`" if " " not in name else name for name in where]
+        lines.append(f"- {why} ({', '.join(names[:20])}{' ...' if len(names) > 20 else ''})")
     return lines
 
 

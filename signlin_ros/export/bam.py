@@ -41,6 +41,11 @@ def _load(found: dict[str, float], p: Values) -> str:
     return "load_friction_motor, load_friction_external (where motor and load push alike, BAM has their difference)"
 
 
+def _delay(found: dict[str, float], p: Values) -> str:
+    found["command_delay"] = found.get("command_delay", 0.0) + p["T"]
+    return "command_delay in s (Isaac Lab: min_delay and max_delay, in physics steps)"
+
+
 def _load_stribeck(found: dict[str, float], p: Values) -> str:
     said = _load(found, p)
     found |= {
@@ -58,6 +63,7 @@ LAWS: dict[str, Put] = {
     "stribeck_friction": _stribeck,
     "load_dependent_friction": _load,
     "load_dependent_stribeck": _load_stribeck,
+    "input_delay": _delay,
 }
 """By effect of the catalogue: what puts it into the file and says where."""
 

@@ -41,12 +41,11 @@ def carried(p: Mapping[str, float], drive: Drive, ends: Mapping[str, float]) -> 
     q, w = float(drive.x0[0]), float(drive.x0[1])
     found = np.empty((drive.t.size, 2))
     found[0] = q, w
-    goals = drive.input_at(drive.t)[:, 0].tolist()
     for k, span in enumerate(np.diff(drive.t).tolist()):
         count = max(1, math.ceil(span / STEP))
         h = span / count
-        for _ in range(count):
-            duty = max(-p["max_pwm"], min(p["max_pwm"], p["kp"] * p["error_gain"] * (goals[k] - q)))
+        for goal in drive.input_at(drive.t[k] + h * np.arange(count))[:, 0].tolist():
+            duty = max(-p["max_pwm"], min(p["max_pwm"], p["kp"] * p["error_gain"] * (goal - q)))
             current = (duty * p["vin"] - p["kt"] * w) / p["R"]
             if p.get("max_current"):
                 current = max(-p["max_current"], min(p["max_current"], current))

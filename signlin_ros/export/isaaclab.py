@@ -72,12 +72,11 @@ def _pd(p: dict[str, float], drive: Drive, ends: dict[str, float]) -> tuple[Arra
     q, w = float(drive.x0[0]), float(drive.x0[1])
     found = np.empty((drive.t.size, 2))
     found[0] = q, w
-    goals = drive.input_at(drive.t)[:, 0].tolist()
     for k, span in enumerate(np.diff(drive.t).tolist()):
         count = max(1, math.ceil(span / STEP))
         h = span / count
-        for _ in range(count):
-            effort = p["stiffness"] * (goals[k] - q) - p["damping"] * w
+        for goal in drive.input_at(drive.t[k] + h * np.arange(count))[:, 0].tolist():
+            effort = p["stiffness"] * (goal - q) - p["damping"] * w
             effort = max(-p["effort_limit"], min(p["effort_limit"], effort))
             moving = effort - weight * math.sin(q - p["q_offset"]) - p["viscous_friction"] * w
             stopping = -inertia * w / h - moving
@@ -95,7 +94,7 @@ def _implicit_cfg(simple: dict[str, float]) -> str:
 
 
 def _bam_cfg(found: dict[str, float], loop: dict[str, float]) -> str:
-    skipped = ("armature", "q_offset")
+    skipped = ("armature", "q_offset", "command_delay")
     inner = "\n".join(f"            {n!r}: {number(v)}," for n, v in found.items() if n not in skipped)
     given = [name for name in ("error_gain", "max_pwm", "max_current") if name in loop]
     more = "".join(f"\n            {name!r}: {number(loop[name])}," for name in given)

@@ -68,7 +68,9 @@ class Cell:
     @property
     def text(self) -> str:
         """The cell as it stands in a table."""
-        return self.word if self.percent is None else f"{self.percent:.2g}"
+        if self.percent is None:
+            return self.word
+        return f"{self.percent:.0f}" if self.percent >= 10 else f"{self.percent:.2g}"
 
 
 def bench() -> Model:
@@ -101,7 +103,7 @@ def models(base: Model | None = None) -> Iterator[tuple[str, Model | str]]:
             if base.operating_range:
                 found = found.with_options(operating_range={**own, **base.operating_range})
         except InputError as error:
-            yield name, str(error)
+            yield name, str(error).replace(f"{base.source}: ", "")
         else:
             yield name, found
 
@@ -112,7 +114,7 @@ def cell(name: str, model: Model, target: str, folder: Path) -> Cell:
     try:
         done = export(model, target, out)
     except InputError as error:
-        return Cell(name, target, None, "refused", str(error)[:200])
+        return Cell(name, target, None, "refused", str(error).replace(f"{model.source}: ", "")[:200])
     if done.loss.not_run:
         return Cell(name, target, None, "not run", done.loss.not_run, done.exported.holds, done.exported.lost)
     channel = done.loss.channels.get(model.plant.velocity)

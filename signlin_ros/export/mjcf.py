@@ -124,7 +124,7 @@ def _best(
     tried = [parts_of(model, *sizes)]
     if tried[0].bristle_is_free:
         tried += [parts_of(model, *sizes, bristle=b) for b in STIFFER[1:]]
-    tried = [*(_with_nearest(p, model, path) for p in tried if p.unheld), *tried]
+    tried += [_with_nearest(p, model, path) for p in tried if p.unheld]
     step, speed = float(np.median(np.diff(drive.t))), path[model.plant.velocity]
     best: tuple[float, Parts, Setting] = (np.inf, tried[0], Setting("implicitfast", min(TIMESTEPS[0], step)))
     try:

@@ -10,6 +10,7 @@ from typing import Any
 from signlin_ros.errors import InputError
 from signlin_ros.workbench import columns, questions
 from signlin_ros.workbench import trust as trusting
+from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.session import Session
 
 Args = dict[str, Any]
@@ -226,6 +227,15 @@ async def export(s: Session, args: Args) -> None:
     s.start("use", "writing", s.export)
 
 
+async def use(s: Session, args: Args) -> None:
+    """Write the model for another tool, and run it there."""
+    _possible(s, "use")
+    target = str(args.get("target"))
+    if target not in FILES:
+        raise InputError(f"no such target: {target!r}")
+    s.start("use", f"writing for {target}", lambda: s.use(target))
+
+
 async def cancel(s: Session, args: Args) -> None:
     """Stop what runs."""
     await s.cancel()
@@ -249,7 +259,7 @@ ACTIONS: dict[str, Callable[[Session, Args], Awaitable[None]]] = {
     f.__name__: f
     for f in (
         *(take, sample, model, role, drop, map_signal, remap, apart, cure, undo, redo, check, compare, diagnose),
-        *(add, learn, refit, write, keep, export, cancel, clear, trust),
+        *(add, learn, refit, write, keep, export, use, cancel, clear, trust),
     )
 }
 

@@ -22,6 +22,7 @@ from signlin_ros.errors import InputError
 from signlin_ros.model import Model, shipped_models
 from signlin_ros.records import ModelData
 from signlin_ros.workbench import arrays, sheet, tuning
+from signlin_ros.workbench.exporting import use
 from signlin_ros.workbench.looking import columns, points, propose, record_curves, search, span
 from signlin_ros.workbench.ranking import Ranking
 from signlin_ros.workbench.uploaded import CodeError, opened
@@ -401,6 +402,7 @@ VERBS: dict[str, Callable[[Args, Say], Answer]] = {
     f.__name__: f
     for f in (
         *(
+            use,
             ready,
             reader,
             models,

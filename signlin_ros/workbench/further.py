@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from signlin_ros.names import AS_GIVEN, REFITTED
 from signlin_ros.workbench import commands
-from signlin_ros.workbench.questions import asked_of, described, question, result, script
+from signlin_ros.workbench.formats import FILES
+from signlin_ros.workbench.questions import asked_of, described, question, result, script, used
 from signlin_ros.workbench.stages import EXCHANGED, before, block, check, checked_first
 from signlin_ros.workbench.wording import on_page
 
@@ -267,7 +268,16 @@ def use(s: Session) -> dict[str, Any]:
     if done and s.busy is not None and s.busy["stage"] == "use":
         text += " The report follows."
     files = there if done else []
-    return block("use", "", done, text, commands.launch_line(model), files=files, script=script(s))
+    other = _in_another_tool(s, folder)
+    return block("use", "", done, text, commands.launch_line(model), files=files, script=script(s), **other)
+
+
+def _in_another_tool(s: Session, folder: Path) -> dict[str, Any]:
+    """Return the targets, the chosen one, and what was found of it: files, what is held and lost, and the loss."""
+    target = str(s.project.choices.get("target") or "mjcf")
+    found = result(s, "use", used(s, target)) if s.project.choices.get("target") else None
+    names = [name for name in FILES[target] if (folder / name).is_file()]
+    return {"targets": list(FILES), "target": target, "loss": found["json"] if found and names else None, "made": names}
 
 
 def _launched(s: Session) -> str:

@@ -56,6 +56,11 @@ def asked_of(done: dict[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in done.items() if k != "verb"}
 
 
+def used(s: Session, target: str) -> dict[str, Any]:
+    """Return what a file for another tool is asked about: as a comparison, and for which."""
+    return {**question(s, "compare"), "target": target}
+
+
 def described(s: Session) -> Any:
     """Return what is known of the model."""
     model = s.project.choices["model"]
@@ -87,4 +92,4 @@ def reported(s: Session) -> dict[str, Any]:
     return {**asked, "added": added, "diagnosis": key, "command": commands.command(done[-1])}
 
 
-__all__ = ["AS_THEY_ARE", "asked_of", "described", "question", "reported", "result", "script", "step"]
+__all__ = ["AS_THEY_ARE", "asked_of", "described", "question", "reported", "result", "script", "step", "used"]

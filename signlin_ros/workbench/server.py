@@ -24,6 +24,7 @@ from starlette.staticfiles import StaticFiles
 from signlin_ros.errors import InputError, one_line
 from signlin_ros.workbench import columns, questions, safety
 from signlin_ros.workbench.actions import ACTIONS
+from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.lane import CancelledError, FaultError, RefusedError
 from signlin_ros.workbench.live import Live
 from signlin_ros.workbench.project import STORE, Project, lock, safe_name
@@ -39,7 +40,7 @@ BEAT = 5.0
 """Seconds after which a silent stream of events says which state there is; pages that show another one ask for it."""
 ENDED = {"kind": "ended"}
 """What ends a stream of events."""
-EXPORTED = ("model.yaml", "report.html", "replay.sh")
+EXPORTED = ("model.yaml", "report.html", "replay.sh", *(name for names in FILES.values() for name in names))
 SESSION = "signlin_project"
 
 

@@ -12,6 +12,7 @@ from typing import Any
 from signlin_ros.errors import InputError, one_line
 from signlin_ros.files import write_text
 from signlin_ros.workbench import columns, questions, stages
+from signlin_ros.workbench.formats import FILES
 from signlin_ros.workbench.lane import CancelledError, FaultError, Lane, RefusedError
 from signlin_ros.workbench.project import MODELS, Project
 from signlin_ros.workbench.shown import shown
@@ -359,6 +360,14 @@ class Session:
         write_text(folder / "model.yaml", described["yaml"] if described else model.read_text(encoding="utf-8"))
         write_text(folder / "replay.sh", questions.script(self))
         self.project.amend(exported=True)
+
+    async def use(self, target: str) -> None:
+        """Write the model for another tool into the folder ``export``, and run it there."""
+        asked = questions.used(self, target)
+        output = str(self.project.made("export") / FILES[target][0])
+        found = await self.work.call("use", {**asked, "output": output}, self._progress)
+        self.project.keep(self.project.key("use", asked), found)
+        self.project.amend(target=target)
 
     async def export(self) -> None:
         """Write the report beside them."""

@@ -219,6 +219,25 @@ def test_the_model_can_be_had_before_the_report_which_speaks_of_the_model_as_it_
     assert "+ coulomb friction" in report
 
 
+def test_the_model_is_had_for_another_tool_with_what_is_lost(client: Client, hidden_effect: Path) -> None:
+    project = client.project()
+    for name in ("model.yaml", "estimation.csv"):
+        client.put(project, name, (hidden_effect / name).read_bytes())
+    client.act(project, "take", files=["model.yaml", "estimation.csv"])
+    client.settled(project)
+    assert client.act(project, "use", target="spreadsheet")[0] == 404
+    client.act(project, "use", target="casadi")
+    block = client.settled(project)["stages"][5]
+    assert block["target"] == "casadi"
+    assert block["made"] == ["model_casadi.py"]
+    assert block["loss"]["against"] == "the measurement"
+    assert all(channel["target"] >= 0 for channel in block["loss"]["loss"].values())
+    assert block["loss"]["loss"]
+    status, text = client.ask("GET", f"/p/{project}/export/model_casadi.py")[:2]
+    assert status == 200
+    assert "def dynamics" in text
+
+
 # -------------------------------------------------------------------- in the browser
 
 

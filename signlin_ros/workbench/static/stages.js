@@ -501,11 +501,24 @@ const FILES = { "model.yaml": "Model (YAML)", "report.html": "Report (HTML)", "r
 
 function use(block, state, go) {
   if (block.why) return [];
+  const pick = h("select", { id: "target" }, (block.targets ?? []).map((t) => h("option", { value: t, selected: t === block.target }, t)));
   return [
     block.files?.length > 0 && h("div", { class: "row", id: "exported" }, block.files.map((f) => h("a", { class: "button", href: api.exported(f), target: f.endsWith(".html") ? "_blank" : null, download: f.endsWith(".html") ? null : "" }, FILES[f]))),
+    block.targets && h("div", { class: "row", id: "to-target" }, h("label", { for: "target" }, "For another tool"), pick, h("button", { id: "do-target", disabled: Boolean(state.busy), onclick: () => go("use", { target: pick.value }) }, "Write and run it there")),
+    block.loss && loss(block),
     state.model && h("details", {}, h("summary", {}, "The model file"), h("pre", { tabindex: 0 }, state.model.yaml)),
     block.script && h("details", { id: "script" }, h("summary", {}, "What was done, as a script"), h("pre", { tabindex: 0 }, block.script)),
   ];
+}
+
+// What a file for another tool holds and loses, with the errors as they were measured there.
+function loss(block) {
+  const found = block.loss;
+  const rows = Object.entries(found.loss).map(([name, c]) => h("tr", {}, h("td", {}, words(name)), [c.ours, c.target].map((v) => h("td", { class: "number" }, number(v))), h("td", {}, unit(c.unit)), h("td", { class: "number" }, `${number(c.percent)} %`)));
+  return h("div", { id: "loss" },
+    h("div", { class: "row" }, block.made.map((f) => h("a", { class: "button", href: api.exported(f), download: "" }, f))),
+    rows.length > 0 ? h("table", {}, h("caption", {}, `RMS errors against ${found.against}`), h("thead", {}, h("tr", {}, ["", "our exact model", `in ${found.target}`, "", "apart"].map((t) => h("th", { scope: "col" }, t)))), h("tbody", {}, rows)) : h("p", {}, `Not run: ${found.not_run}`),
+    h("ul", {}, [...found.holds.map((t) => `held: ${t}`), ...found.lost.map((t) => `lost: ${t}`), ...Object.entries(found.settings).map(([k, v]) => `${k}: ${v}`)].map((t) => h("li", {}, t))));
 }
 
 export const RENDER = { record, check, compare, diagnose, add, use };
