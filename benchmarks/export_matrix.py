@@ -19,14 +19,15 @@ def reasons(cells: list[Cell]) -> list[str]:
     found: dict[str, list[str]] = {}
     for cell in cells:
         if cell.percent is None and cell.why:
-            found.setdefault(f"{cell.word}: {cell.why}", []).append(f"{cell.effect} in {cell.target}")
+            found.setdefault(f"{cell.word}: {cell.why}", []).append(
+                cell.target if cell.word == "not run" else cell.effect
+            )
         for line in cell.lost if cell.target in ("mjcf", "bam", "isaaclab", "urdf") else ():
             if line.startswith(f"{cell.effect}: "):
                 found.setdefault(f"{cell.target}, lost: {line.split(': ', 1)[1]}", []).append(cell.effect)
     lines = []
     for why, where in found.items():
-        names = [f"`{name}`" if " " not in name else name for name in where]
-        lines.append(f"- {why} ({', '.join(names[:20])}{' ...' if len(names) > 20 else ''})")
+        lines.append(f"- {why} ({', '.join(f'`{name}`' for name in dict.fromkeys(where))})")
     return lines
 
 

@@ -39,7 +39,7 @@ SIZES: dict[str, dict[str, Any]] = {
     "compliant_load": {"k": 5.0, "c": 0.01, "J": 0.001},
     "backlash": {"k": 20.0, "c": 0.05, "J": 0.001, "gap": 0.02},
     "input_deadzone": {"d": 0.3},
-    "input_saturation": {"u_max": 2.0},
+    "input_saturation": {"u_max": 1.0},
     "input_delay": {"T": 0.013},
     "torque_constant_saturation": {"kappa": 0.05},
     "thermal_resistance": {"a": 0.0039, "C": 0.02, "R_th": 20.0},
