@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 ENOUGH = 20
 """Samples below which nothing is shown of a direction of motion."""
-PASSES = 0.5
+PASSES = 0.8
 """A wave passes the low-pass of the forces up to this part of its cut-off."""
 ALIKE = 0.02
 """Parts of a variance that differ by less are alike: then a force is shown over velocity."""
@@ -136,7 +136,7 @@ def _at(f: Judgement, name: str) -> Array:
 def _passing(velocity: Array, wave: Wave, cutoff: float) -> NDArray[np.bool_]:
     """Return at which velocities (N,) a wave passes the low-pass of the forces; all where it hardly does anywhere."""
     slow = np.abs(velocity) * wave.order < PASSES * TURN * cutoff
-    return slow if np.count_nonzero(slow) >= 10 * ENOUGH else np.ones(velocity.size, dtype=np.bool_)
+    return slow if np.count_nonzero(slow) >= 3 * ENOUGH else np.ones(velocity.size, dtype=np.bool_)
 
 
 def _turns(f: Judgement) -> bool:

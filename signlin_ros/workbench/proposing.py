@@ -57,6 +57,8 @@ DIRECTION = ("dir", "direction", "richtung", "drehrichtung", "sign", "sgn", "vor
 """In the name of a column that says which way it goes."""
 DUTY, FULL = ("pwm", "duty", "tastgrad", "throttle"), (1.0, 100.0, 255.0, 1000.0, 1023.0, 4095.0, 32767.0, 65535.0)
 """In the name of a column in parts of the supply, and what the whole of it may be."""
+ARDUINO = 255.0
+"""The full scale of a PWM of eight bits."""
 ALIKE = 0.9
 """Correlation of a derivative with a column from which on one is taken for the derivative of the other."""
 STILL = 3.0
@@ -89,7 +91,8 @@ def mapping(model: Model, records: Sequence[Record], given: Mapping[str, str]) -
 
 def _driven(label: str, records: Sequence[Record]) -> dict[str, Any]:
     """Return what a column that drives may need: ``direction``, a column of two values called so where it never changes
-    its own sign; ``full``, its largest value where it is a duty cycle or a PWM and has no unit.
+    its own sign; ``full``, what its full scale may be, the likeliest first, where it is a duty cycle or a PWM without
+    a unit.
     """
     signal = next((s for k, s in records[0].signals.items() if (s.label or k) == label), None)
     if signal is None or not np.isfinite(signal.values).any():
@@ -98,7 +101,9 @@ def _driven(label: str, records: Sequence[Record]) -> dict[str, Any]:
     tokens = _tokens(label)
     found: dict[str, Any] = {}
     if any(word in tokens for word in DUTY) and not signal.unit:
-        found["full"] = next((full for full in FULL if high <= full), None)
+        found["full"] = [full for full in FULL if high <= full]
+        if "pwm" in tokens and 1.0 < high <= ARDUINO:
+            found["full"] = [ARDUINO, *(full for full in found["full"] if full != ARDUINO)]
     ways = [name for name, _ in _common(records) if any(word in _tokens(name) for word in DIRECTION) and name != label]
     if low >= 0.0 and ways:
         found["direction"] = ways[0]

@@ -269,7 +269,7 @@ def test_a_pwm_is_offered_its_sign_and_its_full_scale() -> None:
         pwm=(np.round(200 * np.abs(np.sin(t))), ""), richtung=((np.sin(t) > 0) * 1.0, ""), speed=(np.cos(t), "rad/s")
     )
     rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [given], {})}
-    assert (rows["voltage"]["direction"], rows["voltage"]["full"]) == ("richtung", 255.0)
+    assert (rows["voltage"]["direction"], rows["voltage"]["full"][0]) == ("richtung", 255.0)
     signed = record(voltage=(np.sin(t), "V"), richtung=((np.sin(t) > 0) * 1.0, ""), speed=(np.cos(t), "rad/s"))
     rows = {r["signal"]: r for r in proposing.mapping(Model.load("dc_motor"), [signed], {})}
     assert "direction" not in rows["voltage"]

@@ -79,15 +79,15 @@ async function take(files) {
 const HELD = 6000; // ms
 let held = null;
 
-function hold(ms = HELD) {
-  if (scrollY === 0) return;
+function hold() {
+  if (scrollY === 0 || (held && state?.busy)) return;
   const found = document.elementsFromPoint(innerWidth * 0.6, Math.min(innerHeight * 0.45, 420)).map((e) => e.closest("section.stage [id]") ?? e.closest("section.stage"));
   const marks = found.filter(Boolean).flatMap((e) => [e, e.parentElement?.closest("section.stage [id]"), e.closest("section.stage")]).filter((e) => e?.id);
-  held = { marks: marks.map((e) => [e.id, e.getBoundingClientRect().top]), until: performance.now() + ms };
+  held = { marks: marks.map((e) => [e.id, e.getBoundingClientRect().top]), until: performance.now() + HELD };
 }
 
 function kept() {
-  if (!held || performance.now() > held.until) return;
+  if (!held || (performance.now() > held.until && !state?.busy)) return;
   for (const [id, top] of held.marks) {
     const element = document.getElementById(id);
     if (!element?.offsetParent) continue;
@@ -102,7 +102,8 @@ new ResizeObserver(kept).observe(main);
 
 function draw() {
   if (!state) return;
-  if (!held || performance.now() > held.until) hold(1500);
+  if (!held || performance.now() > held.until) hold();
+  else held.until = performance.now() + HELD; // what was clicked on is still being worked out
   for (const block of state.stages) stage(block);
   kept();
   document.getElementById("loading")?.remove();

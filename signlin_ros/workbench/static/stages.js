@@ -241,13 +241,13 @@ function signal(m, table, end, map) {
 function driven(m, end, map) {
   const plain = (label) => (/^[^\W\d]\w*$/.test(label) ? label : `"${label.split(" [")[0]}"`);
   const signed = m.direction ? `sign(${plain(m.direction)}) * ${plain(m.column)}` : plain(m.column);
-  const scaled = (volts) => map(m.signal, { formula: `${signed} * ${volts} / ${m.full}` });
+  const full = h("select", { id: `scale-${m.signal}${end}`, "aria-label": "Its full scale" }, (m.full ?? []).map((f) => h("option", { value: f }, f)));
   const take = (e) => {
     const volts = Number(e.target.value.replace(",", "."));
-    if (volts > 0) scaled(volts);
+    if (volts > 0) map(m.signal, { formula: `${signed} * ${volts} / ${full.value}` });
   };
   return [m.direction && h("div", {}, h("button", { class: "small primary", id: `signed-${m.signal}${end}`, onclick: () => map(m.signal, { formula: signed }) }, `Take its sign from ${m.direction}`)),
-    m.full && h("label", { class: "why" }, `${m.full} is `, h("input", { type: "text", inputmode: "decimal", class: "typed short", id: `full-${m.signal}${end}`, autocomplete: "off", placeholder: "12", onchange: take }), ` ${m.unit}${m.direction ? ", with that sign" : ""}`)];
+    m.full?.length > 0 && h("div", { class: "why" }, full, " is ", h("input", { type: "text", inputmode: "decimal", class: "typed short", "aria-label": "What full scale is", id: `full-${m.signal}${end}`, autocomplete: "off", placeholder: "12", onchange: take }), ` ${m.unit}${m.direction ? ", with that sign" : ""}`)];
 }
 
 // A field for a formula; while something is typed that was not taken yet, the page does not draw it anew.
