@@ -7,6 +7,7 @@ from dataclasses import replace
 from signlin_ros.diagnosis.judgement import Judgement, freed
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.witnesses import HALF
+from signlin_ros.errors import joined
 
 REST = ("structure", "elsewhere")
 """Why records are not explained, where more is left than the proposal takes away."""
@@ -32,11 +33,18 @@ def _weakest(j: Judgement) -> tuple[str, str] | None:
         size = j.final.certainty(name)
         if len(j.names) > 1 and _takes_nothing(j, j.without(name), bool(j.unexplained)):
             found[name] = size, "beside the others it takes away less than shows of what is missing"
+        elif more and len(j.names) > 1 and (bent := _bent(j, name)):
+            found[name] = size, f"only with {bent} that far from nominal it would take something away"
         elif more and size < _asked(j, name):
             told = f"{size:.1f} of its own standard errors from nothing, and more than noise is left"
             found[name] = size, f"{name} is {told}"
     name = min(found, key=lambda n: found[n][0], default="")
     return (name, found[name][1]) if name else None
+
+
+def _bent(j: Judgement, name: str) -> str:
+    """Return the base parameters that end far from nominal with an effect, and not without it."""
+    return joined(sorted(j.far.keys() - j.without(name).far(j.criteria).keys()) or [""])
 
 
 def _asked(j: Judgement, name: str) -> float:
