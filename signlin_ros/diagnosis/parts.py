@@ -29,11 +29,12 @@ def _weakest(j: Judgement) -> tuple[str, str] | None:
     """Return the effect that tells least, and why it does not tell; None where all do."""
     found = dict[str, tuple[float, str]]()
     more = j.unexplained in REST or not (j.unexplained or j.final.white)
+    least = min(j.names, key=lambda n: j.motion.gain(j.without(n), j.final).share) if len(j.names) > 1 else ""
     for name in j.names:
         size = j.final.certainty(name)
         if len(j.names) > 1 and _takes_nothing(j, j.without(name), bool(j.unexplained)):
             found[name] = size, "beside the others it takes away less than shows of what is missing"
-        elif more and len(j.names) > 1 and (bent := _bent(j, name)):
+        elif more and name == least and (bent := _bent(j, name)):
             found[name] = size, f"only with {bent} that far from nominal it would take something away"
         elif more and size < _asked(j, name):
             told = f"{size:.1f} of its own standard errors from nothing, and more than noise is left"

@@ -14,6 +14,7 @@ from signlin_ros.names import TIME
 
 _BRACKETS = re.compile(r"(?P<gap> ?)(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*(?:\([^()]*\)[^()]*)?)\))")
 _AFTER = re.compile(r"(?P<name>[^/,]*[^/, ]) ?(?:, ?|/ ?(?=\(?[^/]+(?:/[^/]+)?\)?\Z))\(?(?P<unit>[^,()]+)\)?\Z")
+_IN = re.compile(r"(?P<name>.*?)(?:^|\s)in (?P<unit>\S+)\Z")
 _FURTHER = "elapsed elapsed_time time_stamp datetime date_time date/time clock uptime ros_time tout rel_time stime utc"
 _FURTHER += " x_value sec secs seconds millis micros zeit date"
 _TIMES = (*TIME, *_FURTHER.split())
@@ -130,9 +131,12 @@ def _taken_apart(label: str) -> Heading:
             continue
         if match.start() and (spaced or (square and not unit) or _known(unit)):
             return Heading(label, label[: match.start()].rstrip(" /"), unit)
-    after = None if topic else _AFTER.match(label)
+    after = None if topic or _IN.match(label) else _AFTER.match(label)
     if after is not None and _known(after["unit"].strip()):
         return Heading(label, after["name"], after["unit"].strip())
+    inside = None if topic else _IN.match(label)
+    if inside is not None and _known(inside["unit"]):
+        return Heading(label, inside["name"].strip() or label, inside["unit"])
     name = re.sub(r"\s+\(.*\Z", "", label) or label
     suffix = None if topic else _SUFFIX.match(name)
     if suffix is not None and not _TIME.match(name):

@@ -63,6 +63,9 @@ def times_of(table: Table, signals: Mapping[str, str]) -> Times:
         return _two(table, *two)
     if best is not None and best.time is not None:
         return _column(table, best, best.time[1])
+    timed = next((head for head in table.headings if _counts(table, head)), None)
+    if timed is not None:
+        return _column(table, timed, timed.unit)
     if table.step is not None:
         return _even(table, table.step[1], f"the sampling time {table.step[0]}")
     if not table.named:
@@ -79,6 +82,16 @@ def times_of(table: Table, signals: Mapping[str, str]) -> Times:
         f"{table.source}: {kind}; {listing(labels)}; name it with --signal t=COLUMN (or signals: {{t: COLUMN}}), "
         "or say --dt 0.01 where the rows are 0.01 s apart"
     )
+
+
+def _counts(table: Table, head: Heading) -> bool:
+    """Whether a column is a time by its unit, and goes on from row to row: ``Source [Second]``, ``in s``."""
+    if not head.unit or head.suffix:
+        return False
+    parsed = units.parse(head.unit)
+    column = table.columns[table.headings.index(head)]
+    is_time = parsed is not None and parsed[1] == (0, 0, 1, 0, 0, 0)
+    return bool(is_time and np.isfinite(column).all() and column.size > 1 and (np.diff(column) > 0).mean() > 0.9)
 
 
 def _as_said(table: Table, spec: str) -> Times:

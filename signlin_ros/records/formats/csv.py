@@ -24,6 +24,7 @@ from signlin_ros.files import TEXT
 from signlin_ros.records import limits
 from signlin_ros.records.clean import Keep, Table
 from signlin_ros.records.formats.layout import (
+    MEASURED,
     MISSING,
     Layout,
     by_number,
@@ -326,13 +327,10 @@ def _column(
     raise RecordError(f"{where}: {shortened(cell)!r} is not a number{hint}")
 
 
-_MEASURED = re.compile(r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s*([^\d\s.,+-][^\s]*)")
-
-
 def _with_units(found: Sequence[str], comma: bool) -> tuple[str, Array] | None:
     """The unit that every cell of a column states behind its number, ``0.005 sec``, and the numbers (R,); else None."""
     given = {cell for cell in found if cell.lower() not in MISSING}
-    parts = {cell: _MEASURED.fullmatch(cell) for cell in given}
+    parts = {cell: MEASURED.fullmatch(cell) for cell in given}
     marks = {match[2] for match in parts.values() if match}
     unit = next(iter(marks), "")
     if len(marks) != 1 or not all(parts.values()) or units.parse(unit) is None:

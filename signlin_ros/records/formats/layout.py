@@ -34,6 +34,8 @@ MISSING = frozenset(
 LOOKED_AT = 200
 """So many lines at the end and as many from the start tell the layout."""
 _COMMENT = re.compile(r"\s*(?:#|//|%(?!time\b))")
+MEASURED = re.compile(r"([-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?)\s+([^\d\s.,+-][^\s]*)")
+"""A number and its unit in one cell: ``0.005 sec``."""
 _BY_NUMBER = re.compile(r"c\d+")
 _TIMELIKE = re.compile(
     r"(?:\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}[T ]?)?\s*(?:\d{1,2}:\d\d(?::\d\d)?(?:[.,]\d*)?)?"
@@ -130,8 +132,11 @@ def is_number(cell: str) -> bool:
 
 
 def is_value(cell: str) -> bool:
-    """Whether a cell holds a number, a date or a time of day."""
-    return is_number(cell) or ((":" in cell or cell.count("-") == 2) and bool(_TIMELIKE.fullmatch(cell)))
+    """Whether a cell holds a number, a number with its unit, a date or a time of day."""
+    if is_number(cell) or ((":" in cell or cell.count("-") == 2) and _TIMELIKE.fullmatch(cell)):
+        return True
+    match = MEASURED.fullmatch(cell)
+    return match is not None and units.parse(match[2]) is not None
 
 
 def _separator(lines: Sequence[str]) -> tuple[str, int]:

@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 import numpy.typing as npt
 
+from signlin_ros.records.header import heading
 from signlin_ros.records.notes import Note
 
 Array = npt.NDArray[np.float64]
@@ -30,8 +31,10 @@ Track = tuple[str, Array, Array]
 
 END = "***End_of_Header***"
 _LABELLED = re.compile(
-    r"\s*(?P<name>[A-Za-z_][\w./\[\]]*)\s*[:=]\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
+    r"\s*(?P<name>[A-Za-z_][\w./\[\]]*)\s*[:=]\s*(?P<value>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)"
+    r"\s*(?P<unit>(?:[A-Za-zµ°%/]+(?=[,;\s]|\Z))(?!\s*[:=]))?\s*"
 )
+_FIRST = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)[,;\s]+(?=[A-Za-z_])")
 _PAIRS = re.compile(r"[,;\s]*")
 LOOKED_AT = 50
 """Lines that tell whether values have labels."""
@@ -106,7 +109,7 @@ def _with_unit(name: str, unit: str) -> str:
 
 def _labview(lines: Sequence[str]) -> Plain | None:
     """Return the segments of a measurement file, one below the other."""
-    keys = {cells[0]: cells[1].strip() for line in lines[:40] if len(cells := line.split("\t")) > 1}
+    keys = {cells[0]: cells[1].strip() for line in lines[:40] if len(cells := re.split("[\t,]", line)) > 1}
     mark = "," if keys.get("Separator", "Tab") == "Comma" else "\t"
     tracks: dict[str, tuple[list[Array], list[Array]]] = {}
     ends = [i for i, line in enumerate(lines) if line.startswith(END)]
@@ -236,7 +239,9 @@ def _rigol(lines: Sequence[str]) -> Plain | None:
         return None
     t = np.nan_to_num(start) + step * np.arange(len(table))
     tracks = []
-    for j, name in enumerate(names):
+    for j, label in enumerate(names):
+        head = heading(label)
+        name = head.name if head.unit.lower() in VOLTS else label
         known = name and name not in ("X", "Start", "Increment") and not name.lower().startswith("time")
         if known and np.isfinite(table[:, j]).any():
             unit = units[j] if j < len(units) and np.isnan(_number(units[j])) else ""
@@ -280,14 +285,16 @@ def _labelled(text: str) -> Plain | None:
 def _pairs(line: str) -> dict[str, float] | None:
     """Return names and numbers of a line of nothing else."""
     found, at = dict[str, float](), 0
+    if bare := _FIRST.match(line):
+        found["c1"], at = float(bare[1]), bare.end()
     while at < len(line.rstrip()):
         match = _LABELLED.match(line, at)
         if match is None:
             return None
-        found[match["name"]] = float(match["value"])
+        found[_with_unit(match["name"], match["unit"] or "")] = float(match["value"])
         between = _PAIRS.match(line, match.end())
         at = between.end() if between else match.end()
-    return found or None
+    return found if len(found) > 1 or "c1" not in found else None
 
 
 def _json(line: str) -> dict[str, float] | None:

@@ -1,0 +1,63 @@
+"""What loggers write that is no plain table is read as one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from signlin_ros.errors import RecordError
+from signlin_ros.records import read_record
+
+ROWS = [(0.005 * k, 0.1 * k, 2.0 - 0.01 * k) for k in range(40)]
+"""Time in s, and two signals."""
+LVM = "LabVIEW Measurement\nSeparator\tTab\nX_Columns\tNo\n***End_of_Header***\nChannels\t2\n"
+LVM += "Delta_X\t0.005\t0.005\nX0\t0\t0\n"
+SCOPE = "Name\tP\nFile\tp\nStarttime of export\t1\n\nName\ta\tName\tb\nSampleTime[ms]\t5\tSampleTime[ms]\t5\n\n"
+LOGGERS = {
+    "no_times.lvm": LVM
+    + "***End_of_Header***\nX_Value\ta\tb\tComment\n"
+    + "\n".join(f"\t{a}\t{b}" for _, a, b in ROWS),
+    "scope.csv": SCOPE + "\n".join(f"{1e3 * t}\t{a}\t{1e3 * t}\t{b}" for t, a, b in ROWS),
+    "ticks.csv": SCOPE + "\n".join(f"{1e7 * t:.0f}\t{a}\t{1e7 * t:.0f}\t{b}" for t, a, b in ROWS),
+    "trace.trace": "[key]; [value]\n0.Variable; a\n0.Data;\n"
+    + "\n".join(f"; {1e3 * t}; {a}" for t, a, _ in ROWS)
+    + "\n1.Variable; b\n1.Data;\n"
+    + "\n".join(f"; {1e3 * t}; {b}" for t, _, b in ROWS),
+    "rigol.csv": "X,a,b,Start,Increment,\nSequence,Volt,Volt,0,5e-3\n"
+    + "\n".join(f"{k},{a},{b},,," for k, (_, a, b) in enumerate(ROWS)),
+    "rigol_new.csv": "a(V),b(V),t0 = 0.0, tInc = 5e-3,\n" + "\n".join(f"{a},{b},,," for _, a, b in ROWS),
+    "tds.csv": "\n".join(
+        f"{key},,{t},{a},,{other},,{t},{b},"
+        for (t, a, b), key, other in zip(
+            ROWS,
+            ["Record Length,40", "Source,a", *[","] * 38],
+            ["Record Length,40", "Source,b", *[","] * 38],
+            strict=True,
+        )
+    ),
+    "siglent.csv": "Record Length,40\nSource,a,b\nSecond,Volt,Volt\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS),
+    "in_units.csv": "in s,a in V,b in V\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS),
+    "labels.txt": "ready\n" + "\n".join(f"t:{1e3 * t}ms, a: {a}, b: {b}" for t, a, b in ROWS),
+    "lines.jsonl": "\n".join(f'{{"t": {t}, "a": {a}, "b": {b}, "s": "x"}}' for t, a, b in ROWS),
+    "cells.csv": "Time,a,b\n" + "\n".join(f"{1e3 * t} ms,{a} V,{b} V" for t, a, b in ROWS),
+    "cut.csv": "t,a,b\n" + "\n".join(f"{t},{a},{b}" for t, a, b in ROWS) + "\n0.2,3\n",
+}
+
+
+@pytest.mark.parametrize("name", LOGGERS)
+def test_loggers_that_write_no_plain_table(name: str, tmp_path: Path) -> None:
+    file = tmp_path / name
+    file.write_text(LOGGERS[name])
+    record = read_record(file)
+    assert len(record) == 40
+    np.testing.assert_allclose(np.diff(record.t), 0.005, atol=1e-9)
+    for column, signal in zip(np.array(ROWS).T[1:], ("a", "b"), strict=True):
+        np.testing.assert_allclose(record.signals[record.require(signal)].values, column, atol=1e-9)
+
+
+def test_a_line_beyond_any_limit_is_refused_with_its_place(tmp_path: Path) -> None:
+    file = tmp_path / "long.csv"
+    rows = [f"{t},{a},{b}" for t, a, b in ROWS]
+    file.write_text("\n".join(["t,a,b", *rows[:20], "x" * 140_000, *rows[20:]]) + "\n")
+    with pytest.raises(RecordError, match=r"row 21 \(line 22\) has 1 cells, the header 3 columns"):
+        read_record(file)
