@@ -86,7 +86,10 @@ def export(model: Model, target: str, out: str | Path, data: ModelData | None = 
         raise InputError(f"{path}: there is no folder {path.parent}")
     if model.plant.velocity not in (*model.states, *model.inputs):
         raise ModelError(f"{model.source}: export takes a drive of one moving mass; {model.plant.name} has several")
-    model = model if data is None else model.under(data.conditions)
+    if data is not None:
+        model = model.under(data.conditions)
+        if model.is_rotary is None and model.turns(data.units):
+            model = model.with_options(axis="rotary")  # the units of the record say so
     drive = standard_excitation(model) if data is None else drive_of(model, data)
     try:
         exported = found.write(model, path, drive)

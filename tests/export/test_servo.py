@@ -115,3 +115,20 @@ def test_record_of_a_servo_drives_the_file_under_its_own_gain(tmp_path, gain):
     assert found.loss.against == "the measurement"
     assert position.difference < 0.15 * position.ours  # the supply varies in the record, not in the file
     assert f"kp = {gain} -" in (tmp_path / "servo.xml").read_text()
+
+
+def test_units_of_a_record_say_that_the_axis_turns(tmp_path):
+    t = np.arange(0.0, 2.0, 0.01)
+    rows = np.column_stack([t, 0.3 * np.sin(3 * t), 0.1 * np.cos(3 * t)])
+    path = tmp_path / "run.csv"
+    np.savetxt(path, rows, delimiter=",", header="t,displacement [rad],force [N·m]", comments="", encoding="utf-8")
+    model = Model.load("mass_spring_damper")
+    export(model, "urdf", tmp_path / "turns.urdf", read_for_model(path, model))
+    assert 'type="continuous"' in (tmp_path / "turns.urdf").read_text()
+    export(model, "urdf", tmp_path / "slides.urdf")
+    assert 'type="prismatic"' in (tmp_path / "slides.urdf").read_text()
+
+
+def test_friction_that_grows_with_the_load_is_exported_with_its_equations(loaded_servo, tmp_path):
+    found = export(loaded_servo, "casadi", tmp_path / "servo.py")
+    assert _percent(found) < 2.0
