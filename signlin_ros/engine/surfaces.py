@@ -48,13 +48,17 @@ def _stuck_state(at, links, w):
             s = w[at.s + j] = w[at.right + links[SWITCH, j]]
             for i in range(n):
                 w[at.f + i] += w[at.slope + i * k + links[SWITCH, j]] * s
+            for i in range(q):
+                if links[SWITCH, i] >= 0:
+                    w[at.rate + i] += w[at.coupling + links[SWITCH, i] * k + links[SWITCH, j]] * s
 
 
 @inner
 def state_of(at, links, w):
     """Evaluate at z: F, g and dg/dt with the present signs and modes.
 
-    Where something is stuck, all that the code returns is there, and F holds the stuck signs, which go to ``s``. A
+    Where something is stuck, all that the code returns is there, and F and the rates of switches hold the stuck signs,
+    which go to ``s``. A
     coordinate that is stuck, or that nothing pushes, rests: its F is exactly 0.
     """
     stuck = False
