@@ -91,6 +91,9 @@ demo-live: install  ## a model watched, diagnosed and improved while the machine
 demo-experiment: install  ## a tie, the record that decides it, played over ROS 2, and the verdict
 	$(BIN)/python -m signlin_ros.demo.experiment --output $(OUT)
 
+demo-arm: install  ## an arm with hidden friction in one joint: named, added, and the error falls, over ROS 2
+	$(BIN)/python -m signlin_ros.demo.arm --output $(OUT)/arm
+
 soak: install    ## the faults of the fault harness for an hour: lost, late, repeated, corrupted messages, restarts
 	SIGNLIN_SOAK=3600 $(BIN)/python -m pytest -q tests/ros/test_faults.py
 

@@ -1,8 +1,8 @@
 """Hidden effects of a simulated arm: are joint and effect named, are neighbours left in peace?
 
-The truth is Pinocchio's forward dynamics, an independent program, under a PD controller with feed-forward from the wrong
-model, with friction that sticks and slips; its links differ from the URDF (mass 10 %, centre 1 cm, inertia 20 %); sensors
-are noisy, and the gears ripple. The model is the URDF with viscous and Coulomb friction in every joint.
+The truth is Pinocchio's forward dynamics, an independent program, under a PD controller with feed-forward from the
+wrong model, with friction that sticks and slips; its links differ from the URDF (mass 10 %, centre 1 cm, inertia 20 %);
+sensors are noisy, and the gears ripple. The model is the URDF with viscous and Coulomb friction in every joint.
 
 usage: python -m benchmarks.arms UR10E.urdf KIND COUNT SEED     (KIND: none, coulomb, load_dependent, payload, gain,
 compliance, stribeck, cubic_viscous, or all)
@@ -184,7 +184,7 @@ NAMES = {
 
 
 def judged(hidden, names, content):
-    """Return right, tie, other (right joint, other law), neighbour, missed, silent or false; and names that are false."""
+    """Return right, tie, other (right joint, other law), neighbour, missed, silent or false; and false names."""
     said = [entry["effect"] for entry in content["ranking"]]
     said += [f"coupling {a} {b}" for a, b in content["found_couplings"]]
     if hidden[0] == "none":

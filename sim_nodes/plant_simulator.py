@@ -114,9 +114,20 @@ class PlantSimulatorNode(ModelNode):
         if self._signal is not None:
             self._inputs.publish(convert.vector(self.u, "input"))
         self._states.publish(convert.vector(x, "state"))
+        if self.model.plant.name == "arm":
+            self._publish_joints(x)
+            return
         self._joint_states.publish(
             convert.joint_state(self.options["joint_name"], joint, self.origin + self.steps * self._period)
         )
+
+    def _publish_joints(self, x: Array) -> None:
+        """Publish all joints of an arm: positions, velocities, and the efforts that drive them."""
+        names = (*self.model.states, *self.model.inputs)
+        values = dict(zip(names, [*x.tolist(), *self.u.tolist()], strict=True))
+        joints = [name.removesuffix(".effort") for name in self.model.inputs]
+        stamp = self.origin + self.steps * self._period
+        self._joint_states.publish(convert.joints_state(values, joints, stamp))
 
 
 def main() -> int:

@@ -22,7 +22,7 @@ from signlin_ros.plants.joint import joint_plant
 from signlin_ros.recording.trace import Structure, resolve_unit
 from signlin_ros.robots import Robot
 
-_UNUSED = ("with_position", "with_load_torque", "axis", "gear", "operating_point")
+_UNUSED = ("with_position", "with_load_torque", "axis", "gear")
 
 
 @dataclass(frozen=True)
@@ -195,6 +195,8 @@ class ArmModel(Model):
     def _located(self, name: str) -> tuple[str, str]:
         """Return the key of an effect (empty: a joint's own parameter) and the parameter's name."""
         plain = name.removeprefix("parameters.").removeprefix("effects.")
+        for infix in (".parameters.", ".effects.", ".effort."):  # as a model file, and so ROS, has it
+            plain = plain.replace(infix, ".", 1)
         if declared_name(plain) in self.plant.pars() and place_of(plain) is None:
             return "", plain
         key, _, inner = plain.rpartition(".")
@@ -205,6 +207,12 @@ class ArmModel(Model):
     def _unknown(self, name: str) -> ModelError:
         known = list(self._by_name())
         return ModelError(f"{name}: unknown parameter; known: {choices(known)}{suggest(name, known)}")
+
+    def in_file(self, name: str) -> str:
+        """Return a parameter's name as a model file, and so ROS, has it: ``elbow.effects.coulomb_friction.mu``."""
+        joint, _, rest = name.partition(".")
+        section = {GAIN: "effort", MOTOR_INERTIA: "parameters"}.get(rest, "effects")
+        return f"{joint}.{section}.{rest}"
 
     def par_declarations(self) -> dict[str, Par]:
         """Return every parameter's declaration by name (``elbow_joint.coulomb_friction.mu``), units resolved."""

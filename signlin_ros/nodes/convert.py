@@ -101,6 +101,31 @@ def read_joint(message: JointState, joint: str) -> dict[str, float] | Refusal:
     return found
 
 
+def read_joints(message: JointState, joints: Sequence[str]) -> dict[str, float] | Refusal:
+    """Return position, velocity and effort of several joints by their names, ``elbow.position``; see `read_joint`.
+
+    Refused: a joint that is not there, or that has no position or no velocity, named.
+    """
+    found: dict[str, float] = {}
+    for joint in joints:
+        one = read_joint(message, joint)
+        if isinstance(one, Refusal):
+            return Refusal(one.kind, f"{joint}: {one.detail}" if one.kind != "missing" else one.detail)
+        lost = [name for name in ("position", "velocity") if name not in one]
+        if lost:
+            return Refusal("missing", f"no {' and no '.join(lost)} of joint {joint!r}")
+        found |= {f"{joint}.{name}": value for name, value in one.items()}
+    return found
+
+
+def joints_state(values: Mapping[str, float], joints: Sequence[str], stamp: int) -> JointState:
+    """Return values by name, ``elbow.position``, as a message of several joints, its time in ns."""
+    fields = {field: [float(values.get(f"{joint}.{field}", math.nan)) for joint in joints] for field in JOINT_FIELDS}
+    message = JointState(name=list(joints), **fields)
+    message.header.stamp = stamp_of(stamp)
+    return message
+
+
 # -------------------------------------------------------------------- writing
 
 

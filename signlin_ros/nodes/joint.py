@@ -17,6 +17,8 @@ def measured_states(model: Model, joint: Mapping[str, float]) -> dict[str, float
 
     The effort of a motor is K_t i, so it gives the current; elsewhere it is an input or an output.
     """
+    if model.plant.name == "arm":
+        return {name: value for name, value in joint.items() if name in model.states}
     names = {"position": model.plant.position, "velocity": model.plant.velocity}
     found = {name: joint[field] for field, name in names.items() if field in joint and name in model.states}
     if "current" in model.states and "effort" in joint:

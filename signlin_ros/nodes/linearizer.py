@@ -6,12 +6,14 @@ Subscribes ``state`` or ``joint_states``, and ``input``; publishes ``~/A``, ``~/
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
@@ -74,7 +76,7 @@ class LinearizerNode(ManagedNode):
         self._last_refused, self._latest, self._computing = 0, 0, 0.0
         backward = JumpThreshold(min_forward=None, min_backward=Duration(nanoseconds=-1), on_clock_change=True)
         self._jump = self.get_clock().create_jump_callback(backward, post_callback=self._on_jump)
-        self._renewing = False
+        self._renewing = self._has_input = False
         if self.options["model_file"]:
             self.renew(Model.load(self.options["model_file"]))
         on_change(self, self._try_changes, self._apply_changes)
@@ -84,13 +86,16 @@ class LinearizerNode(ManagedNode):
         """Make the logic and the publishers."""
         option = self.options
         self.logic = LinearizerLogic(self.model, self.now(), option["state_timeout"], option["observer"])
-        if option["state_source"] == "joint_state":
+        if option["state_source"] == "joint_state" and self.model.plant.name != "arm":
             self.logic.warm_up(self.model)
         self._publish_to = {
             name: self.create_publisher(Float64MultiArray, f"~/{name}", LATCHED) for name in ("A", "B", "c", "model")
         }
         self._yaml = self.create_publisher(String, "~/model_yaml", LATCHED)
         self._yaml.publish(String(data=_text(self.model)))
+        self._names = self.create_publisher(String, "~/names", LATCHED) if self.model.plant.name == "arm" else None
+        if self._names is not None:
+            self._names.publish(String(data=names_text(self.model)))
         self._say_hello()
 
     def begin(self) -> None:
@@ -115,10 +120,11 @@ class LinearizerNode(ManagedNode):
 
     def take_down(self) -> None:
         """Undo `set_up`."""
-        for publisher in (*getattr(self, "_publish_to", {}).values(), getattr(self, "_yaml", None)):
+        others = getattr(self, "_yaml", None), getattr(self, "_names", None)
+        for publisher in (*getattr(self, "_publish_to", {}).values(), *others):
             if publisher is not None:
                 self.destroy_publisher(publisher)
-        self.logic, self._publish_to, self._yaml = None, {}, None
+        self.logic, self._publish_to, self._yaml, self._names = None, {}, None, None
 
     def _say_hello(self) -> None:
         names = f"states {', '.join(self.model.states)}; inputs {', '.join(self.model.inputs)}"
@@ -132,15 +138,28 @@ class LinearizerNode(ManagedNode):
         return max(0.0, min(LONGEST_REST, self.model.update_period / 20, due / NANO))
 
     def _take_input(self, message: Float64MultiArray, now: int) -> None:
+        self._has_input = True
         self.logic.take_input(convert.read_input(message, self.model), now)
 
     def _take_state(self, message: Float64MultiArray, now: int) -> None:
         self.logic.take_state(convert.read_vector(message, len(self.model.states)), now)
 
     def _take_joint_state(self, message: JointState, now: int) -> None:
+        if self.model.plant.name == "arm":
+            self._take_joints(message, now)
+            return
         joint = convert.read_joint(message, self.joint)
         values = joint if isinstance(joint, Refusal) else measured_states(self.model, joint)
         self.logic.take_measured(values, convert.nanoseconds(message.header.stamp), now)
+
+    def _take_joints(self, message: JointState, now: int) -> None:
+        """Take all joints of an arm by name; efforts are its input where nobody publishes one."""
+        joints = [name.removesuffix(".effort") for name in self.model.inputs]
+        values = convert.read_joints(message, joints)
+        if not isinstance(values, Refusal) and not self._has_input and all(n in values for n in self.model.inputs):
+            self.logic.take_input(np.array([values[name] for name in self.model.inputs]), now)
+        shown = values if isinstance(values, Refusal) else measured_states(self.model, values)
+        self.logic.take_measured(shown, convert.nanoseconds(message.header.stamp), now)
 
     def _on_period(self) -> None:
         start = time.perf_counter()
@@ -265,6 +284,11 @@ class LinearizerNode(ManagedNode):
             self.renew(model)
         finally:
             self._renewing = False
+
+
+def names_text(model: Model) -> str:
+    """Return the names of states and inputs, in the order of A and B, as JSON."""
+    return json.dumps({"states": list(model.states), "inputs": list(model.inputs)})
 
 
 def _text(model: Model) -> str:

@@ -197,11 +197,27 @@ def _folder(files: Sequence[Path], effect_files: Iterable[str]) -> Path:
 
 def entries_of(model: Model) -> dict[str, Entry]:
     """Return all of a model as parameters by dotted name, so that ``ros2 param dump`` gives a model file."""
+    if model.plant.name == "arm":
+        return _arm_entries(model)
     found = {"plant": Entry(model.plant.name, "base equations")}
     found |= _parameter_entries(model)
     for key, use in model.effects.items():
         found[f"effects.{key}.type"] = Entry(use.type, "name of the effect in the catalogue")
     return found | _method_entries(model) | _fixed_entries(model)
+
+
+def _arm_entries(model: Model) -> dict[str, Entry]:
+    """Return all of an arm: the numbers of its joints, which can change, and what its file says besides."""
+    own = {name: value for name, value in model.to_dict().items() if name not in model.node_options}
+    content = {name: value for name, value in _flat(own) if value not in ([], ())}
+    found = {name: Entry(value, "of the model file of the arm") for name, value in content.items()}
+    numbers = {in_file(model, name): entry for name, entry in _parameter_entries(model).items()}
+    return found | numbers | {n: e for n, e in _method_entries(model).items() if not n.startswith("state_weights")}
+
+
+def in_file(model: Model, name: str) -> str:
+    """Return a parameter's name as ROS has it: of an arm, the joint's section stands in it."""
+    return str(getattr(model, "in_file", str)(name))
 
 
 def _parameter_entries(model: Model) -> dict[str, Entry]:
@@ -283,7 +299,8 @@ def changed(model: Model, changes: Mapping[str, Any]) -> Model:
     InputError
         A value that is not allowed, or one that would change the states or inputs.
     """
-    numbers = {name: value for name, value in changes.items() if name.startswith(("parameters.", "effects."))}
+    own = {in_file(model, name) for name in model.par_declarations()} if model.plant.name == "arm" else set()
+    numbers = {n: v for n, v in changes.items() if n.startswith(("parameters.", "effects.")) or n in own}
     options = {name: value for name, value in nested(changes).items() if name in _CHANGEABLE}
     for name in ("state_weights", "operating_range"):
         if name in options:

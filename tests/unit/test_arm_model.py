@@ -197,7 +197,9 @@ def test_friction_of_the_joint_itself_stays_with_it_beside_a_coupling():
 
 def test_a_joint_that_comes_to_rest_leaves_one_that_rests_alone():
     text = SMALL.with_suffix(".urdf").read_text()
-    text = text.replace('<mass value="1.8"/>', '<mass value="1.9"/>').replace('<mass value="1.0"/>', '<mass value="0.95"/>')
+    text = text.replace('<mass value="1.8"/>', '<mass value="1.9"/>').replace(
+        '<mass value="1.0"/>', '<mass value="0.95"/>'
+    )
     model, t = Model.from_dict(content(robot=text)), np.linspace(0.0, 0.01, 11)
     x0 = np.array([5.60216682e-03, 1.94155559, -6.48596885e-01, -3.58753736e-01, 7.65947757e-03, 0.0])
     run = simulate(model, t, np.tile([-1.00792342, 2.51494514, -1.02246243], (t.size, 1)), x0=x0, rtol=1e-5)
