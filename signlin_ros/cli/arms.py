@@ -37,6 +37,12 @@ def is_arm(model: Model) -> bool:
     return model.plant.name == "arm"
 
 
+def refuse(model: Model, what: str) -> None:
+    """Refuse a verb or an option that does not take arms."""
+    if is_arm(model):
+        raise InputError(f"{what}: does not take an arm; arms: compare, diagnose, add, refine, simulate, linearize")
+
+
 def refuse_elsewhere(model: Model, band: float | None, fit_share: float | None) -> None:
     """Refuse the options of arms where MODEL is none."""
     for name, value in (("--band", band), ("--fit-share", fit_share)):
@@ -105,4 +111,4 @@ def diagnosed(
     return {**content, "sentences": sentences(result), **written}, diagnose_text
 
 
-__all__ = ["arm_options", "compared", "diagnosed", "is_arm", "refuse_elsewhere"]
+__all__ = ["arm_options", "compared", "diagnosed", "is_arm", "refuse", "refuse_elsewhere"]

@@ -9,7 +9,7 @@ from typing import Any, cast
 
 import click
 
-from signlin_ros.cli.arms import arm_options, diagnosed, is_arm, refuse_elsewhere
+from signlin_ros.cli.arms import arm_options, diagnosed, is_arm, refuse, refuse_elsewhere
 from signlin_ros.cli.options import (
     Examples,
     Report,
@@ -158,6 +158,8 @@ def _diagnosed(
     original = Model.load(model)
     check_files(original, data, validation, output, SUFFIXES, report)
     if is_arm(original):
+        if report is not None:
+            refuse(original, "--report")
         return diagnosed(verb, original, data, validation, mapping, band, fit_share, output, effect)
     refuse_elsewhere(original, band, fit_share)
     loaded, first, second = load_sides(original, data, validation, mapping)

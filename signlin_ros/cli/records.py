@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from signlin_ros.cli.arms import arm_options, compared, is_arm, refuse_elsewhere
+from signlin_ros.cli.arms import arm_options, compared, is_arm, refuse, refuse_elsewhere
 from signlin_ros.cli.options import (
     Examples,
     Report,
@@ -64,6 +64,8 @@ def compare(
     original = Model.load(model)
     check_files(original, data, validation, report=report)
     if is_arm(original):
+        if report is not None:
+            refuse(original, "--report")
         return compared(original, data, validation, mapping, band, fit_share)
     refuse_elsewhere(original, band, fit_share)
     loaded, first, second = load_sides(original, data, validation, mapping)
@@ -107,6 +109,7 @@ def check(model: str, data: tuple[str, ...], signals: tuple[str, ...], cures: tu
     from signlin_ros.model import Model
 
     original = Model.load(model)
+    refuse(original, "check")
     check_files(original, data)
     loaded, records = load_records(original, data, mapping)
     _, findings = run(loaded, records, cures)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from signlin_ros.arms.data import Run
 from signlin_ros.arms.proposal import placed
-from signlin_ros.arms.told import sentences
+from signlin_ros.arms.told import effects_named, sentences
 from signlin_ros.arms.verbs import Diagnosis, diagnose
 from signlin_ros.demo.processes import DemoError, prefix
 from signlin_ros.errors import MissingExtraError
@@ -33,12 +33,12 @@ from signlin_ros.model.arm import ArmModel
 from signlin_ros.robots import inverse_dynamics
 
 Array = NDArray[np.float64]
-HIDDEN: tuple[str, dict[str, Any]] = ("shoulder.load_dependent_friction", {"kappa_d": 0.0, "kappa_e": 0.2})
+HIDDEN = "elbow.coulomb_friction"
 """What the true arm has and the model does not."""
 RATE, PERIOD, LEAST = 50.0, 0.1, 0.5
 """Commands and states per second; seconds for which a linearizer's model is held; part of the states that must come."""
-STIFFNESS, DAMPING = 120.0, 8.0
-"""Of the controller, in N·m/rad and N·m·s/rad."""
+STIFFNESS, DAMPING = np.array([20.0, 30.0, 8.0]), np.array([3.0, 5.0, 1.2])
+"""Of the controller, in N·m/rad and N·m·s/rad: soft, since commands may be late."""
 BAND, PATIENCE = 6.0, 120.0
 """Hz of the diagnosis; seconds to wait for a node."""
 
@@ -205,15 +205,15 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 def run(seconds: float, output: Path, say: Callable[[str], None]) -> tuple[Diagnosis, dict[str, Array]]:
     """Run the demo; return the diagnosis, and the errors of what each linearizer published."""
     place = prefix() / "share" / "signlin_ros" / "config" / "arm"
-    model = cast("ArmModel", Model.load(place / "small_arm.yaml"))
+    truth = cast("ArmModel", Model.load(place / "small_arm.yaml"))
+    model = truth.without_effect(HIDDEN)
     output.mkdir(parents=True, exist_ok=True)
-    truth = model.with_effect(HIDDEN[0], **HIDDEN[1]).placed_in(output)
     os.environ.setdefault("FASTRTPS_DEFAULT_PROFILES_FILE", str(place.parent / "fastdds_profile.xml"))
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     namespace = f"/arm_demo_{os.getpid()}"
     with tempfile.TemporaryDirectory(prefix="signlin_arm_") as logs, _nodes(namespace, Path(logs)) as (start, check):
         truth.save(output / "true_arm.yaml")
-        model.placed_in(output).save(output / "given_arm.yaml")
+        model.save(output / "given_arm.yaml")
         operator = Operator(model, namespace)
         try:
             say("starting the simulated arm (the first run on a machine compiles: some seconds) ...")
@@ -264,7 +264,9 @@ def main() -> None:
     say(f"velocities predicted by the published A, B, c, held for {PERIOD:g} s: RMS error in rad/s")
     for i, joint in enumerate(found.comparison.study.names):
         say(f"  {joint:10s} as given {rms['given'][i]:.4f}, with what was found {rms['found'][i]:.4f}")
-    content = {"named": [f.key.law for f in found.found], "rms": {k: v.tolist() for k, v in rms.items()}}
+    names = found.comparison.study.names
+    named = {names[i]: effects for i, effects in effects_named(found).items()}
+    content = {"named": named, "rms": {k: v.tolist() for k, v in rms.items()}}
     (options.output / "arm.json").write_text(json.dumps(content, indent=1), encoding="utf-8")
 
 

@@ -212,6 +212,7 @@ def _arm_entries(model: Model) -> dict[str, Entry]:
     content = {name: value for name, value in _flat(own) if value not in ([], ())}
     found = {name: Entry(value, "of the model file of the arm") for name, value in content.items()}
     numbers = {in_file(model, name): entry for name, entry in _parameter_entries(model).items()}
+    numbers = {n: e for n, e in numbers.items() if n in content or not n.endswith(".effort.gain")}  # given: in A
     return found | numbers | {n: e for n, e in _method_entries(model).items() if not n.startswith("state_weights")}
 
 
