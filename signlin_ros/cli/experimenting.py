@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -112,7 +111,9 @@ def experiment(
     if report is not None:
         from signlin_ros.experiment.report import experiment_report
 
-        experiment_report(plan, report, command=f"signlin experiment {shlex.join([source, *data])} -o {output}")
+        options = {"between": between, "limit": limits, "duration": duration, "spare": spare, "seed": seed}
+        options |= {"signal": signals, "cure": cures, "output": output}
+        experiment_report(plan, report, command=command_line(("experiment", source, *data), **options))
     return plan.to_json(), experiment_text
 
 

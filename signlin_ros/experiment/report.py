@@ -41,11 +41,17 @@ def experiment_report(plan: Plan, path: str | Path, command: str = "") -> Path:
         Section("The best command of each family", [_families(plan), Text(_FAMILIES, "note")]),
         Section("What else would tell", _remedies(plan)),
         Section("Notes", [Items([("", note) for note in plan.notes])] if plan.notes else []),
-        Section("Then", [Text("Record the command twice: one run to fit, one to validate."), Code(plan.after)]),
+        Section("Then", _then(plan)),
         Section("To reproduce", [Code(command)] if command else []),
     ]
     kind = {"enough": "adequate", "none": "unexplained"}.get(plan.verdict, "missing")
     return write_report(Page("The next experiment", (kind, plan.verdict), plan.sentence, sections, foot()), path)
+
+
+def _then(plan: Plan) -> list[Block]:
+    if plan.verdict == "none":
+        return [Text("The command of the largest distance is written all the same; a record of it decides nothing.")]
+    return [Text("Record the command twice: one run to fit, one to validate."), Code(plan.after)]
 
 
 def _command(plan: Plan) -> list[Block]:

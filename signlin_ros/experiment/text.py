@@ -126,7 +126,9 @@ def experiment_text(content: Mapping[str, Any]) -> str:
         lines += ["", "What else would tell:"]
         lines += [f"  {r['what']}: {r['distance']:.3g} ({' / '.join(r['rivals'])})" for r in content["remedies"]]
     lines += ["", *(f"note: {n}" for n in content["notes"])] if content["notes"] else []
-    if content["after"]:
+    if content["verdict"] == "none":
+        lines += ["", "The command of the largest distance is written all the same; a record of it decides nothing."]
+    elif content["after"]:
         lines += ["", "Record it twice, then:", f"  {content['after']}"]
     return "\n".join(lines)
 
