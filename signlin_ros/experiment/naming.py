@@ -17,6 +17,8 @@ from signlin_ros.experiment.setting import MOST, Known, known_rivals
 from signlin_ros.model import Model
 from signlin_ros.records import ModelData
 
+FEWEST = 3
+"""Rivals below which the best of what was rejected is looked at, too."""
 NOTHING = "nothing"
 """The name of the rival that adds no effect."""
 
@@ -33,6 +35,9 @@ def open_names(content: Mapping[str, Any]) -> list[str]:
         kin = [e["effect"] for e in content["ranking"] if e["status"] == "rejected" and _family(e["effect"])]
         ties += [name for name in kin if _family(name) == _family(entry["effect"])]
         swapped += [tuple(t if n == entry["effect"] else n for n in named) for t in ties]
+    if len(fitted) + len(swapped) < FEWEST and len(named) <= 1:
+        others = [e["effect"] for e in content["ranking"] if e["status"] == "rejected" and e["parameters"]]
+        swapped += [(name,) for name in others[:FEWEST]]
     new = [s for s in dict.fromkeys(swapped) if s not in fitted and len(set(s)) == len(s)]
     return ["+".join(effects) for effects in new[: max(MOST - len(fitted), 0)]]
 

@@ -65,7 +65,8 @@ def designed(
         rivals = every = named(rivals, wishes.between)
     bench = bench_of(given, records, every) if every else None
     if bench is not None and not wishes.between:
-        rivals, rest = chosen(open_ones(bench, every))
+        limits = limits_of(bench.problem, wishes.limits)
+        rivals, rest = chosen([r for r in open_ones(bench, every) if _rests(bench, every.index(r), limits)])
         bench = replace(bench, contenders=tuple(bench.contenders[every.index(r)] for r in rivals))
     if bench is None or len(rivals) < 2:
         name = "+".join(rivals[0].effects) if rivals else "nothing"
@@ -78,6 +79,14 @@ def designed(
     if search.most <= 0.0:
         raise InputError(f"holding the machine takes {bench.bias:g}, more than its limit {search.limits.input:g}")
     return _planned(search, rest, wishes, after)
+
+
+def _rests(bench: Bench, i: int, limits: Limits) -> bool:
+    """Tell whether a rival stays within the limits at rest: one that runs away is not the machine."""
+    step = bench.problem.scale.step
+    t = np.arange(0.0, SHORTEST, step)
+    run = bench.run(i, t, np.full(t.size, float(bench.bias)))
+    return run is not None and limits.share(run)[0] < 1.0
 
 
 def _times(bench: Bench, wishes: Wishes) -> Array:
@@ -240,7 +249,7 @@ def _plan(
 
 
 def _rows(search: Search, best: Tried) -> list[Tried]:
-    rows = search.by_family()
+    rows = [one for one in search.by_family() if one.family.name != best.family.name]
     rows = [search.refitted(one) for one in sorted(rows, key=lambda one: -one.least)[:12]]
     return [best, *sorted(rows, key=lambda one: (-min(one.least, RESERVE * ENOUGH), one.peak))]
 

@@ -196,6 +196,14 @@ def test_what_ties_and_was_not_fitted_is_planned_for():
     assert open_names(content) == ["constant_load", "stribeck_friction"]
 
 
+def test_where_nothing_ties_the_best_of_what_was_rejected_is_looked_at():
+    rows = [{"effect": n, "status": "rejected", "indistinguishable_from": [], "parameters": {"x": 1.0}}
+            for n in ("linear_stiffness", "hard_stop")]  # fmt: skip
+    rows.insert(0, {"effect": "gravity_load", "status": "confirmed", "indistinguishable_from": [], "parameters": {}})
+    content = {"ladder": [{"effects": ["gravity_load"]}], "ranking": rows, "rivals": [{"effects": ["gravity_load"]}]}
+    assert open_names(content) == ["linear_stiffness", "hard_stop"]
+
+
 def test_of_each_family_the_simplest_laws_are_planned_for():
     def known(effect, size):
         return Known((effect,), None, ("p",) * size, np.eye(size))
