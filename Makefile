@@ -55,11 +55,11 @@ quick: WORKERS = logical
 PYTEST = $(BIN)/python -m pytest -q -n $(WORKERS) --maxprocesses=8 --dist=loadgroup --no-loadscope-reorder
 
 test: check      ## lint, types, import rules and the tests, but for those that take long
-	$(PYTEST) -m 'not long' $(PYTEST_ARGS)
+	$(PYTEST) -m 'not long and not limit' $(PYTEST_ARGS)
 	$(BIN)/python -m pytest -q --nbmake docs/learn
 
 test-all: check  ## the same with the tests that take long
-	$(PYTEST) $(PYTEST_ARGS)
+	$(PYTEST) -m 'not limit' $(PYTEST_ARGS)
 
 limits: install  ## the known failures (docs/limitations.md), strictly: one that has been mended shows here
 	$(PYTEST) -m limit $(PYTEST_ARGS)
@@ -67,7 +67,7 @@ limits: install  ## the known failures (docs/limitations.md), strictly: one that
 quick: install   ## lint, and the tests that need neither time, nor a browser, nor ROS: under 90 s
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(PYTEST) -m 'not slow and not ros' $(addprefix --ignore=tests/,diagnosis web ros independent) $(PYTEST_ARGS)
+	$(PYTEST) -m 'not slow and not ros and not limit' $(addprefix --ignore=tests/,diagnosis web ros independent) $(PYTEST_ARGS)
 
 check: install   ## lint, types and import rules only
 	$(BIN)/ruff check .

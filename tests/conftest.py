@@ -56,6 +56,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.ros)
         if _folder(item.path) == "diagnosis":
             item.add_marker(pytest.mark.slow)
+        limit = item.get_closest_marker("limit")
+        if limit is not None:  # what has been mended is noticed
+            item.add_marker(pytest.mark.xfail(reason=limit.args[0], strict=True))
     if _in_a_worker(config):
         for item in items:
             _give_group(item)

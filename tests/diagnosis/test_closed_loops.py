@@ -59,7 +59,7 @@ def diagnosed(seed: int, friction: Callable[[float], float], load: Callable[[flo
     return diagnose(model, *(arm(seed, wanted, friction, load) for wanted in (steps, sines)))
 
 
-@pytest.mark.xfail(strict=False, run=False, reason=UNSURE)
+@pytest.mark.limit(UNSURE)
 def test_one_rich_law_does_not_stand_for_two_simple_ones():
     found = diagnosed(1, lambda v: 0.06, lambda q: -0.16 * np.sin(q))
     assert found.verdict == "missing"
@@ -69,7 +69,7 @@ def test_one_rich_law_does_not_stand_for_two_simple_ones():
     assert "gravity_load" in (other.effect, *other.indistinguishable_from)
 
 
-@pytest.mark.xfail(strict=False, run=False, reason=UNSURE)
+@pytest.mark.limit(UNSURE)
 def test_cogging_is_sought_in_what_gravity_leaves():
     found = diagnosed(1, lambda v: 0.0, lambda q: -0.16 * np.sin(q) - 0.05 * np.sin(12 * q + 0.4))
     assert found.verdict == "missing"

@@ -67,7 +67,7 @@ def sticking() -> list[ModelData]:
     return [moved(seed, bristle, 0.012, speed) for seed, speed in ((1, 0.4), (2, 0.48))]
 
 
-@pytest.mark.xfail(strict=False, run=False, reason=RESTLESS)
+@pytest.mark.limit(RESTLESS)
 def test_friction_is_named_where_every_slip_is_lost_over_a_longer_time(sticking):
     found = diagnose(Model.from_dict(AXIS), *sticking)
     assert found.verdict == "missing"
@@ -76,7 +76,7 @@ def test_friction_is_named_where_every_slip_is_lost_over_a_longer_time(sticking)
         assert found.parameters[f"lugre_friction.{name}"].value == pytest.approx(LAW[name], rel=0.05)
 
 
-@pytest.mark.xfail(strict=False, reason=RESTLESS)
+@pytest.mark.limit(RESTLESS)
 def test_what_is_added_by_name_is_fitted_in_the_same_way(sticking):
     found = add("lugre_friction", Model.from_dict(AXIS), *sticking)
     assert found.parameters["lugre_friction.F_s"].value == pytest.approx(LAW["F_s"], rel=0.05)

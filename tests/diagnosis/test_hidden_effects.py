@@ -36,7 +36,7 @@ def truths():
     return json.loads((SHARED / "truth.json").read_text(encoding="utf-8"))
 
 
-KNOWN = {"motor_j": pytest.mark.xfail(strict=False, reason="Coulomb friction is named in place of Stribeck's curve")}
+KNOWN = {"motor_j": pytest.mark.limit("Coulomb friction is named in place of Stribeck's curve")}
 
 
 @pytest.mark.skipif(not SHARED.exists(), reason=f"no records in {SHARED}; set SIGNLIN_DATA")
@@ -62,7 +62,7 @@ def test_shared_records(truth):
     ("group", "index"),
     [
         ("single", 1),
-        pytest.param("weak", 3, marks=pytest.mark.xfail(strict=False, reason="weak quadratic drag is not named")),
+        pytest.param("weak", 3, marks=pytest.mark.limit("weak quadratic drag is not named")),
         ("none_coloured", 4),
     ],
 )

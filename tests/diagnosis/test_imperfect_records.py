@@ -148,9 +148,7 @@ def test_a_velocity_that_was_filtered_faster_than_it_was_logged_is_no_channel(mo
     assert without_derived(Model.from_dict(AXIS), [data], ("displacement", "velocity")) == ("displacement",)
 
 
-@pytest.mark.xfail(
-    strict=False, run=False, reason="a late velocity beside a fine position is not left out: unexplained; 12 s"
-)
+@pytest.mark.limit("a late velocity beside a fine position is not left out: unexplained; 12 s")
 def test_a_velocity_that_lags_behind_a_fine_position_is_left_out():
     data = []
     for seed in (5, 6):
@@ -181,7 +179,7 @@ def encoder(seed: int, both: bool) -> ModelData:
     return read(t, u, **({"displacement": shown} if both else {}), velocity=centred(shown, 2))
 
 
-@pytest.mark.xfail(strict=False, run=False, reason="unexplained: an encoder's steps are taken for structure; 29 s")
+@pytest.mark.limit("unexplained: an encoder's steps are taken for structure; 29 s")
 @pytest.mark.parametrize("both", [True])
 def test_a_right_model_is_adequate_whatever_was_made_of_an_encoder(both):
     data, unseen = encoder(1, both), encoder(2, both)

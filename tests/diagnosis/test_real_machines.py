@@ -61,7 +61,7 @@ def test_a_ball_screw_axis_without_its_friction():
     assert inverse.relative_error_percent < 1.1 * 5.98
 
 
-@pytest.mark.xfail(strict=False, run=False, reason="nothing is named; 47 s")
+@pytest.mark.limit("nothing is named; 47 s")
 def test_a_servo_whose_friction_grows_with_its_load():
     """Published: with load-dependent friction the error falls to about half of what Coulomb friction alone leaves."""
     names = [f"xl330_kp100_{motion}" for motion in ("lift_and_drop", "sin_sin", "sin_time_square", "up_and_down")]
@@ -70,7 +70,7 @@ def test_a_servo_whose_friction_grows_with_its_load():
     assert falls(found, "displacement") < 0.5
 
 
-@pytest.mark.xfail(strict=False, run=False, reason="a cubic spring beside LuGre friction; 30 s")
+@pytest.mark.limit("a cubic spring beside LuGre friction; 30 s")
 def test_a_magneto_rheological_damper_remembers():
     """Published: Dahl's friction; Coulomb friction leaves half as much again."""
     names = [f"ensaio{number}.1_0V" for number in (1, 4, 7, 10)]

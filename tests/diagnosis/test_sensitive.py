@@ -70,7 +70,7 @@ def test_play_is_named_on_a_record_that_starts_in_motion(tmp_path):
     assert proposed(found) == {"backlash"}
 
 
-@pytest.mark.xfail(strict=False, run=False, reason="a load on a coupling is named in place of a small play")
+@pytest.mark.limit("a load on a coupling is named in place of a small play")
 def test_a_play_much_smaller_than_the_travel_is_named_through_a_fine_encoder(tmp_path):
     play = {"gap": 0.01, "k": 40.0, "c": 0.02, "J": 0.0015}
     how = {"exc": ("multisine", "slow"), "off": 1.0, "only": ("current", "position")}
@@ -120,7 +120,7 @@ def test_a_sensor_that_is_wrong_is_named_in_a_model_that_has_a_play(tmp_path):
     assert proposed(found) == {"sensor_gain"}
 
 
-EARLIER = pytest.mark.xfail(strict=False, run=False, reason="a late input is named in place of a late sensor; 19 s")
+EARLIER = pytest.mark.limit("a late input is named in place of a late sensor; 19 s")
 
 
 @pytest.mark.parametrize(

@@ -229,7 +229,7 @@ def test_weak_cogging_is_named(tmp_path):
     assert proposed(found) == {"cogging_torque"}
 
 
-@pytest.mark.xfail(strict=False, run=False, reason="unexplained: noise in the input is not allowed for; 19 s")
+@pytest.mark.limit("unexplained: noise in the input is not allowed for; 19 s")
 def test_an_effect_is_named_where_the_input_is_noisy_too(tmp_path):
     hidden = {"coulomb_friction": {"mu": 20.0}}
     model, data, unseen = recorded(tmp_path, AXIS, hidden, only=("displacement",), level=1e-5)
