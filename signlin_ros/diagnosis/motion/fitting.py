@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import qmc
 
-from signlin_ros.diagnosis.motion.score import level, windowed
+from signlin_ros.diagnosis.motion.score import level, parts_of, windowed
 from signlin_ros.diagnosis.motion.trials import Parts, Trial
 from signlin_ros.effects import EFFECTS
 from signlin_ros.fitting.candidate import Candidate
@@ -30,6 +31,8 @@ SERIOUS, ANYWAY, FINISHED = 0.25, 3, 8
 """Share of the best candidate's gain that makes another worth a thorough fit; how many get one anyway, and at most."""
 ROUNDS, CHILDREN, PARENTS, BEST = 4, 48, 14, 3
 """Rounds of breeding, new points in each, the points that they are drawn around, and those that a fit starts from."""
+AROUND, STARTS = 3.0, 64
+"""Tolerances off nominal within which fits of free runs in a closed loop start, too, and how many do."""
 LEAST = 0.03
 """Smallest spread of the logarithm of what is drawn."""
 
@@ -61,6 +64,8 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
     for theta in starts:
         check()
         tried.append(fit(problem, c, problem.levels[1], theta, NEXT))
+    if problem.base.plant.closed_loop and not c.label:
+        tried += _from_around(problem, c, [f.theta for f in tried if f])
     best = cheapest(tried)
     if best is None:
         return None
@@ -78,6 +83,20 @@ def settled(problem: Problem, c: Candidate, starts: Sequence[Array | None], chec
     return replace(found, low=slow) if slow and slow.cost < found.low.cost else found
 
 
+def _from_around(problem: Problem, c: Candidate, known: Sequence[Array]) -> list[Fit | None]:
+    """Return fits from where base parameters are some tolerances off: a free run that sticks has many local minima.
+
+    Starts are spread evenly [Halton, Numer. Math. 2 (1960) 84].
+    """
+    base = [i for i, k in enumerate(c.coordinates) if k.spread < 1.0]
+    origin, reach = known[0] if known else c.start(), AROUND * np.array([c.coordinates[i].spread for i in base])
+    starts = np.tile(origin, (STARTS if base else 0, 1))
+    starts[:, base] += reach * (2.0 * qmc.Halton(len(base), scramble=False).random(len(starts)) - 1.0) if base else 0.0
+    few = [fit(problem.short, c, problem.levels[1], np.clip(x, *c.bounds), NEXT) for x in starts]
+    near = sorted((f for f in few if f), key=attrgetter("cost"))[:KEPT]
+    return [fit(problem, c, problem.levels[1], f.theta, NEXT) for f in near]
+
+
 def in_turn(problem: Problem, c: Candidate, theta: Array, folds: Sequence[Sequence[int]]) -> Array:
     """Return the squared errors (blocks, channels) of every record, each predicted by a fit to the records of the other
     folds [cross validation: Stone, J. R. Stat. Soc. B 36 (1974) 111].
@@ -88,7 +107,7 @@ def in_turn(problem: Problem, c: Candidate, theta: Array, folds: Sequence[Sequen
         f = fit(replace(problem, segments=others), c, gains, theta, LAST)
         for i in fold:
             one = replace(problem, segments=(problem.segments[i],))
-            found[i] = windowed(one, c, theta if f is None else f.theta, gains)
+            found[i] = windowed(one, c, theta if f is None else f.theta, gains, parts_of(problem))
     return np.concatenate([found[i] for i in range(len(problem.segments))])
 
 

@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 
 FEWEST, BLOCKS = 3, 100
 """Blocks of whole windows that a standard error is taken from, at least and at most."""
-LOOPS = 1.0
-"""Blocks of a free run in a closed loop, in s: errors of neighbours in it have little to do with each other."""
+FORGOTTEN, FEWEST_PARTS = 1.0, 8
+"""Length in s of a block of a free run in a closed loop, some times what the loop takes to forget; blocks at least."""
 LOST = 1e6
 """Error of a model that diverges, in variances of the noise."""
 PLAIN = float(np.log(4.0))
@@ -119,9 +119,17 @@ def level(squares: Array, noise: Array) -> float:
     return float(np.sum(np.log(np.nanmean(squares, axis=0) + (0.1 * noise) ** 2)))
 
 
-def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> Array:
-    """Return the mean squared errors (blocks, channels) of a candidate over windows of the horizon."""
-    cuts = _cuts(problem)
+def parts_of(problem: Problem) -> int:
+    """Return how many blocks each record of a plant in a closed loop makes."""
+    shortest = min(float(s.t[-1] - s.t[0]) for s in problem.segments)
+    return max(int(shortest / FORGOTTEN), -(-FEWEST_PARTS // len(problem.segments)), 1)
+
+
+def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains, parts: int | None = None) -> Array:
+    """Return the mean squared errors (blocks, channels) of a candidate over windows of the horizon; of a plant in a
+    closed loop over each record, run freely, in so many ``parts`` (by default `parts_of`).
+    """
+    cuts = _cuts(problem, parts or parts_of(problem))
     errors = _errors(problem, c, theta, gains, cuts)
     if errors is None:
         errors = [np.sqrt(LOST) * problem.noise + np.zeros(s.y.shape) for s in problem.segments]
@@ -137,14 +145,15 @@ def windowed(problem: Problem, c: Candidate, theta: Array, gains: Gains) -> Arra
     return np.concatenate(result)
 
 
-def _cuts(problem: Problem) -> list[list[int]]:
+def _cuts(problem: Problem, parts: int) -> list[list[int]]:
     """Return where the windows of every record begin, and where the last one ends; nothing is scored in the first.
 
     Of a plant in a closed loop a whole record is one free run: these are but its parts.
     """
+    if problem.base.plant.closed_loop:
+        return [np.linspace(0, s.t.size - 1, parts + 1).round().astype(int).tolist() for s in problem.segments]
     longest = max(float(s.t[-1] - s.t[0]) for s in problem.segments)
-    least = LOOPS if problem.base.plant.closed_loop else problem.base.update_period
-    horizon = min(max(least, 2 * problem.scale.step), longest / 4)
+    horizon = min(max(problem.base.update_period, 2 * problem.scale.step), longest / 4)
     return [[0, *(last for _, last in windows(s.t, horizon))] for s in problem.segments]
 
 
