@@ -17,6 +17,8 @@ from signlin_ros.cli.options import (
     json_option,
     mapping_of,
     output_option,
+    said_of_records,
+    sides,
     signal_option,
     validation_option,
 )
@@ -110,6 +112,7 @@ def _learned(
     refuse_elsewhere(original, band, fit_share)
     check_files(original, data, validation, output, SUFFIXES)
     loaded, first, second = load_sides(original, data, validation, mapping)
+    first, second = sides(first, second)
     first, second, findings = check_sides(loaded, first, second, cures)
     progress(f"{effect}: {sum(map(len, [*first, *(second or ())]))} samples ...")
     new, content = add_learned(loaded, first, second, over)
@@ -163,6 +166,7 @@ def _diagnosed(
         return diagnosed(verb, original, data, validation, mapping, band, fit_share, output, effect)
     refuse_elsewhere(original, band, fit_share)
     loaded, first, second = load_sides(original, data, validation, mapping)
+    first, second = sides(first, second)
     first, second, findings = check_sides(loaded, first, second, cures)
     records = [*first, *(second or ())]
     progress(f"{verb}: {sum(map(len, records))} samples (the first run on a machine compiles for some seconds) ...")
@@ -180,7 +184,9 @@ def _diagnosed(
         from signlin_ros.report import diagnosis_report
 
         words = (verb, *([effect] if effect else []), model, *data)
-        command = command_line(words, validation=validation, signal=signals, cure=cures, output=output)
+        command = command_line(
+            words, validation=validation, signal=signals, **said_of_records(), cure=cures, output=output
+        )
         diagnosis_report(result, report, command=command, data=(first, second), model=loaded, record=findings)
     return {**result.to_json(), "data": [*data, *validation], "record": to_json(findings)}, console.diagnosis_text
 

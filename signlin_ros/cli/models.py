@@ -96,6 +96,9 @@ def simulate(
         (record,), _ = cured(loaded, [record], cures)
     progress(f"simulating {len(record)} samples (the first run of a kind compiles for some seconds) ...")
     start = None if record.x0 is None else loaded.true_states(record.x0)
+    if start is None and loaded.plant.closed_loop:  # it goes on from what was measured, at rest
+        first = {n: float(v[0]) for n, v in record.measured.items() if n in loaded.states and math.isfinite(v[0])}
+        start = loaded.true_states(loaded.state_vector({**loaded.initial_state, **first}))
     loaded = loaded.under(record.conditions)
     result = run(loaded, record.t, record.u, start, kind=kind, rtol=rtol, acts=record.acts)
     write_record(console.trajectory_record(loaded, result, data), output, model=loaded)

@@ -7,13 +7,16 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from signlin_ros.apart import check_given
-from signlin_ros.cli.values import pairs_of
+from signlin_ros.cli.values import numbers_of, pairs_of
 from signlin_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from signlin_ros.records import ModelData
 
 Report = tuple[Mapping[str, Any], Callable[[Any], str]]
 
@@ -129,12 +132,48 @@ def mapping_of(signals: Sequence[str], *files: str) -> dict[str, str]:
     return {**found, "t": repr(step)}
 
 
-validation_option = click.option(
+def conditions_held_out() -> tuple[str, ...]:
+    """Return what --hold-out says, as it was given."""
+    found: tuple[str, ...] = click.get_current_context().meta.get("signlin.hold_out", ())
+    return found
+
+
+def said_of_records() -> dict[str, tuple[str, ...]]:
+    """Return --set and --hold-out by their names, as they were given."""
+    return {"set": settings_given(), "hold-out": conditions_held_out()}
+
+
+def sides(known: list[ModelData], unseen: list[ModelData] | None) -> tuple[list[ModelData], list[ModelData] | None]:
+    """Return the records of a fit and those for validation, of which --hold-out says which conditions they have."""
+    from signlin_ros.records.conditions import held_apart
+
+    said = numbers_of(conditions_held_out(), "--hold-out")
+    return held_apart(known, unseen, said) if said else (known, unseen)
+
+
+_validation = click.option(
     "--validation",
     multiple=True,
     metavar="DATA2",
-    help="A record that no fit sees. Repeatable; without it the last third of every DATA is held out.",
+    help="A record that no fit sees. Repeatable; without it the last third of every DATA is held out; of a servo's"
+    " whole records in turn.",
 )
+_hold_out = click.option(
+    "--hold-out",
+    "held",
+    multiple=True,
+    metavar="NAME=VALUE",
+    callback=lambda ctx, parameter, value: ctx.meta.__setitem__("signlin.hold_out", value),
+    expose_value=False,
+    help="The records of DATA with this known condition (as kp=200) are seen by no fit. Repeatable.",
+)
+
+
+def validation_option(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Add --validation and --hold-out, which say what no fit sees."""
+    return _validation(_hold_out(function))
+
+
 cure_option = click.option(
     "--cure",
     "cures",
@@ -151,11 +190,15 @@ __all__ = [
     "Examples",
     "Report",
     "SystemFaultError",
+    "conditions_held_out",
     "cure_option",
     "faults_apart",
     "json_option",
     "mapping_of",
     "output_option",
+    "said_of_records",
+    "settings_given",
+    "sides",
     "signal_option",
     "validation_option",
 ]

@@ -11,6 +11,8 @@ from signlin_ros.cli.options import (
     cure_option,
     json_option,
     mapping_of,
+    said_of_records,
+    sides,
     signal_option,
     validation_option,
 )
@@ -69,6 +71,7 @@ def compare(
         return compared(original, data, validation, mapping, band, fit_share)
     refuse_elsewhere(original, band, fit_share)
     loaded, first, second = load_sides(original, data, validation, mapping)
+    first, second = sides(first, second)
     first, second, findings = check_sides(loaded, first, second, cures)
     records = [*first, *(second or ())]
     progress(f"comparing {sum(map(len, records))} samples (the first run compiles for some seconds) ...")
@@ -77,7 +80,15 @@ def compare(
         from signlin_ros.report import compare_report
 
         given = ("compare", model, *data)
-        command = command_line(given, horizon=horizon, cutoff=cutoff, validation=validation, signal=signals, cure=cures)
+        command = command_line(
+            given,
+            horizon=horizon,
+            cutoff=cutoff,
+            validation=validation,
+            signal=signals,
+            **said_of_records(),
+            cure=cures,
+        )
         compare_report(result, report, command, findings)
     return {**result.to_json(), "record": to_json(findings)}, console.compare_text
 

@@ -6,7 +6,7 @@ there counts.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,10 @@ from signlin_ros.records.table import Record
 
 if TYPE_CHECKING:
     from signlin_ros.model import Model
+    from signlin_ros.records.mapping import ModelData
+
+NEAR = 1e-6
+"""Relative difference of two values of a condition that are the same."""
 
 
 def parameters_of(model: Model) -> dict[str, Par]:
@@ -61,6 +65,28 @@ def conditions_of(record: Record, model: Model, said: Mapping[str, str], notes: 
     return found
 
 
+def held_apart(
+    known: Sequence[ModelData], unseen: Sequence[ModelData] | None, said: Mapping[str, float]
+) -> tuple[list[ModelData], list[ModelData]]:
+    """Return the records without a condition, and those that have it, beside those that were unseen before.
+
+    Raises `RecordError` where no record has it, or all do.
+    """
+    chosen = [all(_is(record, name, value) for name, value in said.items()) for record in known]
+    if not any(chosen) or all(chosen):
+        words = ", ".join(f"{name}={value:g}" for name, value in said.items())
+        there = {name: sorted({r.conditions[name] for r in known if name in r.conditions}) for name in said}
+        have = "; ".join(f"{name} is known to be {', '.join(f'{v:g}' for v in v_)}" for name, v_ in there.items() if v_)
+        fault = "no record has it" if not any(chosen) else "all records have it: none is left to fit to"
+        raise RecordError(f"--hold-out {words}: {fault}; {have or 'nothing of this name is known of these records'}")
+    pairs = list(zip(known, chosen, strict=True))
+    return [r for r, out in pairs if not out], [*(r for r, out in pairs if out), *(unseen or ())]
+
+
+def _is(record: ModelData, name: str, value: float) -> bool:
+    return name in record.conditions and abs(record.conditions[name] - value) <= NEAR * abs(value)
+
+
 def _value(record: Record, name: str, spec: str | None) -> tuple[float | None, str]:
     """Return a parameter's value in a record, None where nothing says it, and what says it."""
     if spec is not None:
@@ -89,4 +115,4 @@ def _constant(record: Record, key: str, name: str, asked: bool) -> float | None:
     raise RecordError(f"{record.source}: {name}: the column {key!r} {reach}; a known condition is one number a record")
 
 
-__all__ = ["apart", "conditions_of", "parameters_of"]
+__all__ = ["apart", "conditions_of", "held_apart", "parameters_of"]

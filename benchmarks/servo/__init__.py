@@ -1,0 +1,1 @@
+"""Simulated servos, made by a second program: hidden laws that the diagnosis is to name."""
