@@ -245,6 +245,8 @@ class Judgement:
             more = not self.final.white and (self.little or near or self.changing or self.idle)
             more = more or (self.little and self.little_motion and not self.final.clean)  # untested is no proof
             return "structure" if ((large or self.flexible.visible) and not noise) or more else ""
+        if self.case.model.plant.closed_loop and self.witnesses.near_noise(self.final):
+            return ""  # where a servo sticks, the steps of its encoder are no noise that could be tested
         noise = self.witnesses.leaves_noise(self.final)
         near = self.witnesses.near_any_noise(self.final)
         if self.names and not near and (noise or self.percent is None):

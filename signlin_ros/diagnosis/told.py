@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from signlin_ros.diagnosis import words
+from signlin_ros.diagnosis import closed_loop, words
 from signlin_ros.diagnosis.judgement import REASONS, Judgement
 from signlin_ros.diagnosis.motion import Fitted
 from signlin_ros.diagnosis.motion.fitted import held
@@ -34,7 +34,7 @@ def told(j: Judgement) -> Diagnosis:
         range=dict(case.problem.ranges),
         noise=case.noise,
         experiments=_experiments(j, ranking),
-        notes=(*case.problem.notes, *case.unseen.notes, *words.remarks(j)),
+        notes=(*case.problem.notes, *case.unseen.notes, *words.remarks(j), *closed_loop.remarks(j)),
         yaml=yaml_of(model, j),
         given=w.first_rows().given,
         horizon=case.horizon,
@@ -154,7 +154,8 @@ def _experiments(j: Judgement, ranking: Sequence[Entry]) -> tuple[str, ...]:
     asked = {tie: "to decide on" for e in ranking if e.effect in j.names for tie in e.indistinguishable_from}
     asked |= {e.effect: "to see" for e in ranking if e.status == "not_excited" and e.effect not in asked}
     what = {n: find_effect(n, "effects").experiment for n in asked}
-    return tuple(f"{why} {listed([n])}: {what[n]}" for n, why in asked.items() if what[n])
+    found = tuple(f"{why} {listed([n])}: {what[n]}" for n, why in asked.items() if what[n])
+    return (*found, *closed_loop.experiments(j))
 
 
 __all__ = ["told"]

@@ -1,0 +1,67 @@
+"""What records of a plant in a closed loop cannot tell, and which others would: no force is seen there, only motion."""
+
+from __future__ import annotations
+
+from signlin_ros.diagnosis.case import Case
+from signlin_ros.diagnosis.judgement import Judgement
+from signlin_ros.diagnosis.results import listed
+from signlin_ros.effects import find_effect
+
+ASKED = {"mass": "of the load", "kp": "of the loop"}
+"""Conditions that another record changes, and what goes with them."""
+CALLED = {"mass": "mass", "kp": "gain"}
+FAMILY = "dry friction"
+
+
+def remarks(j: Judgement) -> list[str]:
+    """Return what the records cannot tell; empty for other plants."""
+    if not j.case.model.plant.closed_loop:
+        return []
+    beside, alike = _beside(j), same(j.case)
+    found = [beside] if beside else []
+    if alike:
+        had = " and ".join(f"one {CALLED[n]} ({value:g}{_unit(j.case, n)})" for n, value in alike.items())
+        what = " and ".join(ASKED[n] for n in alike)
+        other = " and ".join(f"another {CALLED[n]}" for n in alike)
+        found.append(
+            f"all records have {had}: what goes with that {what} is not told from the rest; {other} would tell"
+        )
+    return found
+
+
+def _beside(j: Judgement) -> str:
+    """Return which richer laws of friction the records cannot tell beside what is named."""
+    if not j.names:
+        return ""
+    tried = j.motion.searched.get(j.names, set()) - set(j.names)
+    names = sorted(n for n in tried if find_effect(n, "effects").family == FAMILY)
+    if not names:
+        return ""
+    gain = f"none lowers the error on unseen records by {j.criteria.certainty:g} standard errors"
+    return f"beside {listed(j.names)} these records cannot tell {listed(names)}: {gain}"
+
+
+def experiments(j: Judgement) -> list[str]:
+    """Return which records would tell more."""
+    alike = same(j.case) if j.case.model.plant.closed_loop else {}
+    what = {"mass": "friction that follows the load from friction that does not", "kp": "the motor from its loop"}
+    return [
+        f"to tell {what[n]}: records with another {CALLED[n]} than {x:g}{_unit(j.case, n)}" for n, x in alike.items()
+    ]
+
+
+def same(case: Case) -> dict[str, float]:
+    """Return the conditions that all records have alike, by name."""
+    found, model = dict[str, float](), case.model
+    for name in ASKED:
+        values = {record.conditions.get(name, model.parameters[name]) for record in case.records}
+        if len(values) == 1:
+            found[name] = values.pop()
+    return found
+
+
+def _unit(case: Case, name: str) -> str:
+    return f" {case.model.plant.pars()[name].unit}".removesuffix(" -")
+
+
+__all__ = ["experiments", "remarks", "same"]
