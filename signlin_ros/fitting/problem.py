@@ -43,7 +43,8 @@ class Problem:
     """Everything that is the same for every candidate: the model as given (``base``), with a measured position as a
     state; ``noise`` (ny), white; ``levels``: gains from high to low; ``x_scale``: size of every state; ``units`` of the
     records; ``quanta`` (ny): steps in which a channel is shown, or 0; ``parts``: records without gaps, as given;
-    ``folds``: of unseen records that are known ones too, which segments are held out together, in turn.
+    ``folds``: of unseen records that are known ones too, which segments are held out together, in turn;
+    ``observers``: gains of what watches motion for a force that is missing, where ``levels`` are of free runs.
     """
 
     base: Model
@@ -59,6 +60,7 @@ class Problem:
     notes: tuple[str, ...] = ()
     parts: tuple[ModelData, ...] = ()
     folds: tuple[tuple[int, ...], ...] = ()
+    observers: tuple[Gains, ...] = ()
 
     @functools.cached_property
     def short(self) -> Problem:
@@ -187,13 +189,14 @@ def prepare(model: Model, data: Sequence[ModelData], channels: tuple[str, ...] |
     peaks = np.nanmax(np.abs(X), axis=0)
     x_scale = {name: float(max(peak, 1e-9)) for name, peak in zip(model.states, peaks, strict=True)}
     levels = tuple(design(model, white, x_scale, dt, tau, known) for tau in taus)
-    if model.plant.closed_loop:
-        levels = (uncorrected(model.states, len(channels)),) * 2
+    observers, levels = levels, (uncorrected(model.states, len(channels)),) * 2 if model.plant.closed_loop else levels
     columns = dict(zip((*model.states, *model.inputs), (*X.T, *u.T), strict=True))
     ranges = {name: (float(np.nanmin(v)), float(np.nanmax(v))) for name, v in columns.items()}
     columns |= {c: y for c, y in zip(channels, everything.T, strict=True) if c == model.plant.effort}
     scale, units = _scale(model, segments, columns, dt, duration), {**model.units, **data[0].units}
-    return Problem(model, channels, segments, noise, scale, levels, x_scale, ranges, units, quanta(segments))
+    return Problem(
+        model, channels, segments, noise, scale, levels, x_scale, ranges, units, quanta(segments), observers=observers
+    )
 
 
 def _speed_of(model: Model, segments: Sequence[Segment], channels: tuple[str, ...]) -> dict[str, float]:

@@ -134,6 +134,7 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW, on: int
     of the others, with base parameters as given and as they were fitted before; the best go ``on`` so many steps.
     """
     remembers, (high, middle) = bool(trial.effect.states), problem.levels[:2]
+    few_steps, more = (NEXT, 2 * LAST) if problem.base.plant.closed_loop else (FIRST, NEXT)  # free runs go slowly
     short = problem.led if remembers else problem.short
     parts, known, label = Parts.of(before), before.parameters(), before.candidate.label
     last = len(trial.starts) - 1
@@ -141,11 +142,11 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW, on: int
     candidates = [parts.extended(trial.name, trial.starts[i]).candidate(problem) for i in at]
     added = {n: v for n, v in known.items() if n in label or n.partition(".")[0] in label}
     ways = [added, known] if label else [added]
-    first = [fit(short, c, high, c.start(way), FIRST) for c in candidates for way in ways]
+    first = [fit(short, c, high, c.start(way), few_steps) for c in candidates for way in ways]
     best = sorted((f for f in first if f), key=attrgetter("cost"))[:KEPT]
-    second = [fit(short, f.candidate, middle, f.theta, NEXT) for f in best]
+    second = [fit(short, f.candidate, middle, f.theta, more) for f in best]
     if remembers:  # a high gain says little of what is remembered
-        second += [fit(short, c, middle, c.start(added), NEXT) for c in candidates]
+        second += [fit(short, c, middle, c.start(added), more) for c in candidates]
     if on:  # a few steps tell little of what starts far away
         best = sorted((f for f in second if f), key=attrgetter("cost"))[:FOLLOWED]
         second = [further(short, f, on) for f in best]
