@@ -227,3 +227,28 @@ def test_a_hidden_law_is_named_and_a_right_model_is_left_alone():
     assert found.parameters["load_dependent_friction.kappa_d"].value == pytest.approx(0.25, abs=0.03)
     right = [simulated(kp, seed, given, mass) for seed, (kp, mass) in enumerate(conditions, 1)]
     assert diagnose(given, right).verdict == "adequate"
+
+
+def test_records_of_a_condition_are_held_apart():
+    from signlin_ros.records.conditions import held_apart
+
+    records = [simulated(kp, 1) for kp in (100.0, 200.0, 400.0)]
+    known, unseen = held_apart(records, None, {"kp": 200.0})
+    assert [r.conditions["kp"] for r in known] == [100.0, 400.0]
+    assert [r.conditions["kp"] for r in unseen] == [200.0]
+    with pytest.raises(RecordError, match="kp=300: no record has it; kp is known to be 100, 200, 400"):
+        held_apart(records, None, {"kp": 300.0})
+    with pytest.raises(RecordError, match="all records have it"):
+        held_apart(records, None, {"mass": 0.5})
+    with pytest.raises(RecordError, match="nothing of this name is known"):
+        held_apart(records, None, {"temperature": 20.0})
+
+
+def test_a_record_without_speed_is_simulated_from_its_first_position(tmp_path):
+    from signlin_ros.cli import main
+
+    model, path, out = tmp_path / "servo.yaml", tmp_path / "a.csv", tmp_path / "out.csv"
+    servo(with_inputs=[]).save(model)
+    path.write_text("t,goal_position,position\n" + "".join(f"{0.01 * k},0.3,0.3\n" for k in range(30)))
+    assert main(["simulate", str(model), str(path), "-o", str(out), "--set", "kp=200", "--set", "mass=0"]) == 0
+    np.testing.assert_allclose(np.genfromtxt(out, delimiter=",", names=True)["position"], 0.3, atol=1e-12)
