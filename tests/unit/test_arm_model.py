@@ -1,11 +1,12 @@
 """Models of arms: files, names, errors, and the linearization joint by joint."""
 
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from signlin_ros.compiled import scales, smooth_function
+from signlin_ros.compiled import linear_function, scales, smooth_function
 from signlin_ros.errors import InputError, ModelError
 from signlin_ros.linearization import Linearizer
 from signlin_ros.model import Model
@@ -205,3 +206,22 @@ def test_a_joint_that_comes_to_rest_leaves_one_that_rests_alone():
     run = simulate(model, t, np.tile([-1.00792342, 2.51494514, -1.02246243], (t.size, 1)), x0=x0, rtol=1e-5)
     assert [(surface, what) for _, surface, what in run.events] == [("shoulder.velocity", "stuck")]
     assert (run.x[7:, 4:] == 0.0).all()
+
+
+def test_a_six_joint_arm_is_linearized_by_few_operations():
+    """By the derivatives of the inverse dynamics: plain differentiation takes 15,600, and half a minute to start."""
+    file = Path(os.environ.get("SIGNLIN_DATA", "../shared/data")) / "joints/ur10e.urdf"
+    if not file.is_file():
+        pytest.skip("needs the shared records")
+    friction = {"effects": {"viscous_friction": {"b": 5.0}, "coulomb_friction": {"mu": 3.0}}}
+    joints = (
+        "shoulder_pan_joint",
+        "shoulder_lift_joint",
+        "elbow_joint",
+        "wrist_1_joint",
+        "wrist_2_joint",
+        "wrist_3_joint",
+    )
+    model = Model.from_dict({"plant": "arm", "robot": str(file), **dict.fromkeys(joints, friction)})
+    function, _ = linear_function(model.structure, 50, "per_joint")
+    assert function.n_instructions() < 9000

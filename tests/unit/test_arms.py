@@ -1,7 +1,9 @@
 """Arms against their records: what is missing is named in its joint, and nothing where nothing is."""
 
 import json
+from pathlib import Path
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from signlin_ros.robots.inertia import TEN, least_eigenvalue
 from tests.arm_records import record, small, written
 
 MODEL = small()
+SCHEMAS = Path(__file__).parents[2] / "signlin_ros/schemas"
 BAND = 6.0
 pytestmark = pytest.mark.slow
 
@@ -193,9 +196,11 @@ def test_refine_writes_a_model_and_a_urdf_that_are_read_again(tmp_path, capsys, 
     ]
     assert main(arguments) == 0
     said = json.loads(capsys.readouterr().out)
+    jsonschema.validate(said, json.loads((SCHEMAS / "arm_diagnose.json").read_text()))
     assert said["joints"]["shoulder"]["effects"] == ["load_dependent_friction"]
     assert main(["compare", str(new), files[0], "--validation", files[1], "--band", "6", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
+    jsonschema.validate(again, json.loads((SCHEMAS / "arm_compare.json").read_text()))
     for name in names:
         assert again["joints"][name]["model"] == pytest.approx(said["joints"][name]["model"], rel=0.02)
     assert main(["diagnose", str(new), files[0], "--validation", files[1], "--band", "6"]) == 0
@@ -251,3 +256,21 @@ def test_the_band_is_told_beside_the_numbers(nothing_hidden):
     assert (narrow.study.band, wide.study.band) == (3.0, 20.0)
     assert (wide.table.basic != narrow.table.basic).all()
     assert compared_json(wide, "small_arm", [])["joints"]["elbow"]["band_hz"] == 20.0
+
+
+def test_without_a_prior_at_the_urdf_a_payload_is_swallowed_by_the_links(nothing_hidden):
+    loaded = Model.from_dict({**TRUE.to_dict(), "payload": {"on": "tool", "m": 1.2, "com": [0.05, 0.0, 0.0]}})
+    free = Model.from_dict(
+        {**MODEL.to_dict(), "robot": str(MODEL.folder / MODEL.arm.robot), "inertia": {"tolerance": 1000.0}}
+    )
+    assert diagnose(free, [run(loaded, 5)], [run(loaded, 6)], BAND).payload == {}
+
+
+def test_no_name_comes_of_chance_where_many_laws_are_tried(nothing_hidden):
+    known, unseen = nothing_hidden
+    rng = np.random.default_rng(7)
+    for _ in range(3):  # other noise on the same motion
+        noisy = [
+            Run(r.t, r.q, r.v, r.tau + 0.02 * rng.normal(size=r.tau.shape), r.source, r.steps) for r in (known, unseen)
+        ]
+        assert named(diagnose(MODEL, [noisy[0]], [noisy[1]], BAND)) == {}
