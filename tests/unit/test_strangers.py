@@ -242,11 +242,11 @@ def test_the_noise_of_a_force_is_no_rounding() -> None:
     ("folder", "signals", "mu"),
     [
         ("position_glitch", None, 0.150),
-        ("velocity_flickers", None, 0.010),
-        ("velocity_spikes_at_turn", None, 0.010),
-        ("zeros_in_bursts", None, 0.010),
-        ("null_effect_confirmed", None, 0.010),
-        ("lerobot_parquet", ARM, 0.010),
+        pytest.param("velocity_flickers", None, 0.010, marks=pytest.mark.long),
+        pytest.param("velocity_spikes_at_turn", None, 0.010, marks=pytest.mark.long),
+        pytest.param("zeros_in_bursts", None, 0.010, marks=pytest.mark.long),
+        pytest.param("null_effect_confirmed", None, 0.010, marks=pytest.mark.long),
+        pytest.param("lerobot_parquet", ARM, 0.010, marks=pytest.mark.long),
         ("grad_is_degree", GERMAN, 0.150),
     ],
 )
@@ -256,14 +256,14 @@ def test_coulomb_friction_alone(folder: str, signals: dict[str, str] | None, mu:
     assert result.parameters["coulomb_friction.mu"].value == pytest.approx(mu, rel=0.05)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_friction_that_falls_is_told_with_its_time() -> None:
     result = diagnosed("friction_falls")
     assert (result.verdict, named(result)) == ("unexplained", {"coulomb_friction"})
     assert "changes slowly along the record" in result.sentence
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_supply_that_sags_warms_no_winding() -> None:
     result = diagnosed("thermal_of_20_ms")
     assert named(result) == {"coulomb_friction"}
@@ -277,7 +277,7 @@ def test_a_wave_that_no_sample_shows_is_no_part() -> None:
     assert not named(result) & {"cogging_torque", "sensor_delay"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_left_is_not_adequate(monkeypatch: pytest.MonkeyPatch) -> None:
     """The command of a position, taken as it is."""
     folder = STRANGERS / "position_command_prbs"
