@@ -237,6 +237,9 @@ def _scale(model: Model, segments: Sequence[Segment], columns: dict[str, Array],
 
 def with_known(model: Model, data: Sequence[ModelData]) -> Model:
     """Return the model with what is known of records frozen; what all of them agree on has its value there."""
+    if model.per_record:
+        said = f"per_record: {', '.join(model.per_record)}: no fit gives a parameter a value for each record yet"
+        raise RecordError(f"{model.source}: {said}; say what is known: --set FILE:NAME=VALUE")
     names = dict.fromkeys(name for record in data for name in record.conditions)
     values = {n: {record.conditions.get(n, np.nan) for record in data} for n in names}
     model = model.with_parameters({n: next(iter(found)) for n, found in values.items() if len(found) == 1})

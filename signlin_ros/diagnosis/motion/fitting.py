@@ -134,7 +134,10 @@ def climbed(problem: Problem, before: Fit, trial: Trial, few: int = FEW, on: int
     of the others, with base parameters as given and as they were fitted before; the best go ``on`` so many steps.
     """
     remembers, (high, middle) = bool(trial.effect.states), problem.levels[:2]
-    few_steps, more = (NEXT, 2 * LAST) if problem.base.plant.closed_loop else (FIRST, NEXT)  # free runs go slowly
+    slow = problem.base.plant.closed_loop and bool(
+        trial.effect.periodic
+    )  # what watches tells little of a wave's height
+    few_steps, more = (NEXT, 2 * LAST) if slow else (FIRST, NEXT)
     short = problem.led if remembers else problem.short
     parts, known, label = Parts.of(before), before.parameters(), before.candidate.label
     last = len(trial.starts) - 1
