@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rclpy.logging import get_logger
 from rclpy.node import Node
 
 from signlin_ros.errors import InputError, choices, suggest
@@ -22,6 +23,7 @@ NODES = {
     "controller": "signlin_ros.nodes.controller:ControllerNode",
 }
 """Where each node stands."""
+NO_LIMIT = "no controller: give -p controller.limit=..., the largest |input| that the drive may be given"
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,14 @@ class Plan:
         if unknown:
             raise InputError(f"{unknown[0]}: no node; known: {choices(NODES)}{suggest(unknown[0], NODES)}")
         source = ["replay"] if self.record else ["plant_simulator"] if self.simulated else []
-        found = [*source, "linearizer", "monitor", "controller"]
+        found = [*source, "linearizer", "monitor", *(["controller"] if self.is_limited else [])]
         return [name for name in found if name not in self.without]
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether a limit of the input was given: a controller does not start without one."""
+        given = [part.partition(":=")[0] for text in self.parameters for part in _parameter(text, "controller")]
+        return "limit" in given
 
     def arguments(self, name: str, namespace: str) -> list[str]:
         """Return the arguments of a node, as a command line has them."""
@@ -92,6 +100,8 @@ def _class(name: str) -> type[Node]:
 
 def up(plan: Plan, arguments: Sequence[str] = ()) -> int:
     """Run all nodes until a signal, or the end of the record; return the exit code."""
+    if not plan.is_limited and "controller" not in plan.without:
+        get_logger("signlin").warning(NO_LIMIT)
     return run("signlin", lambda: nodes(plan), ["signlin", *arguments])
 
 

@@ -180,8 +180,11 @@ class MonitorLogic:
 
     def _stretch(self, model: Model, since: int, until: int) -> Stretch:
         record = self.record(model, since, until)
+        begun = next(stamp for stamp, _ in self._shown if stamp >= max(since, self._inputs[0][0]))
         measured = {n: record.signals[n].values for n in model.states if n in record.signals}
-        return Stretch(record.t, measured, np.column_stack([record.signals[n].values for n in model.inputs]))
+        return Stretch(
+            self._seconds(begun) + record.t, measured, np.column_stack([record.signals[n].values for n in model.inputs])
+        )
 
     def record(self, model: Model | None = None, since: int = 0, until: int | None = None) -> Record:
         """Return what was seen lately as a record, from ``since`` to ``until`` in ns, and from the first input on.

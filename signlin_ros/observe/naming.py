@@ -1,6 +1,8 @@
-"""What a machine has changed in: hypotheses with one number each, judged by the filter's likelihood on data since then.
+"""What a machine has changed in: hypotheses judged by the filter's likelihood of data since then.
 
-A quick first word while a diagnosis, which compares the whole catalogue on held-out data, is not asked for yet.
+They are derived from the model (`signlin_ros.observe.hypotheses`), and where none of these leaves innovations as usual,
+every effect of the catalogue that has one level. A quick first word while a diagnosis, which compares the whole
+catalogue on validation data, is not asked for yet.
 ``python -m signlin_ros.observe.naming`` answers a pickled `Question` from its standard input as JSON.
 """
 
@@ -9,16 +11,18 @@ from __future__ import annotations
 import json
 import pickle
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 from signlin_ros.errors import SignlinError
 from signlin_ros.model import Model
-from signlin_ros.observe.observer import KalmanObserver
+from signlin_ros.observe.hypotheses import Changed, Hypothesis, Stretch, of_the_catalogue, of_the_model
+from signlin_ros.observe.observer import Innovations, KalmanObserver
 
 Array = NDArray[np.float64]
 
@@ -27,77 +31,42 @@ WILDEST = 400.0
 SETTLING = 0.5
 """Seconds after the change that are not judged: the filter finds its state anew."""
 TRIES = 14
-"""Values of its number that a hypothesis is tried at."""
+"""Values of its number that a hypothesis of one number is tried at."""
+MAX_EVALUATIONS = 60
+"""and that one of several numbers is tried at."""
 GAIN = 30.0
-"""Logarithm of the likelihood ratio that a hypothesis must gain to be told, and that tells two apart."""
+"""Logarithm of the likelihood ratio that each number of a hypothesis must gain, and that tells two hypotheses apart."""
 KEPT = 0.5
 """Share of its gain that a hypothesis must not have had before the change already."""
-SHARES = (0.3, 0.6)
-"""Of the inertia behind a play that has opened."""
+MIN_EXPLAINED = 0.85
+"""Share of what the squared innovations exceed the usual by, which a hypothesis must take away to be named."""
+DOUBTS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0)
+"""Trusts of the model that a hypothesis must be likelier than: that it is wrong in something, and nobody says what."""
+LEAD, UNSURE, MOMENT = 2.0, 0.1, 1e-9
+"""Seconds before the change with which a shift of a sensor is seen; by how much the change may be dated wrongly; what
+comes that near counts as of one time."""
 
 
 @dataclass(frozen=True)
 class Named:
-    """A hypothesis: the effect's name, the number found with its unit, and the gain in the log-likelihood."""
+    """A hypothesis: its name, the number found with its unit, the gain in the log-likelihood, further numbers in words.
+
+    ``explained``: the share of what the squared innovations exceeded the usual by that it takes away.
+    """
 
     name: str
     value: float
     unit: str
     gain: float
+    further: str = ""
+    explained: float = 1.0
 
     @property
     def sentence(self) -> str:
         """What has changed, in words: ``coulomb_friction, 1.49 times as much``."""
         if not np.isfinite(self.value):
             return self.name
-        return f"{self.name}, {self.value:.3g} {self.unit or 'times as much'}"
-
-
-@dataclass(frozen=True)
-class _Hypothesis:
-    """A number between ``low`` and ``high`` that makes another model and another input of it.
-
-    ``parameter``: which one it is, by its ROS name; empty where it is a factor.
-    """
-
-    name: str
-    parameter: str
-    low: float
-    high: float
-    made: Callable[[float], tuple[Model, float]]
-
-    def unit(self, value: float) -> str:
-        """Return the unit of the number; empty for a factor."""
-        return self.made(value)[0].par_declarations()[self.parameter].unit if self.parameter else ""
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """What was seen for a while: times t (T,), shown values (T,) by name, inputs u (T, m)."""
-
-    t: Array
-    measured: Mapping[str, Array]
-    u: Array
-
-
-def name_change(model: Model, before: Stretch, since: Stretch, trust: float, noise: Mapping[str, float]) -> list[Named]:
-    """Return what could have changed, the likeliest first; nothing where the model is as good as it was.
-
-    ``trust``, ``noise``: of the guard before the change. What a hypothesis gains on the data before it is a fault that
-    the model had all along.
-    """
-    then, now = (_Scored(s.t, s.measured, s.u, trust, noise) for s in (before, since))
-    found = []
-    for hypothesis in _hypotheses(model, since.u):
-        named = _best(hypothesis, now, now(model, 1.0))
-        if named.gain > GAIN:
-            old = then(*hypothesis.made(named.value)) - then(model, 1.0)
-            net = named.gain - max(old, 0.0) * since.t.size / max(before.t.size, 1)
-            if net > max(GAIN, KEPT * named.gain):
-                found.append(replace(named, gain=net))
-    found.sort(key=lambda h: -h.gain)
-    names = [named.name for named in found]
-    return [n for k, n in enumerate(found) if n.gain > found[0].gain - GAIN and n.name not in names[:k]]
+        return f"{self.name}, {self.value:.3g} {self.unit or 'times as much'}{self.further}"
 
 
 @dataclass(frozen=True)
@@ -112,100 +81,234 @@ class Question:
     shifted: bool
 
     def answer(self) -> list[Named]:
-        """Return what may have changed, the likeliest first; empty where nothing has."""
+        """Return what may have changed, the likeliest first; empty where nothing has, or nothing that is tried does."""
         found = name_change(self.model, self.before, self.since, self.trust, self.noise)
         return found or ([Named("sensor_offset", float("nan"), "", 0.0)] if self.shifted else [])
 
 
-class _Scored:
-    """The log-likelihood of data under a model and a gain of its input."""
+def name_change(model: Model, before: Stretch, since: Stretch, trust: float, noise: Mapping[str, float]) -> list[Named]:
+    """Return what could have changed; nothing where the model is as good as it was, or where no hypothesis takes away
+    most of what is unusual.
 
-    def __init__(
-        self, t: Array, measured: Mapping[str, Array], u: Array, trust: float, noise: Mapping[str, float]
-    ) -> None:
-        self.t, self.measured, self.u, self.trust, self.noise = t, measured, u, trust, noise
+    ``since`` begins where the change did, on the clock of ``before``. ``trust``, ``noise``: of the guard before the
+    change. What a hypothesis gains on the data before it is a fault that the model had all along; one that gains less
+    than the same model with less trust in it names nothing: any force would do as well. What gains about as much as the
+    likeliest is told too, in the order in which machines change.
+    """
+    scores = _Scores(model, before, since, trust, noise)
+    for hypotheses in (of_the_model(model, since), of_the_catalogue(model, since)):
+        found = _likeliest(named for h in hypotheses if (named := scores.judged(h)))
+        if found:
+            return found
+    return []
 
-    def __call__(self, model: Model, gain: float) -> float:
+
+def _likeliest(found: Iterable[Named]) -> list[Named]:
+    """Return what gains most, and what gains about as much, each name once, in the order in which they came."""
+    best: dict[str, Named] = {}
+    for named in found:
+        if named.name not in best or named.gain > best[named.name].gain:
+            best[named.name] = named
+    most = max((named.gain for named in best.values()), default=0.0)
+    return [named for named in best.values() if named.gain > most - GAIN]
+
+
+@dataclass(frozen=True)
+class _Score:
+    """Log-likelihood of innovations, the sum of their capped squares, and how many there are."""
+
+    likelihood: float
+    squares: float
+    count: int
+
+    @classmethod
+    def of(cls, innovations: Innovations) -> _Score:
+        squares = np.minimum(innovations.sizes**2, WILDEST)
+        likelihood = -0.5 * float(np.sum(np.log(innovations.variance + 1e-300) + squares))
+        return cls(likelihood, float(squares.sum()), squares.size)
+
+    def excess(self, usual: float) -> float:
+        """Return by how much the squares exceed the usual mean square, in the log-likelihood."""
+        return 0.5 * (self.squares - self.count * usual)
+
+
+NOWHERE = _Score(-np.inf, np.inf, 0)
+
+
+@dataclass(frozen=True)
+class _Scores:
+    """Data before and since a change, and how likely a machine makes them."""
+
+    model: Model
+    before: Stretch
+    since: Stretch
+    trust: float
+    noise: Mapping[str, float]
+
+    def judged(self, h: Hypothesis) -> Named | None:
+        """Return what a hypothesis names; None where it gains too little, had gained before, or leaves the unusual."""
+        return self._shift(h) if h.channel else self._other_machine(h)
+
+    # ---------------------------------------------------------------- likelihood
+
+    def _scored(self, data: Stretch, changed: Changed, first: float, apart: float = -np.inf) -> _Score:
+        """Score data from ``first`` s on under a changed machine, whose sensors are shifted from ``apart`` s on."""
+        shown = dict(data.measured)
+        for name, offset in (changed.offsets or {}).items():
+            shown[name] = shown[name] - offset * (data.t >= apart)
         try:
-            observer = KalmanObserver(model, self.measured, self.noise, (self.trust,))
-            _, innovations = observer.record(self.t, self.measured, gain * self.u)
+            innovations = self._innovations(data.t, shown, changed.gain * data.u, changed.model)
         except SignlinError:
-            return -np.inf
-        late = innovations.t >= self.t[0] + SETTLING
-        z, variance = innovations.sizes[late], innovations.variance[late]
-        return -0.5 * float(np.sum(np.log(variance + 1e-300) + np.minimum(z**2, WILDEST)))
+            return NOWHERE
+        return _Score.of(innovations.part(innovations.t >= first))
 
+    def _innovations(self, t: Array, shown: Mapping[str, Array], u: Array, model: Model) -> Innovations:
+        observer = KalmanObserver(model, shown, self.noise, (self.trust,))
+        return observer.record(t, shown, u)[1]
 
-def _best(hypothesis: _Hypothesis, score: _Scored, before: float) -> Named:
-    def cost(value: float) -> float:
+    def _since(self, changed: Changed) -> _Score:
+        return self._scored(self.since, changed, self.since.t[0] + SETTLING)
+
+    def _before(self, changed: Changed) -> _Score:
+        return self._scored(self.before, changed, self.before.t[0] + SETTLING)
+
+    @cached_property
+    def now(self) -> _Score:
+        """The model as it is on the data since the change."""
+        return self._since(Changed(self.model))
+
+    @cached_property
+    def was(self) -> _Score:
+        """The model as it is on the data before the change."""
+        return self._before(Changed(self.model))
+
+    @cached_property
+    def usual(self) -> float:
+        """The mean square of innovations before the change, 1 at least: what the filter holds for noise."""
+        return max(self.was.squares / max(self.was.count, 1), 1.0)
+
+    @cached_property
+    def doubted(self) -> float:
+        """The gain, since the change, of trusting the model less: what a force of any course explains."""
+        found = [replace(self, trust=trust)._since(Changed(self.model)).likelihood for trust in DOUBTS]
+        return max(found) - self.now.likelihood
+
+    def _explained(self, now: _Score, then: _Score) -> float:
+        """Return the share of the excess over the usual that a hypothesis takes away; 0 where there is hardly any."""
+        excess = now.excess(self.usual)
+        return (excess - then.excess(self.usual)) / excess if excess > GAIN else 0.0
+
+    # ---------------------------------------------------------------- another machine
+
+    def _other_machine(self, h: Hypothesis) -> Named | None:
+        price = GAIN * len(h.low)
+        if self.now.excess(self.usual) <= price:
+            return None
+        values = self._best(h)
+        made = h.made(*values)
+        score = self._since(made)
+        gain = score.likelihood - self.now.likelihood
+        if not gain > price:
+            return None
+        old = max(self._before(made).likelihood - self.was.likelihood, 0.0)
+        net = gain - old * self.now.count / max(self.was.count, 1)
+        explained = self._explained(self.now, score)
+        if net <= max(price, KEPT * gain) or explained < MIN_EXPLAINED or gain - price <= self.doubted:
+            return None
+        return Named(h.name, values[0], h.unit, net - price, h.further.format(*values), min(explained, 1.0))
+
+    def _best(self, h: Hypothesis) -> tuple[float, ...]:
+        """Return the numbers of a hypothesis that make the data since the change likeliest."""
+
+        def cost(*values: float) -> float:
+            try:
+                found = -self._since(h.made(*values)).likelihood
+            except SignlinError:
+                return 1e30
+            return found if np.isfinite(found) else 1e30
+
+        if len(h.low) > 1:
+            return self._simplex(h, cost)
+        grid = np.linspace(h.low[0], h.high[0], TRIES // 2)
+        costs = [cost(float(value)) for value in grid]
+        k = int(np.argmin(costs))
+        bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, grid.size - 1)]))
+        found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"maxiter": TRIES // 2})
+        return (float(found.x) if found.fun < costs[k] else float(grid[k]),)
+
+    def _simplex(self, h: Hypothesis, cost: Callable[..., float]) -> tuple[float, ...]:
+        low, high = np.array(h.low), np.array(h.high)
+        starts = [low + (high - low) * share for share in (0.35, 0.5, 0.65)]
+        best = min(starts, key=lambda x: cost(*x))
+        options = {"maxfev": MAX_EVALUATIONS, "xatol": 1e-3, "fatol": 1.0}
+        found = minimize(lambda x: cost(*np.clip(x, low, high)), best, method="Nelder-Mead", options=options)
+        return tuple(np.clip(found.x, low, high).tolist())
+
+    # ---------------------------------------------------------------- a shifted sensor
+
+    @cached_property
+    def _moment(self) -> Stretch:
+        """The last `LEAD` s before the change, and what comes of the others' data before they are judged."""
+        at = self.since.t[0]
+        parts = (self.before, self.before.t >= at - LEAD), (self.since, self.since.t < at + SETTLING)
+        shown = {n: np.concatenate([data.measured[n][near] for data, near in parts]) for n in self.since.measured}
+        t, u = (np.concatenate([getattr(data, name)[near] for data, near in parts]) for name in ("t", "u"))
+        return Stretch(t, shown, u)
+
+    def _shift(self, h: Hypothesis) -> Named | None:
+        """Name a shift: a step of one channel must explain the moment of the change, and leave the rest usual.
+
+        Its gain is that of the moment and that on the data since then, on which the others are judged.
+        """
+        first = self.since.t[0] - UNSURE
+        moment = self._scored(self._moment, Changed(self.model), first)
+        if moment.excess(self.usual) <= GAIN:
+            return None
+
+        def cost(size: float, apart: float) -> float:
+            return -self._scored(self._moment, h.made(size), first, apart).likelihood
+
+        size, apart = min(self._steps(h.channel), key=lambda step: cost(*step), default=(0.0, first))
+        bounds = sorted((0.5 * size, 1.5 * size))
+        found = minimize_scalar(cost, bounds=bounds, args=(apart,), method="bounded", options={"maxiter": TRIES})
+        size = float(np.clip(found.x, h.low[0], h.high[0]))
+        made = h.made(size)
+        shifted, rest = self._scored(self._moment, made, first, apart), self._since(made)
+        explained = self._explained(moment, shifted)
+        left = rest.excess(self.usual) > max((1 - MIN_EXPLAINED) * moment.excess(self.usual), GAIN)
+        gain = shifted.likelihood - moment.likelihood
+        if explained < MIN_EXPLAINED or left or gain <= GAIN:
+            return None
+        gain += rest.likelihood - self.now.likelihood - GAIN
+        return Named(h.name, size, h.unit, gain, "", min(explained, 1.0))
+
+    def _steps(self, channel: str) -> list[tuple[float, float]]:
+        """Return what each sample near the change differed by from what was expected, and its time: a first guess."""
+        data = self._moment
         try:
-            return -score(*hypothesis.made(value))
+            found = self._innovations(data.t, data.measured, data.u, self.model)
         except SignlinError:
-            return float("inf")
-
-    grid = np.linspace(hypothesis.low, hypothesis.high, TRIES // 2)
-    costs = [cost(float(value)) for value in grid]
-    k = int(np.argmin(costs))
-    bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, grid.size - 1)]))
-    found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"maxiter": TRIES // 2})
-    value, least = (float(found.x), float(found.fun)) if found.fun < costs[k] else (float(grid[k]), costs[k])
-    return Named(hypothesis.name, value, hypothesis.unit(value), -least - before)
+            return []
+        near = (np.abs(found.t - self.since.t[0]) <= UNSURE) & (found.channel == list(data.measured).index(channel))
+        delay = self.model.sensors[channel].delay
+        return [
+            (value, t + delay - MOMENT)
+            for value, t in zip(found.value[near].tolist(), found.t[near].tolist(), strict=True)
+        ]
 
 
-def _hypotheses(model: Model, u: Array) -> Iterator[_Hypothesis]:
-    yield _Hypothesis("input_gain", "", 0.5, 1.6, lambda g: (model, g))
-    if model.delay == 0.0:
-        late = lambda T: (model.with_effect("input_delay", T=T), 1.0)  # noqa: E731
-        yield _Hypothesis("input_delay", "effects.input_delay.T", 0.0, 0.05, late)
-    for key, use in model.effects.items():
-        if any(s.kind == "switch" for s in model.trace.surfaces) and "mu" in use.parameters:
-            yield _scaled(model, key)
-    size = _usual_force(model, u)
-    load = "constant_load" if "constant_load" not in model.effects else "constant_load_since"
-    added = lambda F: (model.with_effect("constant_load", key=load, F0=F), 1.0)  # noqa: E731
-    yield _Hypothesis("constant_load", f"effects.{load}.F0", -size, size, added)
-    yield from _plays(model)
-
-
-def _scaled(model: Model, key: str) -> _Hypothesis:
-    name, value = f"{key}.mu", model.value(f"{key}.mu")
-    return _Hypothesis(key, "", 0.3, 3.0, lambda s: (model.with_parameters({name: s * value}), 1.0))
-
-
-def _usual_force(model: Model, u: Array) -> float:
-    """Return about how large the force of the input is, at rest."""
-    size = float(np.sqrt(np.mean(u[:, 0] ** 2)))
-    if "K_t" in model.parameters:
-        return size * model.parameters["K_t"] / model.parameters["R_a"]
-    return size
-
-
-def _plays(model: Model) -> Iterator[_Hypothesis]:
-    """Part of the inertia comes loose, within a play that opens."""
-    inertia = next((name for name in ("J", "m") if name in model.parameters), None)
-    if inertia is None or model.plant.position not in model.states or "backlash" in model.effects:
-        return
-    whole = model.parameters[inertia]
-    for share in SHARES:
-        loose, k = share * whole, share * whole * 150.0**2
-
-        def made(gap: float, loose: float = loose, k: float = k) -> tuple[Model, float]:
-            rest = model.with_parameters({inertia: whole - loose})
-            return rest.with_effect("backlash", gap=gap, k=k, c=0.1 * (k * loose) ** 0.5, J=loose), 1.0
-
-        yield _Hypothesis("backlash", "effects.backlash.gap", 0.002, 0.06, made)
+def answers(found: Sequence[Named]) -> list[dict[str, object]]:
+    """Return hypotheses as JSON: ``name``, ``value`` (None where it is not known), ``unit``, ``gain``, ``sentence``."""
+    return [{**asdict(n), "value": n.value if np.isfinite(n.value) else None, "sentence": n.sentence} for n in found]
 
 
 def main() -> None:
     """Answer a pickled question from the standard input."""
     question = pickle.load(sys.stdin.buffer)
-    told = [{**asdict(named), "sentence": named.sentence} for named in question.answer()]
-    for entry in told:
-        entry["value"] = entry["value"] if np.isfinite(entry["value"]) else None
-    sys.stdout.write(json.dumps(told))
+    sys.stdout.write(json.dumps(answers(question.answer())))
 
 
-__all__ = ["Named", "Question", "Stretch", "main", "name_change"]
+__all__ = ["Changed", "Named", "Question", "Stretch", "answers", "main", "name_change"]
 
 
 if __name__ == "__main__":

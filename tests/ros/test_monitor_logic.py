@@ -17,7 +17,7 @@ from signlin_ros.nodes.linearizer_logic import ERROR, NANO, OK, WARN, Refusal, U
 from signlin_ros.nodes.monitor_logic import MonitorLogic, Score, Settings
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-from live_changes import CHANGES, STEP, Machine
+from live_changes import CHANGES, NOISE, QUANTUM, STEP, Machine
 
 sys.path.pop(0)
 
@@ -68,7 +68,10 @@ def test_a_change_is_called_and_named(change: str) -> None:
     (told,) = naming.result()
     assert told["name"] == CHANGES[change]
     assert told["sentence"].startswith(told["name"])
-    assert told["value"] == pytest.approx(1.5, abs=0.2) if change == "friction" else told["value"] is None
+    if change == "friction":
+        assert told["value"] == pytest.approx(1.5, abs=0.2)
+    elif told["value"] is not None:  # a shift of ten times the noise: its size is told where the moment shows it
+        assert abs(told["value"]) == pytest.approx(10 * np.hypot(NOISE, QUANTUM / 12**0.5), rel=0.3)
 
 
 def test_what_has_changed_is_not_asked_where_too_little_is_kept() -> None:

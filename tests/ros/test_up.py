@@ -37,6 +37,8 @@ def test_what_a_plan_says() -> None:
     assert "learn:=5.0" not in plan.arguments("linearizer", "")
     assert "update_period:=0.1" in plan.arguments("linearizer", "joint1")
     assert "__ns:=/joint1" in plan.arguments("linearizer", "joint1")
+    assert "controller" not in Plan("dc_motor").names()  # nobody has said what the drive may be given
+    assert "controller" in Plan("dc_motor", parameters=("controller.limit=12.0",)).names()
     with pytest.raises(InputError, match="no node"):
         Plan("dc_motor", without=("monitr",)).names()
     with pytest.raises(InputError, match=r"NODE\.NAME=VALUE"):
